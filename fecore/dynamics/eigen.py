@@ -26,6 +26,11 @@ _MOST = 12  # vectors a wanted mode, and blocks; beyond it the iteration has fai
 _TOLERANCE = 1e-10  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
 _INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
 _EVEN = 1e-4  # share of the longest direction's square above which the others lose nothing that matters
+_ABOVE_ROUND_OFF = (
+    1e-9  # first shift, as a share of the energy that a rigid motion's terms would have if none cancelled
+)
+_NEAR = 0.01  # share of the first elastic eigenvalue's scale that is as good a shift
+_CAUSE = {"stiffness": "support", "mass": "density"}
 _DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
 
 
@@ -58,9 +63,11 @@ class NormalModes:
         return self.omega / (2 * np.pi)
 
 
-def modes_below(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: float) -> int:
-    """Number of modes with λ < `eigenvalue`, from the inertia of K - λM."""
-    return negative_eigenvalues(_shifted(stiffness, mass, eigenvalue))
+def modes_below(
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: float, like: Factor | None = None
+) -> int:
+    """Number of modes with λ < `eigenvalue`, from the inertia of K - λM; `like` as in `factorise`."""
+    return negative_eigenvalues(_shifted(stiffness, mass, eigenvalue), like)
 
 
 def normal_modes(
@@ -90,12 +97,12 @@ def normal_modes(
             f"is {count}, expected at least {free + 1} and at most {stiffness.shape[0]}: "
             f"the model has {stiffness.shape[0]} dofs and {free} rigid-body modes",
         )
-    shift = _shift(stiffness, mass, rigid) if free else 0.0
-    factor = factorise(_shifted(stiffness, mass, shift))
+    _check_diagonal(stiffness, mass)
+    shift, factor = _near_first(stiffness, mass, rigid) if free else (0.0, factorise(stiffness))
     for width in (1, 2, wanted + 2):  # symmetry repeats a root no more than twice; so many hold any
         value, vectors = _lanczos(factor, mass, rigid, wanted, width)
         eigenvalue = shift + 1 / value
-        missing = _missing(stiffness, mass, eigenvalue, free)
+        missing = _missing(stiffness, mass, eigenvalue, free, factor)
         if not missing:
             shapes = np.hstack([rigid, vectors])
             return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
@@ -113,16 +120,35 @@ def mass_orthonormal(vectors: FloatArray | None, mass: scipy.sparse.csc_array) -
     return scaled
 
 
-def _shift(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, rigid: FloatArray) -> float:
-    """A negative shift of about the first elastic eigenvalue, so that K - σM is definite and well conditioned.
+def _check_diagonal(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array) -> None:
+    """Name the dof where a fault of the model shows at once."""
+    for name, matrix in (("stiffness", stiffness), ("mass", mass)):
+        diagonal = matrix.diagonal()
+        if diagonal.min() <= 0:
+            raise ModelError(
+                f"the {name} matrix is not positive definite: is the {_CAUSE[name]} right? "
+                f"At dof {diagonal.argmin()} it has {diagonal.min():.3g} on its diagonal"
+            )
 
-    That eigenvalue's scale is the Rayleigh quotient after one inverse iteration with a shift far below everything.
+
+def _near_first(
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, rigid: FloatArray
+) -> tuple[float, Factor]:
+    """A negative shift at which K - σM is definite and well conditioned, and its factor.
+
+    Rigid motions have no energy because large terms cancel, to round-off of these terms. A shift far above that is definite,
+    and the Rayleigh quotient after one inverse iteration with it has the scale of the first elastic eigenvalue, which is a
+    good shift.
     """
-    tiny = -1e-9 * float(np.median(stiffness.diagonal() / mass.diagonal()))
+    shift = -_ABOVE_ROUND_OFF * float(np.max(stiffness.diagonal() @ rigid**2))
+    factor = factorise(_shifted(stiffness, mass, shift))
     start = np.random.default_rng(0).standard_normal(mass.shape[0])
-    vector = factorise(_shifted(stiffness, mass, tiny)).solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
+    vector = factor.solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
     vector = vector - rigid @ (rigid.T @ (mass @ vector))
-    return -float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
+    scale = float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
+    if _NEAR * scale <= -shift <= scale:
+        return shift, factor
+    return -scale, factorise(_shifted(stiffness, mass, -scale), factor)
 
 
 def _shifted(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, shift: float) -> scipy.sparse.csc_array:
@@ -279,7 +305,7 @@ class _Basis:
 
 
 def _missing(
-    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: FloatArray, rigid: int
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: FloatArray, rigid: int, like: Factor
 ) -> int:
     """How many modes lie below the last gap between well-separated modes and were not found (Sturm)."""
     gaps = np.flatnonzero(eigenvalue[1:] > eigenvalue[:-1] * (1 + 1e-6))
@@ -288,4 +314,4 @@ def _missing(
     last = int(gaps[-1])
     # Just below the next mode, so that none can hide between the two; the margin is for round-off.
     below = max(np.sqrt(eigenvalue[last] * eigenvalue[last + 1]), 0.999 * eigenvalue[last + 1])
-    return modes_below(stiffness, mass, float(below)) - last - 1 - rigid
+    return modes_below(stiffness, mass, float(below), like) - last - 1 - rigid

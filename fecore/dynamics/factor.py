@@ -1,12 +1,13 @@
 """The one place that picks the sparse factorisation of a symmetric matrix.
 
 A positive definite matrix with a band (a strip's, whose nodes are numbered across it) goes to LAPACK's banded Cholesky,
-a wide one to SuperLU in symmetric mode with a minimum degree ordering. Both come with SciPy. CHOLMOD is no
-faster on a strip, and its wheel is under the GPL.
+a wide one front by front (`multifrontal`) in a minimum degree order. METIS's order leaves as many entries, and CHOLMOD's wheel
+is under the GPL.
 
-For n dofs and a band b the banded factor costs about n b² operations at the speed of matrix products and a solve reads
-n b numbers; SuperLU's factor of these two-dimensional meshes holds about 6.3 n √b numbers, made at a fifth of that speed. So
-the choice, for a factorisation and the forty solves of ten modes, depends on the band alone.
+For n dofs and a band b the banded factor costs about n b² operations and a solve reads n b numbers; the fronts' factor of these
+two-dimensional meshes holds about 3.2 n √b numbers, with more overhead. So the choice, for a factorisation and the forty solves
+of ten modes, depends on the band alone: ten modes of a plate take 0.19 s and 0.51 s with a band of 140, 0.42 s and 0.48 s with
+one of 374.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.dynamics.multifrontal import Elimination, MultifrontalFactor
 from fecore.errors import ModelError
 
-_WIDEST_BAND = 350  # beyond this band SuperLU's sparser factor is the faster one (benchmark `forward`)
+_WIDEST_BAND = 350  # beyond this band the sparser factor is as fast, and smaller
 
 _RUN = 4  # bands that the count of negative pivots takes at a time: longer runs waste more where one ends early
 
@@ -56,53 +58,48 @@ class BandedFactor:
         return coloured
 
 
-@dataclass(frozen=True)
-class SparseFactor:
-    """SuperLU's factor of a symmetric matrix without pivoting: PAPᵀ = LDLᵀ."""
-
-    factor: scipy.sparse.linalg.SuperLU
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """A⁻¹ right."""
-        solution: FloatArray = self.factor.solve(np.ascontiguousarray(right))
-        return solution
-
-    def colour(self, white: FloatArray) -> FloatArray:
-        """Pᵀ L D^½ white."""
-        pivots = self.factor.U.diagonal()
-        permuted = self.factor.L @ (np.sqrt(pivots)[:, None] * white)
-        coloured: FloatArray = permuted[self.factor.perm_c]
-        return coloured
-
-
-def factorise(matrix: scipy.sparse.csc_array) -> Factor:
+def factorise(matrix: scipy.sparse.csc_array, like: Factor | None = None) -> Factor:
     """Factorise a sparse symmetric positive definite matrix.
+
+    Args:
+        matrix: the matrix.
+        like: a factor of another matrix, whose order of elimination serves again where their patterns are the same.
 
     Raises:
         ModelError: the matrix is not positive definite.
     """
     below = _below_diagonal(matrix)
     if below.max(initial=0) > _WIDEST_BAND:
-        lu = _symmetric_lu(matrix)
-        if np.any(lu.U.diagonal() <= 0):
+        factor = _elimination(matrix, like).factorise(matrix)
+        if factor is None:
             raise ModelError(_INDEFINITE)
-        return SparseFactor(lu)
+        return factor
     lower, pivot = scipy.linalg.lapack.dpbtrf(_banded(matrix, below), lower=1, overwrite_ab=1)
     if pivot:
         raise ModelError(_INDEFINITE)
     return BandedFactor(lower)
 
 
-def negative_eigenvalues(matrix: scipy.sparse.csc_array) -> int:
+def negative_eigenvalues(matrix: scipy.sparse.csc_array, like: Factor | None = None) -> int:
     """How many eigenvalues of a sparse symmetric matrix are negative: its negative pivots (Sylvester's inertia).
+
+    Args:
+        matrix: the matrix.
+        like: see `factorise`.
 
     Raises:
         ModelError: a pivot vanishes.
     """
     below = _below_diagonal(matrix)
-    if below.max(initial=0) <= _WIDEST_BAND:
-        return _negative_pivots(_banded(matrix, below))
-    return int(np.sum(_symmetric_lu(matrix).U.diagonal() < 0))
+    if below.max(initial=0) > _WIDEST_BAND:
+        return _elimination(matrix, like).negative_pivots(matrix)
+    return _negative_pivots(_banded(matrix, below))
+
+
+def _elimination(matrix: scipy.sparse.csc_array, like: Factor | None) -> Elimination:
+    if isinstance(like, MultifrontalFactor) and like.elimination.suits(matrix):
+        return like.elimination
+    return Elimination.of(matrix)
 
 
 _INDEFINITE = "the stiffness is not positive definite: are the supports and the constants right?"
@@ -178,14 +175,3 @@ def _subtract(stored: FloatArray, first: int, block: FloatArray, lower_half: Flo
     """Subtract a symmetric block of no more rows than the band from a lower banded matrix, from the diagonal entry `first`."""
     if len(block):
         _dense(stored, first, first, block.shape)[...] -= block * lower_half[: len(block), : len(block)]
-
-
-def _symmetric_lu(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU:
-    """Without pivoting, so that the signs of the pivots give the inertia."""
-    options = {"SymmetricMode": True}
-    try:
-        return scipy.sparse.linalg.splu(
-            scipy.sparse.csc_matrix(matrix), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options
-        )
-    except RuntimeError as error:
-        raise ModelError(f"{_INDEFINITE} ({error})") from error

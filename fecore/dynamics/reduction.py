@@ -29,7 +29,6 @@ from fecore.dynamics.dense import DenseFactor, largest_eigenpairs
 from fecore.dynamics.eigen import NormalModes, normal_modes
 from fecore.dynamics.factor import Factor, factorise
 from fecore.dynamics.synthesis import RESIDUAL_TERMS
-from fecore.errors import ModelError
 
 FREQUENCY_TOLERANCE = 1e-6
 """Largest estimated relative error of a natural frequency. The true one is some ten times smaller."""
@@ -197,23 +196,26 @@ class ReducedModel:
             Modes whose shapes are coordinates in `basis`.
 
         Raises:
-            ModelError: the full model cannot be solved, or the enriched basis still misses the tolerance.
+            ModelError: the full model cannot be solved.
         """
         modes = self.system.modes(stiffness, mass, self._count)
         if self.frequency_error(stiffness, mass, modes).max() <= self._tolerance:
             return modes
         if self.basis.shape[1] > max(_LARGEST, self._begun + _GROWTH * self._count):
-            self._begin(stiffness, mass)
-            return self.system.modes(stiffness, mass, self._count)
+            return self._begun_anew(stiffness, mass)
         full = self._solve_full(stiffness, mass)
         # What is left out of a vector has there no more than 1/α of its energy at the start.
         kept = _MENDED * np.sqrt(self._tolerance * self._smallest(stiffness, mass))
         self._add(self._unit_energy(full.shapes[:, full.rigid :]), min(kept, _KEPT))
         modes = self.system.modes(stiffness, mass, self._count)
         worst = float(np.abs(modes.frequency_hz[full.rigid :] / full.frequency_hz[full.rigid :] - 1).max())
-        if worst > self._tolerance:
-            raise ModelError(f"the reduced basis misses the full model's frequencies by {worst:.1e} after enrichment")
-        return modes
+        # By a hair, where the metric of the start is a poor one here, or round-off is as large as the tolerance.
+        return modes if worst <= self._tolerance else self._begun_anew(stiffness, mass)
+
+    def _begun_anew(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
+        """The modes on a basis about these coefficients: the full model's."""
+        self._begin(stiffness, mass)
+        return self.system.modes(stiffness, mass, self._count)
 
     def frequency_error(self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes) -> FloatArray:
         """(n,) estimated relative errors of the natural frequencies of the elastic modes."""

@@ -150,8 +150,8 @@ class ElasticResult:
 
     @property
     def standing(self) -> tuple[Rival, ...]:
-        """The rivals that are not ruled out, where there are no shapes to say so."""
-        if all(pairing.mac is not None for pairing in self.pairings):
+        """The rivals that are not ruled out, where there are no shapes to say so, or shapes let partners go to and fro."""
+        if not self.torn and all(pairing.mac is not None for pairing in self.pairings):
             return ()
         return tuple(rival for rival in self.rivals if rival.evidence <= REFUTED)
 

@@ -5,10 +5,11 @@ pairs them in the wrong order ends in a point of its own. So where the first res
 no shapes to say so, draws from the prior are paired with the measured modes, and the update starts again from the best draw of
 each different pairing. The best of the points with other partners stands in the result as its rival.
 
-Without shapes a pairing need not be where the alignment comes to rest: a mode that nobody measured may be tuned onto a measured
-one beside its true partner, and the alignment may go to and fro between two. So the fit is also made with partners held: those
-at the prior means, those that a fit went to and fro between, and those of good results with a mode's other candidate in place
-of its partner. Every pairing whose evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
+Without shapes a pairing need not be where the alignment comes to rest: a mode that nobody measured may be tuned onto a
+measured one beside its true partner. So the fit is also made with partners held: those at the prior means, and those of good
+results with a mode's other candidate in place of its partner. With shapes and without, two close modes may exchange their
+partners for ever: then the fit is made with each of the pairings that it went to and fro between held. Every pairing whose
+evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
 
 Where a body has lost stiffness, stage 1 starts again too: the prior of zones' factors expects nearly all of them to be 1.
 Damage sits in one place or two. A factor of its own for every zone, each with the same wide prior, would spread one zone's loss
@@ -104,9 +105,8 @@ def update_from_several_starts(
         starts = _other_starts(loose, seed)
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
         searched = [run(loose, start, *between) for start, between in zip(starts, pairwise(steps), strict=True)]
-        if not by_shapes:
-            to_hold = _to_hold([*found, *searched], layout)
-            searched += [run(loose, start, 0.8, 0.8, partners) for partners, start in to_hold]
+        to_hold = _to_hold([*found, *searched], layout)
+        searched += [run(loose, start, 0.8, 0.8, partners) for partners, start in to_hold]
         worth = _worth_verifying([*found, *searched])
         found += [each for each in searched if not any(each is chosen for chosen in worth)]
         found += [
@@ -116,7 +116,7 @@ def update_from_several_starts(
     if not verified:
         return _likest(layout, found)
     best = min(verified, key=evidence)
-    torn = found[0].torn if isinstance(found[0], SwingingError) and not by_shapes else ()
+    torn = found[0].torn if isinstance(found[0], SwingingError) else ()
     starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in found)
     return replace(best, starts=starts_tried, rivals=_rivals(best, found), torn=torn)
 
@@ -142,17 +142,21 @@ def _ranked(found: Sequence[Found]) -> list[ElasticResult]:
 
 
 def _to_hold(found: Sequence[Found], layout: Layout) -> list[tuple[tuple[Partners, ...], FloatArray]]:
-    """Pairings that no fit came to rest at but may be as likely, each with the x to start from."""
+    """Pairings that no fit came to rest at but may be as likely, each with the x to start from.
+
+    Where shapes distinguish the modes, these are the ones that a fit went to and fro between.
+    """
     results = _ranked(found)
-    origin: FloatArray = np.zeros(len(layout.unknowns))
-    seen = zip(layout.campaigns, layout.solved(origin), strict=True)
-    own = tuple(partners_of(pair_with(campaign.modes, state), state.kinds) for campaign, state in seen)
-    candidates: list[tuple[tuple[Partners, ...], FloatArray]] = [(own, origin)]
-    candidates += [pair for each in found if isinstance(each, SwingingError) for pair in each.between]
-    least = evidence(results[0])[1] if results else np.inf
-    for result in results:
-        if evidence(result)[1] <= least + REFUTED:
-            candidates += [(partners, result.x) for partners in _exchanged(result)]
+    candidates = [pair for each in found if isinstance(each, SwingingError) for pair in each.between]
+    if not layout.by_shapes:
+        origin: FloatArray = np.zeros(len(layout.unknowns))
+        seen = zip(layout.campaigns, layout.solved(origin), strict=True)
+        own = tuple(partners_of(pair_with(campaign.modes, state), state.kinds) for campaign, state in seen)
+        candidates.insert(0, (own, origin))
+        least = evidence(results[0])[1] if results else np.inf
+        for result in results:
+            if evidence(result)[1] <= least + REFUTED:
+                candidates += [(partners, result.x) for partners in _exchanged(result)]
     known = {result.partners for result in results}
     fresh = {partners: start for partners, start in reversed(candidates) if all(partners) and partners not in known}
     return list(reversed(fresh.items()))[:_HELD]

@@ -90,7 +90,8 @@ def pair_held(modes: MeasuredModes, state: ForwardState, partners: Partners) -> 
     pairs = tuple((row, numbers[kind, place]) for row, kind, place in partners if (kind, place) in numbers)
     seen = probability_seen(modes, state)
     seen[list(state.hidden)] = 0.0  # so that none of these is a rival, or was missed
-    return _described(pairs, modes.frequency_hz, state.frequency_hz, seen)
+    pairing = _described(pairs, modes.frequency_hz, state.frequency_hz, seen)
+    return replace(pairing, mac=pair_likest(modes, state).mac) if has_shapes(modes) else pairing
 
 
 def _among(shown: IntArray, pairing: Pairing) -> Pairing:

@@ -206,6 +206,35 @@ class Campaign(Editable):
         require_known("list_records", wanted)
         return self._list(Record, **wanted)
 
+    def judge(
+        self, hit: Record | Mapping[str, Any] | tuple[int, int], *, good: bool | None, why: str
+    ) -> dict[str, Any]:
+        """Accept or refuse a hit by hand, whatever its probability; every later processing keeps to it.
+
+        Args:
+            hit: one of its time blocks, a judgement with `point`, `direction` and `hit`, or (point, number of the hit).
+            good: whether it is used; None takes earlier decisions back.
+            why: for those who read the FRFs.
+
+        Returns:
+            The decision as it is kept, with `by` and `created_at`.
+
+        Raises:
+            ClientError: the campaign has no such hit.
+        """
+        if isinstance(hit, Record):
+            named = {name: hit.fields[f"force_{name}"] for name in ("point", "direction")} | {"hit": hit.fields["hit"]}
+        elif isinstance(hit, Mapping):
+            named = {name: hit[name] for name in ("point", "direction", "hit") if name in hit}
+        else:
+            named = dict(zip(("point", "hit"), hit, strict=True))
+        decision: dict[str, Any] = self.lab.rest.judge_hit(self.fields["id"], body={**named, "good": good, "why": why})
+        return decision
+
+    def hit_decisions(self) -> list[dict[str, Any]]:
+        """What was decided of its hits by hand, newest first: `good`, `why`, `by` and `created_at` of each."""
+        return list(self.lab.connection.pages(f"{self.address}/hit-decisions"))
+
     def process(self, *, wait: bool = True, **options: Any) -> Processing:
         """Make FRFs of the good hits.
 

@@ -128,6 +128,8 @@ TERMS: dict[str, str] = {
     "failed": "whether the number is beyond the limit",
     "sentence": "the same in words",
     "use": "whether the hit is to be used, whatever the criteria say",
+    "good": "whether a person accepts the hit; null where decisions were taken back",
+    "why": "what a person decided it for",
     "estimator": "of the FRFs: H1 (noise on the response), H2 (noise on the force), Hv (on both)",
     "windows": "what the time blocks are multiplied with; null: chosen from the hits; {}: nothing",
     "overrules": "hits that are used or left out against the criteria",

@@ -181,6 +181,14 @@ def test_time_series_of_sep_5_go_in_and_come_back(lab: modalbase.Laboratory) -> 
     np.testing.assert_allclose(own[0]["data"], 9.80665 * response[1], rtol=1e-12)
     with pytest.raises(modalbase.ClientError, match="hit 8 of point 4 is in the campaign already"):
         campaign.add_sep005(series, places, hit=8)
+    for hit in ((4, 2), answer["hits"][1], next(r for r in campaign.records() if r.hit == 2)):
+        decision = campaign.judge(hit, good=False, why="a cable was touched")
+        assert (decision["point"], decision["direction"], decision["hit"], decision["good"]) == (4, 3, 2, False)
+    back = campaign.judge((4, 2), good=None, why="it was another's")
+    assert [one["good"] for one in campaign.hit_decisions()] == [None, False, False, False]
+    assert campaign.hit_decisions()[0] == back
+    with pytest.raises(modalbase.ClientError, match="hit 7 of point 4, which there is not"):
+        campaign.judge((4, 7), good=True, why="x")
 
 
 def test_a_bar_in_a_notebook_needs_no_widgets(lab: modalbase.Laboratory, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -238,6 +238,49 @@ def test_a_user_overrules_and_the_document_says_so(
         assert refused["errors"][0]["pointer"] == f"/overrules/{len(wrong) - 1}"
 
 
+def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep_to_it(
+    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+) -> None:
+    stored = checked(post(api, campaign, npz(hits)), 201)["items"]
+    good = next(s for s in hits if s.fault is None)
+    point, number = good.hit.force.dof.point, good.hit.number
+    url, named = f"campaigns/{campaign}/hit-decisions", {"point": point, "hit": number}
+
+    def used() -> tuple[bool, bool | None]:
+        result = finished(api, checked, campaign, {})["result"]
+        hit = next(h for h in result["hits"] if (h["point"], h["hit"]) == (point, number))
+        return hit["accepted"], hit["overruled"]
+
+    decision = checked(api.post(url, json={**named, "good": False, "why": "a cable was touched"}), 201)
+    assert (decision["direction"], decision["good"], decision["why"]) == (3, False, "a cable was touched")
+    assert decision["by"]
+    assert decision["created_at"] > stored[-1]["created_at"]
+    assert used() == (False, False)
+    # What one processing states goes before it.
+    overruled = finished(api, checked, campaign, {"overrules": [{**named, "use": True}]})["result"]["hits"]
+    assert next(h for h in overruled if (h["point"], h["hit"]) == (point, number))["accepted"]
+
+    back = checked(api.post(url, json={**named, "good": None, "why": "the cable was another's"}), 201)
+    assert used() == (True, None)
+    assert [one["id"] for one in checked(api.get(url), 200)["items"]] == [back["id"], decision["id"]]
+
+    # A hit that is measured anew under its number is judged anew.
+    checked(api.post(url, json={**named, "good": False, "why": "once more"}), 201)
+    for block in stored:
+        if (block["force_point"], block["hit"]) == (point, number):
+            checked(api.delete(f"records/{block['id']}"), 204)
+    checked(post(api, campaign, npz([good])), 201)
+    assert used() == (True, None)
+
+    for wrong, text in (
+        ({"point": 99}, f"means hit {number} of point 99, which there is not; there are no hits at all"),
+        ({"direction": -3}, "in direction -3, which there is not; there are point 1, direction 3"),
+        ({"why": ""}, "at least 1 character"),
+    ):
+        refused = checked(api.post(url, json={**named, "good": True, "why": "y", **wrong}), 422)
+        assert text in str(refused), refused
+
+
 def test_a_mat_file_and_a_dry_run(api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]) -> None:
     file = io.BytesIO()
     savemat(file, arrays(hits[:3]))

@@ -134,7 +134,7 @@ admin   owner   POST /structures/{structure_id}/purge, POST /campaigns/{campaign
 write   editor  PATCH /campaigns/{campaign_id}, DELETE /campaigns/{campaign_id}, POST /campaigns/{campaign_id}/restore
 write   editor  POST /campaigns/{campaign_id}/imports, PUT /campaigns/{campaign_id}/grid-points
 write   editor  POST /campaigns/{campaign_id}/frfs, POST /campaigns/{campaign_id}/records, DELETE /records/{record_id}
-write   editor  POST /mode-sets/{mode_set_id}/edits
+write   editor  POST /mode-sets/{mode_set_id}/edits, POST /campaigns/{campaign_id}/hit-decisions
 write   editor  POST /campaigns/{campaign_id}/mode-sets, POST /campaigns/{campaign_id}/complete
 read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/imports, GET /imports/{import_id}
 read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
@@ -145,6 +145,7 @@ read    viewer  GET /records/{record_id}/data, GET /campaigns/{campaign_id}/mode
 jobs    editor  POST /campaigns/{campaign_id}/processings, POST /campaigns/{campaign_id}/identifications
 jobs    editor  POST /identifications/{identification_id}/cancel, POST /campaigns/{campaign_id}/update-jobs
 jobs    editor  POST /update-jobs/{job_id}/cancel, POST /update-jobs/{job_id}/retry
+read    viewer  GET /campaigns/{campaign_id}/hit-decisions
 read    viewer  GET /campaigns/{campaign_id}/processings, GET /processings/{processing_id}
 read    viewer  GET /campaigns/{campaign_id}/identifications, GET /identifications/{identification_id}
 read    viewer  GET /identifications/{identification_id}/figures/{name}, GET /campaigns/{campaign_id}/figures/{name}
@@ -192,6 +193,7 @@ BODIES: dict[str, Any] = {
     "POST /campaigns/{campaign_id}/frfs": frfs(),
     "POST /campaigns/{campaign_id}/records": record(),
     "POST /campaigns/{campaign_id}/processings": {},
+    "POST /campaigns/{campaign_id}/hit-decisions": {"point": 1, "hit": 1, "good": False, "why": "a cable was touched"},
     "POST /campaigns/{campaign_id}/mode-sets": {"name": "m", "modes": MODES},
     "POST /mode-sets/{mode_set_id}/edits": {
         "name": "e",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -15,10 +15,9 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.body.laminate import section
 from fecore.errors import InputError
-from fecore.frf import Dof
 from fecore.signal import Averages, Strip
 from service.access import Lookup, User
-from service.compute.hits import BlockRow, Place, by_sensors, whole
+from service.compute.hits import by_sensors, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
 from service.db.base import Base
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
@@ -26,8 +25,9 @@ from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import store_processed
+from service.store.records.decisions import decisions, hits_in, standing
 from service.store.records.operations import block_rows, sample_bytes
-from service.store.records.schemas import OverruleIn, ProcessingIn
+from service.store.records.schemas import ProcessingIn
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 
@@ -81,16 +81,11 @@ def load_records(
     positions = specimen_points(session, campaign_of(session, campaign_id))
     processing = replace(
         options.processing(),
-        overrules=decisions(options.overrules, _hits(stored.values())),
+        overrules={**standing(session, campaign_id), **decisions(options.overrules, hits_in(stored.values()))},
         strip=_strip(session, campaign_id),
         positions=positions,
     )
     return ProcessingInputs(tuple(points), processing, tuple(left))
-
-
-def _hits(rows: Iterable[Sequence[BlockRow]]) -> Iterator[tuple[Place, int]]:
-    """Place and number of each hit, also of those of which a block was deleted."""
-    return ((row.place, row.hit) for group in rows for row in group)
 
 
 def _strip(session: Session, campaign_id: UUID) -> Strip | None:
@@ -157,7 +152,7 @@ def start_processing(session: Session, user: User, campaign_id: UUID, body: Proc
     campaign = campaign_for(session, user, campaign_id, "editor")
     body.processing()  # a wrong choice is refused before it is queued
     if body.overrules:
-        decisions(body.overrules, _hits(block_rows(session, campaign.id).values()))
+        decisions(body.overrules, hits_in(block_rows(session, campaign.id).values()))
     require_room(session, campaign_for.project_of(session, campaign))
     row = Processing(campaign_id=campaign.id, options=body.model_dump(mode="json"))
     return PROCESSINGS.start(session, user, row)
@@ -167,57 +162,3 @@ def newest_document(session: Session, campaign_id: UUID) -> Processing | None:
     """The newest processing of a campaign that has judged its hits."""
     query = select(Processing).where(Processing.campaign_id == campaign_id, Processing.document.is_not(None))
     return session.scalars(query.order_by(Processing.id.desc()).limit(1)).one_or_none()
-
-
-_MOST_PLACES = 8  # that a message names
-
-
-def decisions(overrules: Sequence[OverruleIn], hits: Iterable[tuple[Place, int]]) -> dict[tuple[Dof, int], bool]:
-    """Which hits are used, whatever the criteria say.
-
-    Args:
-        overrules: as the user stated them; without a direction, the one is meant in which the point was hit.
-        hits: place and number of each hit that there is.
-
-    Raises:
-        InputError: one means no hit, may mean several, or contradicts another.
-    """
-    if not overrules:
-        return {}
-    there = set(hits)
-    found: dict[tuple[Dof, int], bool] = {}
-    for number, one in enumerate(overrules):
-        field, key = f"overrules.{number}", (Dof(one.point, _direction(one, there, number)), one.hit)
-        if ((key[0].point, key[0].direction), one.hit) not in there:
-            raise InputError(field, f"means {_named(one)}, which there is not; there are {_listed(there)}")
-        if found.setdefault(key, one.use) != one.use:
-            raise InputError(field, f"contradicts another about {_named(one)}: use it, or leave it out")
-    return found
-
-
-def _direction(one: OverruleIn, there: set[tuple[Place, int]], number: int) -> int:
-    """That of the hit which is meant."""
-    if one.direction is not None:
-        return one.direction
-    own = sorted({direction for (point, direction), hit in there if (point, hit) == (one.point, one.hit)})
-    if len(own) > 1:
-        listed = ", ".join(map(str, own))
-        raise InputError(f"overrules.{number}.direction", f"is missing: there is {_named(one)} in directions {listed}")
-    return own[0] if own else 3
-
-
-def _named(one: OverruleIn) -> str:
-    way = "" if one.direction is None else f" in direction {one.direction}"
-    return f"hit {one.hit} of point {one.point}{way}"
-
-
-def _listed(there: set[tuple[Place, int]]) -> str:
-    numbers: dict[Place, list[int]] = {}
-    for place, hit in sorted(there):
-        numbers.setdefault(place, []).append(hit)
-    found = [
-        f"point {point}, direction {direction}: hits {min(own)} to {max(own)}"
-        for (point, direction), own in numbers.items()
-    ]
-    more = f"; and {len(found) - _MOST_PLACES} other places" if len(found) > _MOST_PLACES else ""
-    return ("; ".join(found[:_MOST_PLACES]) or "no hits at all") + more

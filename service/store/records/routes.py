@@ -18,10 +18,10 @@ from service.jobs.resource import job_state
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.records import operations
+from service.store.records import decisions, operations
 from service.store.records.processings import PROCESSINGS, Processing
 from service.store.records.processings import start_processing as queue_processing
-from service.store.records.schemas import UNITS, ProcessingIn, ProcessingOut, RecordOut
+from service.store.records.schemas import UNITS, HitDecisionIn, HitDecisionOut, ProcessingIn, ProcessingOut, RecordOut
 from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 
 router = api_router(tags=["records"])
@@ -88,6 +88,22 @@ def get_record_data(
 def delete_record(record_id: UUID, session: SessionDep, user: CurrentUser) -> None:
     """Delete a time block. FRFs that were made of it stay."""
     operations.remove_record(session, user, record_id)
+
+
+@router.post("/campaigns/{campaign_id}/hit-decisions", status_code=201)
+def judge_hit(campaign_id: UUID, body: HitDecisionIn, session: SessionDep, user: CurrentUser) -> HitDecisionOut:
+    """Accept or refuse a hit by hand: every later processing keeps to it, and the decision says who made it, when and why."""
+    return shown_as(HitDecisionOut, decisions.decide(session, user, campaign_id, body))
+
+
+@router.get("/campaigns/{campaign_id}/hit-decisions")
+def list_hit_decisions(
+    campaign_id: UUID, session: SessionDep, user: CurrentUser, cursor: Cursor = None, limit: Limit = 100
+) -> Page[HitDecisionOut]:
+    """Decisions about a campaign's hits, newest first; of several about one hit the newest counts."""
+    campaign = campaign_for(session, user, campaign_id)
+    shown = partial(map, partial(shown_as, HitDecisionOut))
+    return paged(session, decisions.decisions_of(campaign.id), cursor, limit, shown, newest_first=True)
 
 
 @router.post("/campaigns/{campaign_id}/processings", status_code=202)

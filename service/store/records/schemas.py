@@ -104,13 +104,41 @@ class WindowsIn(StrictModel):
     )
 
 
-class OverruleIn(StrictModel):
-    """A user's decision about one hit."""
+class HitNamed(StrictModel):
+    """A hit of a campaign."""
 
     point: Point
     direction: Direction | None = Field(None, description="null: the one in which the point was hit")
-    hit: int = Field(ge=1)
+    hit: int = Field(ge=1, le=9_999_999_999)
+
+
+class OverruleIn(HitNamed):
+    """A user's decision about one hit."""
+
     use: bool
+
+
+class HitDecisionIn(HitNamed):
+    """What a person decides of a hit, for every later processing."""
+
+    model_config = example(point=8, hit=3, good=False, why="a cable was touched")
+
+    good: bool | None = Field(description="whether the hit is used; null takes earlier decisions back")
+    why: str = Field(min_length=1, max_length=2000, description="for those who read the FRFs")
+
+
+class HitDecisionOut(StrictModel):
+    """What a person decided of a hit; of several decisions the last one counts."""
+
+    id: UUID
+    campaign_id: UUID
+    point: int
+    direction: int
+    hit: int
+    good: bool | None = Field(description="whether the hit is used; null: earlier decisions were taken back")
+    why: str
+    by: str = Field(description="who decided")
+    created_at: datetime
 
 
 class ProcessingIn(StrictModel):

@@ -18,6 +18,7 @@ from fecore.body.model import plate
 from fecore.body.supports import Supports
 from fecore.dynamics.dense import largest_eigenpairs
 from fecore.dynamics.eigen import modes_below, normal_modes
+from fecore.dynamics.multifrontal import Elimination
 from fecore.errors import InputError, ModelError
 from tests.support.plates import PAPER, paper_section, solve
 
@@ -131,9 +132,55 @@ def test_a_wide_matrix_has_its_negative_eigenvalues_counted_by_sparse_pivots(mon
         assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
 
 
-def test_a_pivot_of_zero_is_refused() -> None:
+@pytest.mark.parametrize("widest", [0, 10**6])
+def test_a_pivot_of_zero_is_refused(widest, monkeypatch) -> None:
+    monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
     with pytest.raises(ModelError, match="a pivot vanishes"):
-        fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(np.array([[0.0, 1.0], [1.0, 0.0]])))
+        fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(np.array([[0.0, 0.0], [0.0, 1.0]])))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_any_pattern_is_eliminated_front_by_front(seed) -> None:
+    """Random graphs of nodes with some dofs each, also in pieces; definite and indefinite, with one elimination."""
+    random = np.random.default_rng(seed)
+    nodes, dofs = int(random.integers(1, 60)), int(random.integers(1, 7))
+    ends = random.integers(0, nodes, (2, int(random.integers(0, 3 * nodes))))
+    graph = sparse.coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(nodes, nodes)).toarray()
+    full = np.kron(graph + graph.T + np.eye(nodes) > 0, np.ones((dofs, dofs)))
+    size = len(full)
+    full *= random.uniform(-1, 1, full.shape)
+    full = full + full.T
+    elimination = Elimination.of(sparse.csc_array(full))
+    assert np.all(np.sort(elimination.order) == np.arange(size))
+    lowest = float(np.linalg.eigvalsh(full)[0])
+    definite = sparse.csc_array(full + (1 - lowest) * np.eye(size))
+    assert elimination.suits(definite)
+    factor = elimination.factorise(definite)
+    assert factor is not None
+    right = random.standard_normal(size)
+    np.testing.assert_allclose(definite @ factor.solve(right), right, atol=1e-11 * size)
+    L = factor.colour(np.eye(size))
+    np.testing.assert_allclose(L @ L.T, definite.toarray(), atol=1e-13 * size * size)
+    assert elimination.negative_pivots(sparse.csc_array(full)) == np.sum(np.linalg.eigvalsh(full) < 0)
+    assert elimination.factorise(sparse.csc_array(full - (1 + lowest) * np.eye(size))) is None
+
+
+def test_a_free_body_of_many_dofs_has_its_modes_by_either_factorisation(monkeypatch) -> None:
+    model = plate(rectangle(0.5, 0.3, 16, 12), Supports(), membrane=True)
+    K, M = matrices(model, paper_section())
+    modes = []
+    for widest in (10**6, 0):
+        monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
+        modes.append(normal_modes(K, M, 20, model.rigid_modes))
+    np.testing.assert_allclose(modes[1].eigenvalue, modes[0].eigenvalue, rtol=1e-8)
+
+
+def test_a_negative_mass_is_named_by_its_dof() -> None:
+    K, M = matrices(plate(rectangle(0.5, 0.04, 2, 1), Supports()), paper_section())
+    M = M.tolil()
+    M[4, 4] = -1e-9
+    with pytest.raises(ModelError, match=r"mass matrix is not positive definite.*At dof 4 it has -1e-09"):
+        normal_modes(K, sparse.csc_array(M), 5)
 
 
 def test_a_missing_mode_is_noticed(monkeypatch) -> None:

@@ -80,6 +80,22 @@ def test_a_parameter_at_its_bound_is_mended_to_the_tolerance() -> None:
         np.testing.assert_allclose(found, full_modes(model, c, 20).frequency_hz, rtol=FREQUENCY_TOLERANCE)
 
 
+@pytest.mark.parametrize("boundary", ["cantilever", "free"])
+def test_a_basis_that_misses_after_enrichment_is_begun_anew(boundary) -> None:
+    """No enrichment meets a tolerance below round-off; the answer is the full model's all the same, and never an error."""
+    specimen = laden(boundary)
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
+    start = parametrisation.coefficients(parametrisation.prior_mean)
+    reduced = ReducedModel(model, start.stiffness, start.mass, 9, tolerance=1e-15)
+    for share in (1.2, 0.8):
+        c = parametrisation.coefficients(parametrisation.prior_mean * np.array([share, 1, 1 / share, 0.1, 1]))
+        before = reduced.full_solves
+        found, full = reduced.modes(c.stiffness, c.mass), full_modes(model, c, 9)
+        assert reduced.full_solves == before + 2  # to enrich it, and to begin anew
+        np.testing.assert_allclose(found.frequency_hz, full.frequency_hz, rtol=1e-8)
+        assert reduced.basis.shape[1] == ReducedModel(model, c.stiffness, c.mass, 9).basis.shape[1]
+
+
 def test_a_basis_that_knows_what_may_change_is_smaller_and_as_good() -> None:
     specimen = laden("cantilever")
     model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])

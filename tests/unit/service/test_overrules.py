@@ -6,7 +6,7 @@ import pytest
 
 from fecore.errors import InputError
 from fecore.frf import Dof
-from service.store.records.processings import decisions
+from service.store.records.decisions import decisions
 from service.store.records.schemas import OverruleIn
 
 HITS = [((1, -3), 1), ((1, -3), 2), ((2, 3), 1), ((2, -3), 1)]

@@ -1,4 +1,4 @@
-"""Modes without shapes that may be others: what is tried beside the likeliest partners, and what the intervals span."""
+"""Modes that may be others, as without shapes: what is tried beside the likeliest partners, and what the intervals span."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import pytest
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
+from fecore.frf import Dof
 from fecore.modes import MeasuredModes
+from fecore.updating.elastic import SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult
 from fecore.updating.elastic_starts import _behind, evidence, is_doubtful, update_from_several_starts
 from fecore.updating.estimates import OTHER_PARTNERS, constant_estimates
@@ -25,6 +27,7 @@ from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Identifiability, spread_over
 from fecore.updating.result import ParameterEstimate, UpdateResult
+from tests.support.plates import PAPER
 
 STATED = OrthotropicMaterial(Ex=30e9, Ey=30e9, Gxy=11e9, Gxz=11e9, Gyz=11e9, nu_xy=0.3, density=2000.0)
 STRIP = Specimen(0.5, 0.04, 0.010, STATED, "free", divisions=(20, 2))
@@ -168,3 +171,37 @@ def test_what_is_known_of_a_parameter_is_less_where_pairings_differ() -> None:
     ]
     assert [each.information for each in wider] == pytest.approx([0.8, 0.4, 0.9])
     assert spread_over(known[:1], np.array([[2.0]]), np.ones(1))[0].information == 0
+
+
+def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_pairing_held() -> None:
+    """Fibres at -8° make bending and torsion veer 1 % apart; the shapes are those of fibres along, in the other order."""
+    material = replace(PAPER, Ey=10e9, nu_xy=0.2)
+    places = np.array([(x, y) for x in np.linspace(0.1, 0.5, 5) for y in (-0.018, 0.018)])
+
+    def strip(angle: float) -> ForwardModel:
+        body = Specimen(0.5, 0.04, 0.01, material, divisions=(20, 2), fibre_angle=angle)
+        return ForwardModel(body, parametrise(body), tuple(range(len(places))), places, 9)
+
+    forward = strip(-np.radians(8))
+    truth = forward.parametrisation.prior_mean * np.array([1, 1, 1.2, 1])
+    solved, along = forward.solve(truth), strip(0.0).solve(forward.parametrisation.prior_mean)
+    shapes = solved.shapes[:5].astype(complex)
+    shapes[2], shapes[3] = along.shapes[3], along.shapes[2]
+    dofs = tuple(Dof(point, 3) for point in forward.points)
+    measured = MeasuredModes(solved.frequency_hz[:5], np.full(5, 0.01), shapes, dofs)
+    layout = Layout.of_one(forward, measured)
+    with pytest.raises(SwingingError) as swings:
+        fit(layout)
+    assert swings.value.torn == ((0, 2), (0, 3))
+    result = update_from_several_starts(layout)
+    assert result.torn == swings.value.torn
+    assert result.held is not None
+    assert result.pairing.mac is not None
+    # Both orders were fitted, and the frequencies decide.
+    assert {result.partners, result.rivals[0].other.partners} == {partners for partners, _ in swings.value.between}
+    assert result.rivals[0].evidence > REFUTED
+    assert result.standing == ()
+    np.testing.assert_allclose(result.theta[[0, 2]], truth[[0, 2]], rtol=2e-3)
+    # At equal evidence both stand, and the intervals span them.
+    even = replace(result, rivals=(replace(result.rivals[0], evidence=0.0),))
+    assert even.spanning.total[2, 2] > result.spanning.total[2, 2]
