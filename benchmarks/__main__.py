@@ -9,8 +9,6 @@ A case is a function of this package that prints a short table, and gives what w
 counts, seeds and words.
 """
 
-from __future__ import annotations
-
 import importlib
 import sys
 import time
@@ -51,6 +49,9 @@ TABLES = {
         Case("independent", "updates", "bodies of solid elements by CalculiX", quick="1"),
         Case("campaigns", "updates", "several tests of one material: intervals", "coverage 3 1", "coverage 1 1"),
         Case("campaigns", "updates", "the same with bodies by CalculiX", "solids 2 1", "solids 1 1"),
+        Case(
+            "contradictions", "contradictions", "the wrong source of a joint update: named, first, cleared", quick="1"
+        ),
         Case("campaigns", "updates", "which points to hit", "plans 12 17", "plans 1 17"),
         Case("cards", "core", "decks of updated models by CalculiX", quick="1"),
         Case("trend", "trend", "false alarms and delays of control charts", quick="2"),

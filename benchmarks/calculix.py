@@ -1,7 +1,5 @@
 """Models that CalculiX solves (the `ccx` process, where it is installed): bodies of solid elements, and a peer of shells."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import tempfile

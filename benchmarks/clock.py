@@ -1,7 +1,5 @@
 """What a call takes."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -8,8 +8,6 @@ The peers are optional: `pip install -e '.[bench]'`, and `ccx` where it is insta
 come from one run; a busy machine stretches wall clock, so processor time stands beside it.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil

@@ -5,8 +5,6 @@ many_hits     N: upload and processing, beside reading the same files, one trans
 live_hits     POINTS: how long each answer takes that says whether a hit was good, one request each
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -103,7 +101,7 @@ def _spectra(api: httpx.Client, service: LocalService, lines: int) -> None:
             assert got["values"].shape == (100, lines)
 
     body = api.get(address).raise_for_status().content
-    with _bare_server(body) as bare, psycopg.connect(psycopg_url(service.settings.database_url or "")) as connection:
+    with _bare_server(body) as bare, psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         query = "SELECT data FROM frfs WHERE campaign_id = %s ORDER BY id"
 
         def select() -> None:
@@ -140,7 +138,7 @@ def _bare_server(body: bytes) -> Iterator[str]:
 
 def _listing(api: httpx.Client, service: LocalService, sizes: tuple[int, int]) -> None:
     campaigns = campaigns_of(api, "rows", 2)
-    with psycopg.connect(psycopg_url(service.settings.database_url or ""), autocommit=True) as connection:
+    with psycopg.connect(psycopg_url(service.settings.database_url), autocommit=True) as connection:
         middles = [_fill(connection, c, rows) for c, rows in zip(campaigns, sizes, strict=True)]
         connection.execute("VACUUM ANALYZE frfs")
         connection.execute("CHECKPOINT")
@@ -170,7 +168,6 @@ def _fill(connection: psycopg.Connection[tuple[uuid.UUID]], campaign: str, rows:
     )
     query = "SELECT id FROM frfs WHERE campaign_id = %s ORDER BY id OFFSET %s LIMIT 1"
     middle = connection.execute(query, [campaign, rows // 2]).fetchone()
-    assert middle is not None
     return middle[0].bytes
 
 

@@ -6,10 +6,8 @@ plate  a free wooden plate that a handbook describes; its modes stand in another
 solid  a beam of CalculiX's solid elements
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -119,7 +117,7 @@ class Truth:
     boundary: str = "cantilever"
 
     @classmethod
-    def drawn(cls, rng: np.random.Generator) -> Truth:
+    def drawn(cls, rng: np.random.Generator) -> Self:
         """Every deviation from the prior of a careful laboratory."""
         normal = rng.standard_normal(9)
         tolerance = {name: value for name, (value, _) in TOLERANCES.items()}

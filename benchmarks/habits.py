@@ -2,8 +2,6 @@
 follow one another. None of it makes a hit a bad one, but for an amplifier that saturates.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

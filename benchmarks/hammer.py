@@ -6,8 +6,6 @@ rate, pass a linear-phase anti-alias filter and the 0.5 Hz high-pass of an ICP s
 the steps of a converter. So the truth of a hit is known: its fault, and the FRF between the two points.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

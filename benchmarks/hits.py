@@ -7,8 +7,6 @@ hits_accuracy  N: FRFs against exact ones, stated variance against the seen one,
 hits_damping   N: from hits on strips of beam theory to a0 and a1, as recorded and under a window of 2 per second
 """
 
-from __future__ import annotations
-
 import json
 import os
 import zlib

@@ -5,8 +5,6 @@ forms, so truth is known. Where sdypy-EMA is installed it identifies the same da
 true frequencies picked for it, which is more help than an unattended run would have).
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io
@@ -51,9 +49,6 @@ def _run(noise: float, seeds: int) -> Tally:
         if len(found) != 5 or np.any(np.abs(found.frequency_hz / PAPER_HZ - 1) > 0.02):
             faults += 1
             continue
-        assert found.shapes is not None
-        assert found.frequency_sd_hz is not None
-        assert found.damping_sd is not None
         rows.append((found.frequency_hz, found.damping_ratio, found.frequency_sd_hz, found.damping_sd))
         macs.append(np.diag(mac(found.shapes.real, true)))
     f, zeta, f_sd, zeta_sd = (np.array(v) for v in zip(*rows, strict=True))

@@ -4,8 +4,6 @@ The workers here know the service's kind of job `update` with another computatio
 result is an audit event, so that a result stored twice can be seen.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

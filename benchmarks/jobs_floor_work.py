@@ -1,7 +1,5 @@
 """What the jobs of the shop floor compute, in a module without database and web, as a worker's children want it."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Iterator

@@ -6,8 +6,6 @@ not cut off, takes its work over, and what the first one brings comes too late. 
 one gets work of its own.
 """
 
-from __future__ import annotations
-
 import select
 import socket
 import subprocess

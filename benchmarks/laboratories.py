@@ -5,8 +5,6 @@ a centre line or a few points, by hammer or sensors, with one reference or two; 
 mode, and end between modes or in one. Damping is 0.05 to 8 %, noise 0.1 to 10 %.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, get_args
@@ -139,7 +137,6 @@ def _spoil(
     fault: str, stated: Specimen, measurement: Measurement, rng: np.random.Generator
 ) -> tuple[Specimen, Measurement]:
     """What the laboratory gets wrong."""
-    assert measurement.frfs is not None
     values, points = measurement.frfs.values.copy(), dict(measurement.points)
     row, level = int(rng.integers(len(values))), np.sqrt(np.mean(np.abs(values) ** 2, axis=1))
     if fault in ("sign", "height", "dead"):

@@ -1,7 +1,5 @@
 """Other people's codes on the problems of `core`: ten modes of the paper's cantilever, and both stages of an update."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -5,8 +5,6 @@ pages  N: processor time of the API's process, and elapsed time, the least and t
        the system's Chromium's, which keeps scripts, and is left out where there is none
 """
 
-from __future__ import annotations
-
 import http.client
 import os
 import shutil
@@ -46,7 +44,6 @@ def _start(data: Path) -> tuple[float, float, float]:
     quiet = os.environ | {"MODALBASE_LOG_LEVEL": "warning"}
     began = time.perf_counter()
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=quiet) as up:
-        assert up.stdout is not None
         while not _ready(port):
             if up.poll() is not None:
                 raise RuntimeError("it ended; what it wrote says why")

@@ -1,7 +1,5 @@
 """A service of its own for a benchmark, what its processes and PostgreSQL take, and what a laboratory puts into it."""
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile
@@ -157,7 +155,7 @@ def _processor_s(service: LocalService) -> float:
 
 def copied(service: LocalService, transactions: Sequence[Sequence[bytes]], connections: int = 1) -> Cost:
     """What PostgreSQL alone needs to store these bytes by COPY, over one connection or several."""
-    url = psycopg_url(service.settings.database_url or "")
+    url = psycopg_url(service.settings.database_url)
 
     def store(share: Sequence[Sequence[bytes]]) -> None:
         command = "COPY copied (data) FROM STDIN (FORMAT BINARY)"

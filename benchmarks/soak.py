@@ -6,8 +6,6 @@ soak_small  N: every figure and report of campaigns of few FRFs on few lines, wh
 they are read in
 """
 
-from __future__ import annotations
-
 import http.client
 import io
 import json
@@ -82,7 +80,7 @@ def fuzz(service: LocalService, minutes: float = 0.0, examples: int = 3, start: 
         examples: requests of each operation in a round.
         start: seed of the first round.
     """
-    engine = make_engine(service.settings.database_url or "", pool_size=1)
+    engine = make_engine(service.settings.database_url, pool_size=1)
     with api_of(service, "fuzz") as client:
         things = furnish(client, make_sessions(engine), "fuzz")
         things |= {"key_id": client.post("api-keys", json={"name": "spare"}).json()["id"], "member": "fuzz"}

@@ -5,8 +5,6 @@ A service gets jobs of every kind, its worker is killed while two updates run, o
 job to its end.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

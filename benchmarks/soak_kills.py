@@ -7,8 +7,6 @@ has ended, so that a slow machine gets on too. Nothing that was acknowledged may
 internal error.
 """
 
-from __future__ import annotations
-
 import random
 import subprocess
 import threading

@@ -5,8 +5,6 @@ Most clients look at lists, some read FRFs, some upload, some start updates, whi
 `/healthz` all the time. Before, the same lists are asked by one client alone.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import random

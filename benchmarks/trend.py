@@ -8,8 +8,6 @@ Shewhart, our scores   Shewhart's limits on the scores of our other charts: cova
 Shewhart, raw values   as a laboratory draws it: baseline's mean ± L of its standard deviations, L from the normal distribution
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Literal, NamedTuple

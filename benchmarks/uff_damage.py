@@ -5,8 +5,6 @@ the damage made another sound number and exactly that number is read (a digit fl
 format could detect). Anything else is a silent change, and there must be none.
 """
 
-from __future__ import annotations
-
 import re
 import resource
 import subprocess
@@ -84,7 +82,7 @@ def run(count: int, seed: int, folder: Path) -> tuple[dict[str, Counter[str]], f
     return table, longest, silent
 
 
-def _verdict(sound: Reading, path: Path, kind: str) -> str:
+def _verdict(sound: "Reading", path: Path, kind: str) -> str:
     try:
         return judge(sound, load(path), kind)
     except UffError:

@@ -9,8 +9,6 @@ independent    N beams of CalculiX's solid elements, by a seed
 campaigns      coverage N seed: panels of several tests; solids N seed: those by CalculiX; plans N seed: which points to hit
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import time

@@ -3,11 +3,10 @@
 server      URL of an embedded PostgreSQL that lives as long as the test session
 database    URL of a migrated database without rows: a new one, or one that another test has used, emptied
 sessions    SQLAlchemy sessions on `database`
+new_service running services, each with settings and a database of its own
 service     a running modalbase for the session: API process and worker process, on free ports
 api         an httpx client of `service`, with a key of a user of its own: sees nothing of other tests
 """
-
-from __future__ import annotations
 
 import gc
 import os
@@ -15,6 +14,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 import httpx
@@ -160,17 +160,25 @@ def sessions(engine: Engine) -> Sessions:
 
 
 @pytest.fixture(scope="session")
-def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    settings = Settings(
-        database_url=new_database(),
-        port=0,
+def new_service(new_database: Callable[[], str]) -> Callable[..., LocalService]:
+    """Makes services, each on a database of its own and a free port, that run within a `with`."""
+
+    def make(*, worker: bool = True, **settings: Any) -> LocalService:
+        given = {"database_url": new_database(), "port": 0, "log_level": "error", **settings}
+        return LocalService(Settings(**given), worker=worker)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
+    with new_service(
         log_level="warning",
         request_wait_seconds=600,  # what waits for its turn does so however slow the machine is
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",
         delivery_pause_seconds=0.05,
-    )
-    with LocalService(settings) as running:
+    ) as running:
         yield running
 
 

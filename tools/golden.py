@@ -4,8 +4,6 @@ python -m tools.golden                # all
 python -m tools.golden -k paper       # those of the tests that pytest's words choose
 """
 
-from __future__ import annotations
-
 import os
 import sys
 

@@ -1,7 +1,5 @@
 """The guide as files that a browser opens without a service: `python -m tools.guide [FOLDER]`, `build/guide` by default."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from pathlib import Path

@@ -3,8 +3,6 @@
 `python -m tools.house` prints the figures and ends with 1 where one is over its limit; `make check` runs it.
 """
 
-from __future__ import annotations
-
 import ast
 import sys
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ python -m tools.reference            # writes
 python -m tools.reference --check    # only says what is not as it should be; exit 1 then
 """
 
-from __future__ import annotations
-
 import json
 import re
 import sys

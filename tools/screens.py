@@ -48,10 +48,13 @@ def main(folder: Path) -> None:
                 with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
                     signed_in(seen, key, "/ui/")
                     for number, path in enumerate(pages):
-                        seen.page.goto(path, wait_until="networkidle")
+                        seen.visit(path)
                         for figure in seen.page.locator("figure[data-figure], [data-frf-viewer]").all():
                             figure.scroll_into_view_if_needed()
                             figure.locator(DRAWN).first.wait_for(state="attached")
+                        seen.page.evaluate(
+                            "scrollTo(0, 0)"
+                        )  # else the head, which stays in sight, would cover its middle
                         name = f"{number:02}-{path.split('/')[2].split('?')[0]}-{size}{'-dark' if dark else ''}.png"
                         seen.page.screenshot(path=folder / name, full_page=True)
 

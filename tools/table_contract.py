@@ -3,8 +3,6 @@
 A table stands beside the operations on it, which other nouns do import; so this contract looks at names, not at modules.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -6,8 +6,9 @@ measure of its own, as one of
     u = (v - c)/(unit + c + 4 s),    c = (n₁ c₀ + n c_c)/(n₁ + n),    s = (n₁ s₀ + n s_c)/(n₁ + n),
     u = (ln v - c)/(3 s),    s² = (n₀ s₀² + n s_c²)/(n₀ + n),    c = (c₀/τ² + n c_c/2s²)/(1/τ² + n/2s²),
 
-c_c and s_c middle and spread of the shortest half of the campaign's n other hits (Rousseeuw and Leroy, 1987),
-which up to half of them may spoil; c₀, τ, s₀ of `weights` a prior for campaigns of few hits. u counts on its bad side. Then
+c_c and s_c middle and standard deviation of those of the campaign's n other hits that lie about their shortest half (Rousseeuw
+and Leroy, 1987), which up to half of them may spoil; c₀, τ, s₀ of `weights` a prior for campaigns of few hits. u counts on its
+bad side. Then
 
     logit P = b₀ - b₁ [no hit is beside it] - Σ b_k ln(1 + u_k⁴),
 
@@ -37,6 +38,7 @@ FALSE_DISCOVERY = 0.75
 
 _PRIOR = 10.0  # n₀
 _FEW = 2.0  # n₁
+_BESIDE = 2.5  # standard deviations about the shortest half up to which a value is a usual one
 _OTHER_RANGE = np.log(4.0)  # of ln |H|, from which a range was another and a hit cannot be located
 _FAR_M = 0.008  # that good hits land beside their point
 _TYPICAL_M = 0.006  # that a typical distance stands for at most
@@ -193,10 +195,10 @@ def _usual(values: FloatArray, known: BoolArray, row: Weight) -> tuple[FloatArra
         return np.zeros(len(values)), np.full(len(values), row.unit)
     count = np.count_nonzero(known)
     if count > _ALONE_IN:
-        middle, spread, n = np.tile((*_shortest_half(values[known]), float(count)), (len(values), 1)).T
+        middle, spread, n = np.tile((*_usual_of_most(values[known]), float(count)), (len(values), 1)).T
     else:
         others = [values[known & (np.arange(len(values)) != i)] for i in range(len(values))]
-        middle, spread, n = np.array([(*_shortest_half(o), o.size) if o.size else (0.0, 0.0, 0) for o in others]).T
+        middle, spread, n = np.array([(*_usual_of_most(o), o.size) if o.size else (0.0, 0.0, 0) for o in others]).T
     if row.unit:
         middle, spread = (
             (n * own + _FEW * prior) / (n + _FEW) for own, prior in ((middle, row.centre), (spread, row.within))
@@ -208,13 +210,17 @@ def _usual(values: FloatArray, known: BoolArray, row: Weight) -> tuple[FloatArra
     return centre, 3 * np.sqrt(square + 1 / certain)
 
 
-def _shortest_half(values: FloatArray) -> tuple[float, float]:
-    """Middle and spread, as a standard deviation, of the shortest interval with more than half of the values."""
+def _usual_of_most(values: FloatArray) -> tuple[float, float]:
+    """Middle and standard deviation of the values that lie within `_BESIDE` of them about the shortest interval with more than
+    half of all.
+    """
     order = np.sort(values)
     half = len(order) // 2 + 1
     width = order[half - 1 :] - order[: len(order) - half + 1]
     start = int(np.argmin(width))
-    return float(order[start : start + half].mean()), float(width[start]) / 1.349
+    middle, spread = float(order[start : start + half].mean()), float(width[start]) / 1.349
+    near = order[np.abs(order - middle) <= _BESIDE * spread]
+    return (float(near.mean()), float(near.std())) if near.size > 1 else (middle, spread)
 
 
 def _logit(u: FloatArray, alone: BoolArray) -> FloatArray:

@@ -22,23 +22,23 @@ class Weight(NamedTuple):
     least: float = LEAST
 
 
-CONSTANT = 4.92  # b₀
-ALONE = 1.90
+CONSTANT = 5.07  # b₀
+ALONE = 2.06
 """What is taken from the logit of a hit that none is beside."""
 
 WEIGHTS = {
     "lost": Weight(3.00, unit=0.1),
     "second": Weight(3.00, unit=0.045),
-    "swing": Weight(2.85, unit=0.25),
+    "swing": Weight(2.82, unit=0.25),
     "turned": Weight(3.00, unit=0.1),
-    "flat": Weight(3.18, unit=1),
-    "beyond": Weight(3.19, unit=0.02, centre=0.005, within=0.01),
-    "height": Weight(2.94, centre=4.25, between=0.96, within=0.28),
-    "early": Weight(1.57, centre=0.06, between=1.53, within=0.35),
-    "jump": Weight(1.25, centre=1.01, between=0.19, within=0.13),
-    "floor": Weight(0.58, centre=-8.06, between=1.30, within=0.38),
-    "offset": Weight(3.00, unit=6.3),
-    "unlike": Weight(4.82, unit=1.25),
-    "distance": Weight(1.21, unit=0.5, centre=1, within=0.3),
-    "gain": Weight(0.38, centre=-0.00, between=0.03, within=0.10),
+    "flat": Weight(3.11, unit=1),
+    "beyond": Weight(3.16, unit=0.02, centre=0.005, within=0.01),
+    "height": Weight(3.02, centre=4.25, between=0.96, within=0.28),
+    "early": Weight(1.38, centre=0.06, between=1.53, within=0.35),
+    "jump": Weight(1.28, centre=1.01, between=0.19, within=0.13),
+    "floor": Weight(0.57, centre=-8.07, between=1.28, within=0.40),
+    "offset": Weight(3.00, unit=6.3),  # fitted 1.94; so 8 mm refuse a hit alone
+    "unlike": Weight(4.97, unit=1.25),
+    "distance": Weight(1.14, unit=0.5, centre=1, within=0.3),
+    "gain": Weight(0.62, centre=-0.00, between=0.04, within=0.10),
 }

@@ -12,14 +12,14 @@ from fecore.arrays import FloatArray
 from fecore.body.oriented import OrientedSpecimen
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.contradictions import CONTRADICTS, Agreement, agreements, odd_one_out
+from fecore.updating.contradictions import Agreement, Check, Conflict, agreements, conflicts
 from fecore.updating.discretisation import meshed
-from fecore.updating.elastic_findings import FAR, USUAL_MISS, pairing_findings, points_beyond
+from fecore.updating.elastic_findings import USUAL_MISS, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
-from fecore.updating.excursions import excursions
-from fecore.updating.findings import Level, found, judge, modes_of, ordered, warnings
+from fecore.updating.excursions import REACH_95, excursions
+from fecore.updating.findings import Level, found, judge, listed, modes_of, ordered, plus_minus, warnings
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import common_damping
@@ -49,6 +49,7 @@ MATERIAL_PARAMETERS = (*(Parameter(name) for name in MATERIAL[:-1]), Parameter("
 
 _CLAMP_LOG_SD = 1.2  # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
 _HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
+_NAMED = 4  # sources in one sentence
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class CampaignPart:
         alone: the material's constants by this campaign alone: estimate, standard deviation, and z of the difference from all
             together, by name.
         predictive_p: of its frequencies, given the other campaigns; None of a single campaign.
-        contradicts: whether that is too small to be chance.
+        contradicts: whether it, or one of its inputs, is the likeliest cause of a conflict (`contradictions`).
     """
 
     name: str
@@ -125,10 +126,11 @@ class CampaignsResult:
         correlation: (q, q) of the free ones' posterior, in their coordinates; names of them in `free`.
         free: names of the free parameters.
         campaigns: each one's part.
-        odd_one_out: name of the campaign without which the others agree best, where some contradict; None else.
+        odd_one_out: name of the one campaign in which the likeliest causes of the first conflict lie; None else.
         discrepancy: relative model error of a frequency.
         scatter: relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled.
         warnings: what a user must know; findings: the same, each with the id of its row of the table.
+        conflicts: sources that contradict the others, each with its likeliest cause.
         damping: laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio.
     """
 
@@ -142,6 +144,7 @@ class CampaignsResult:
     scatter: float | None
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
+    conflicts: tuple[Conflict, ...] = ()
     damping: tuple[CommonLaw, ...] = ()
 
 
@@ -173,11 +176,12 @@ def update_campaigns(
     )
     progress("comparing the campaigns", 0.7)
     alone = agreements(elastic, scatter)
-    odd = odd_one_out(elastic, alone, scatter)
+    against = conflicts(elastic, scatter)
     progress("making intervals", 0.9)
     parameters = tuple(constant_estimates(elastic, None))
-    parts = tuple(_part(elastic, number, each, alone[number]) for number, each in enumerate(ready))
-    findings = [*_contradictions(parts, odd), *_findings(elastic, parts)]
+    causes = {conflict.cause.owner for conflict in against} - {""}
+    parts = tuple(_part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready))
+    findings = [*map(_contradiction, against), *_findings(elastic, parts)]
     for model, campaign in zip(layout.campaigns, ready, strict=True):
         findings += points_beyond(model.forward, campaign.inputs, campaign.name)
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
@@ -189,11 +193,12 @@ def update_campaigns(
         correlation=total / np.outer(sd, sd),
         free=layout.shared,
         campaigns=parts,
-        odd_one_out=None if odd is None else parts[odd].name,
+        odd_one_out=_odd_one_out(against, ready),
         discrepancy=elastic.discrepancy,
         scatter=elastic.scatter if scatter else None,
         warnings=warnings(findings),
         findings=ordered(findings),
+        conflicts=against,
         damping=common_damping(elastic),
     )
 
@@ -297,8 +302,10 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     return parametrisation.with_inputs(sds)
 
 
-def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement) -> CampaignPart:
-    layout, p = elastic.layout, agreement.predictive_p
+def _part(
+    elastic: ElasticResult, number: int, campaign: Campaign, agreement: Agreement, causes: set[str]
+) -> CampaignPart:
+    layout = elastic.layout
     values = layout.material(agreement.alone)
     sds = agreement.alone_sd * np.where(layout.prior.logarithmic[: values.size], np.abs(values), 1.0)
     rows = zip(layout.shared, map(float, values), map(float, sds), map(float, agreement.z), strict=True)
@@ -308,27 +315,60 @@ def _part(elastic: ElasticResult, number: int, campaign: Campaign, agreement: Ag
         modes=elastic.compared_modes(number, campaign.modes),
         own=tuple(own_estimates(elastic, number)),
         alone={name: {"estimate": value, "standard_deviation": sd, "z": z} for name, value, sd, z in rows},
-        predictive_p=p,
-        contradicts=p is not None and p < CONTRADICTS / len(layout.campaigns),
+        predictive_p=agreement.predictive_p,
+        contradicts=not causes.isdisjoint(_owners(campaign)),
     )
 
 
-def _contradictions(parts: Sequence[CampaignPart], odd: int | None) -> list[Finding]:
-    """Campaigns whose frequencies the others do not foretell; which one is odd where that can be said."""
-    wrong = [part for part in parts if part.contradicts]
-    if not wrong:
-        return []
-    if odd is None:
-        which = " and ".join(f"{part.name} (p = {part.predictive_p:.2g})" for part in wrong)
-        return [found("campaigns_contradict", which=which)]
-    part = parts[odd]
-    worst = sorted(part.alone.items(), key=lambda item: -abs(item[1]["z"]))[:2]
-    moved = ", ".join(f"{name} {values['z']:+.1f} standard deviations" for name, values in worst)
-    return [found("odd_campaign", name=part.name, p=part.predictive_p, moved=moved)]
+def _owners(campaign: Campaign) -> set[str]:
+    """What a campaign's own unknowns belong to."""
+    return {f"campaign {campaign.name}", f"specimen {campaign.specimen}"}
+
+
+def _odd_one_out(against: Sequence[Conflict], campaigns: Sequence[Campaign]) -> str | None:
+    """The one campaign to which the first conflict's cause and all its rivals belong."""
+    if not against:
+        return None
+    owners = {each.owner for each in (against[0].cause, *against[0].rivals)}
+    odd = [campaign.name for campaign in campaigns if owners <= _owners(campaign)]
+    return odd[0] if len(odd) == 1 else None
+
+
+def _contradiction(conflict: Conflict) -> Finding:
+    """What contradicts the other data, which causes are as likely, and what is cleared."""
+    cause = conflict.cause
+    rivals = listed([_explained(each) for each in conflict.rivals], _NAMED)
+    cleared = listed(conflict.cleared, _NAMED)
+    return found(
+        "sources_conflict",
+        level="do_not_use" if cause.kind == "campaign" or conflict.moved > REACH_95 else None,
+        cause=_explained(cause),
+        p=cause.p,
+        rivals=f"; nearly as likely: {rivals}" if rivals else "",
+        cleared=f"; it also explains what contradicts {cleared}" if cleared else "",
+    )
+
+
+def _explained(check: Check) -> str:
+    """A cause as a sentence says it: `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`."""
+    if check.kind == "campaign":
+        return f"{check.name} as one of another material, angle or boundary than stated"
+    if check.kind == "scatter":
+        (said,) = check.said
+        return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"
+    several, words = len(check.said) > 1, []
+    for said in check.said:
+        found, stated = (
+            plus_minus(said.constant, *each) for each in ((said.rest, said.rest_sd), (said.stated, said.stated_sd))
+        )
+        words.append(
+            f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead of {stated}"
+        )
+    return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
 
 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
-    layout, findings = elastic.layout, pairing_findings(elastic)
+    findings = pairing_findings(elastic)
     for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
         alone, count = len(pairing.unpaired_measured), len(part.modes)
         if alone:
@@ -337,7 +377,4 @@ def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Fin
         miss = elastic.missed(at)
         if miss > USUAL_MISS:
             findings.append(found("campaign_missed", name=part.name, percent=100 * miss))
-    return findings + [
-        found("unknown_far_from_prior", name=layout.labels[place], away=abs(elastic.away[place]))
-        for place in np.flatnonzero(np.abs(elastic.away) > FAR)
-    ]
+    return findings

@@ -1,28 +1,99 @@
-"""Do the campaigns agree? Each one's frequencies against what the others foretell, and each one's constants against theirs.
+"""Do the sources agree? Each campaign, coupon and stated input against what all the others say of it.
 
-Posterior predictive check, each campaign left out in turn (Gelman et al., Bayesian Data Analysis, 3rd ed., 6.3). Given the
-others, the stacked frequencies f_c of campaign c are Gaussian about their prediction with covariance V = N_c + s² + S_c C S_cᵀ,
-its own nuisances at their priors, so
+Node splitting (Marshall and Spiegelhalter, Bayesian Analysis 2, 2007): a source says y ± σ of one combination of the unknowns,
+and the rest of the data, the source left out, m ± v. Of a source that is as good as stated
 
-    T = eᵀV⁻¹e ~ χ²(n_c),        p_c = Σ_m w_m P(χ² > T_m)
+    z = (y - m)/√(σ² + v) ~ N(0, 1),        p = Σ_c w_c 2Φ(-|z_c|)
 
-over the others' posterior of discrepancy and scatter. A small p_c says that the campaign is not of this material, or that one
-of its inputs is further off than stated.
+over the posterior c of the discrepancy. The scatter between specimens is its prior's scale there, as an estimate of it would
+grow with every contradiction and hide it; that specimens scatter more is one of the possible causes. An input speaks of itself,
+a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
+all of them together (posterior predictive χ²).
+
+Where a source contradicts, each one is a possible cause. A slip of ten times the stated error multiplies the evidence by
+N(y; m, 100σ² + v)/N(y; m, σ² + v); that of a campaign is another material, or any other body. The likeliest cause is allowed
+for, and the others are looked at anew: those that still contradict have causes of their own, the rest are cleared.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.layout import Unknown
+from fecore.updating.posterior import LinearProblem, Mixture
 
-CONTRADICTS = 0.01
-"""Posterior predictive p, over the number of campaigns, below which a campaign contradicts the others."""
+FALSE_ALARMS = 0.05
+"""Probability that any source of an update is said to contradict the others where all are as good as stated."""
+
+SLIP = 10.0
+"""Standard deviation of a slip, in those that are stated: a digit, a unit, another specimen's number."""
+
+ANYTHING = 0.05
+"""Standard deviation of a frequency of a campaign that is of another body or boundary than stated, as a share of it."""
+
+SCATTER = "scatter between specimens"
+
+RIVAL = float(np.log(20.0))
+"""Log evidence by which another cause must be behind to be ruled out."""
+
+
+_UNSAID = 1e-9  # of what a source says is left where the rest says nothing, so that matrices can be inverted
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
+
+    constant: str
+    stated: float
+    stated_sd: float
+    rest: float
+    rest_sd: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """A source beside all others.
+
+    Attributes:
+        kind: `input`, `coupons`, `campaign`, or `scatter` of the specimens.
+        name: of the source, as a sentence names it.
+        p: probability of a difference from the rest that is larger than the one found.
+        evidence: logarithm of how much likelier the data are where this source is off by a slip.
+        owner: the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it.
+        said: of each constant that it says; nothing of a campaign.
+    """
+
+    kind: str
+    name: str
+    p: float
+    evidence: float
+    owner: str = ""
+    said: tuple[Said, ...] = ()
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A source that contradicts the others.
+
+    Attributes:
+        cause: the likeliest.
+        rivals: other causes that the data do not rule out, the likeliest first.
+        cleared: names of sources that contradict no more once the cause is allowed for.
+        moved: how far a constant then moves at most, in its stated standard deviations.
+    """
+
+    cause: Check
+    rivals: tuple[Check, ...]
+    cleared: tuple[str, ...]
+    moved: float
 
 
 @dataclass(frozen=True)
@@ -42,41 +113,230 @@ class Agreement:
     z: FloatArray
 
 
+def conflicts(elastic: ElasticResult, scatter_scale: float) -> tuple[Conflict, ...]:
+    """Find the sources that contradict the others, each with its likeliest cause.
+
+    Args:
+        elastic: an update; of a single campaign its inputs and priors are the sources.
+        scatter_scale: scale of the prior of the scatter between specimens; 0 for none.
+    """
+    sources, found = _Sources.of(elastic, scatter_scale), list[Conflict]()
+    checks = sources.checks()
+    while against := sources.contradicting(checks):
+        likeliest = sorted(checks, key=lambda each: -each.evidence)
+        cause = likeliest[0] if likeliest[0].evidence > 0 else min(against, key=lambda each: each.p)
+        rivals = [each for each in likeliest if each is not cause and each.evidence > max(0.0, cause.evidence - RIVAL)]
+        sources = sources.allowing(cause.name)
+        checks = sources.checks()
+        left = {each.name for each in sources.contradicting(checks)}
+        cleared = tuple(each.name for each in against if each.name not in {cause.name, *left})
+        found.append(Conflict(cause, tuple(rivals), cleared, sources.moved))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Statement:
+    """A source that says the values of k unknowns: their places, values and standard deviations there."""
+
+    kind: str
+    name: str
+    owner: str
+    places: tuple[int, ...]
+    values: FloatArray
+    sds: FloatArray
+
+
+@dataclass(frozen=True)
+class _Sources:
+    """All sources of an update, some of which may be allowed a slip."""
+
+    elastic: ElasticResult
+    problem: LinearProblem
+    scatter: float
+    statements: tuple[_Statement, ...]
+    campaigns: tuple[int, ...]
+    count: float
+    may_scatter_more: bool = True
+
+    @classmethod
+    def of(cls, elastic: ElasticResult, scatter_scale: float) -> _Sources:
+        layout = elastic.layout
+        statements = [
+            _Statement("input", _labelled(unknown), unknown.owner or "", (place,), np.zeros(1), np.array([unknown.sd]))
+            for place, unknown in enumerate(layout.unknowns)
+            if not unknown.is_scatter
+        ]
+        terms = layout.coupon_terms(elastic.coupons)
+        for batch in dict.fromkeys(coupon.batch for coupon in elastic.coupons):
+            own = [term for term, coupon in zip(terms, elastic.coupons, strict=True) if coupon.batch == batch]
+            places, values, sds = zip(*own, strict=True)
+            statements.append(_Statement("coupons", batch, "", places, np.array(values), np.array(sds)))
+        campaigns = tuple(range(len(elastic.rows))) if len(elastic.rows) > 1 else ()
+        found = cls(elastic, elastic.problem, scatter_scale, tuple(statements), campaigns, 1.0)
+        return replace(found, count=found.independent + 2 * len(campaigns))
+
+    @property
+    def independent(self) -> float:
+        """How many independent checks the statements are (Galwey, Genetic Epidemiology 33, 2009): (Σ√λ)²/Σλ, with λ the
+        eigenvalues of the correlation of their differences from the posterior, whose covariance is R - ACAᵀ.
+        """
+        places = [place for each in self.statements for place in each.places]
+        own = np.concatenate([each.sds for each in self.statements]) ** 2
+        spread = np.einsum("m,mij->ij", self.posterior.weight, self.posterior.covariance)[np.ix_(places, places)]
+        left = np.diag(own) - spread
+        sd = np.sqrt(np.maximum(np.diag(left), 1e-9 * own))
+        value = np.maximum(np.linalg.eigvalsh(left / np.outer(sd, sd)), 0)
+        return float(np.sum(np.sqrt(value)) ** 2 / value.sum())
+
+    @cached_property
+    def posterior(self) -> Mixture:
+        return self.problem.at_scatter(self.scatter)
+
+    def contradicting(self, checks: Sequence[Check]) -> list[Check]:
+        """Those of some checks that are too improbable to be chance."""
+        return [each for each in checks if each.p < FALSE_ALARMS / self.count]
+
+    @property
+    def moved(self) -> float:
+        """How far a shared constant is at most from the estimate, in its stated standard deviations."""
+        q = len(self.elastic.layout.shared)
+        off = self.posterior.weight @ self.posterior.shift[:, :q]
+        return float(np.max(np.abs(off) / np.sqrt(np.diag(self.elastic.mixture.total))[:q]))
+
+    def checks(self) -> list[Check]:
+        """Each source that is not allowed a slip beside all others."""
+        return [*map(self._of_statement, self.statements), *map(self._of_campaign, self.campaigns), *self._of_scatter()]
+
+    def _of_scatter(self) -> list[Check]:
+        if not self.scatter or not self.may_scatter_more:
+            return []
+        evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
+        return [Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),))]
+
+    def allowing(self, name: str) -> _Sources:
+        """The same where one source may be off by a slip."""
+        if name == SCATTER:
+            return replace(self, scatter=self._of_scatter()[0].said[0].rest, may_scatter_more=False)
+        for number in self.campaigns:
+            if self._named(number) == name:
+                at = self.elastic.rows[number]
+                noise = self.problem.noise.copy()
+                noise[at, at] += ANYTHING**2 * np.eye(at.stop - at.start)
+                rest = tuple(other for other in self.campaigns if other != number)
+                return replace(self, problem=replace(self.problem, noise=noise), campaigns=rest)
+        (source,) = (each for each in self.statements if each.name == name)
+        others = tuple(each for each in self.statements if each is not source)
+        return replace(self, problem=_loosened(self.problem, source), statements=others)
+
+    def _of_statement(self, source: _Statement) -> Check:
+        posterior, at, own = self.posterior, list(source.places), np.diag(source.sds**2)
+        mean = self.problem.x[at] + posterior.shift[:, at]
+        precision = np.linalg.inv(posterior.covariance[:, at][:, :, at])
+        # The source taken out of a Gaussian: W⁻¹ = V⁻¹ + R⁻¹, W⁻¹μ = V⁻¹m + R⁻¹y.
+        V = np.linalg.inv(precision - np.diag((1 - _UNSAID) / source.sds**2))
+        m = (V @ (precision @ mean[..., None] - (source.values / source.sds**2)[:, None]))[..., 0]
+        off = source.values - m
+        as_stated, slipped = (_log_gaussian(off, V + scale**2 * own) for scale in (1.0, SLIP))
+        log_weight = _log(posterior.weight) - as_stated
+        weight = scipy.special.softmax(log_weight)
+        evidence = scipy.special.logsumexp(log_weight + slipped) - scipy.special.logsumexp(log_weight + as_stated)
+        rest = weight @ m
+        spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
+        said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
+        return Check(source.kind, source.name, _beyond(weight, off, V + own), float(evidence), source.owner, said)
+
+    def _of_campaign(self, number: int) -> Check:
+        kept = self.problem.weights[self.elastic.rows[number]] > 0
+        weight, missed, V = _beside_the_rest(self.problem, self.elastic.rows[number], self.scatter)
+        other = self._by_material(number)[np.ix_(kept, kept)]
+        along = scipy.linalg.eigh(other, np.einsum("m,mij->ij", weight, V))[1][:, -1]
+        z = missed @ along / np.sqrt(along @ V @ along)
+        p = min(2 * scipy.special.ndtr(-np.abs(z)) @ weight, _beyond(weight, missed, V))
+        as_stated, another, any_body = (
+            scipy.special.logsumexp(_log(weight) + _log_gaussian(missed, V + more))
+            for more in (0.0, other, ANYTHING**2 * np.eye(len(other)))
+        )
+        evidence = np.logaddexp(another, any_body) - np.log(2) - as_stated
+        return Check("campaign", self._named(number), float(p), float(evidence), self._named(number))
+
+    def _named(self, number: int) -> str:
+        return f"campaign {self.elastic.layout.campaigns[number].name}"
+
+    def _by_material(self, number: int) -> FloatArray:
+        """(n, n) covariance of a campaign's frequencies where its material is any that the priors allow."""
+        q = len(self.elastic.layout.shared)
+        S = self.problem.sensitivity[self.elastic.rows[number], :q] * self.elastic.layout.sd(0.0)[:q]
+        covariance: FloatArray = S @ S.T
+        return covariance
+
+    def _said(self, place: int, value: float, sd: float, rest: float, rest_sd: float) -> Said:
+        """The same of an unknown as its constant, SI."""
+        campaign = next(each for each in self.elastic.layout.campaigns if each.pick[:, place].any())
+        row, prior = int(np.argmax(campaign.pick[:, place])), campaign.prior
+        stated, found = (prior.theta(prior.xi_mean + campaign.pick[:, place] * at) for at in (value, rest))
+        slopes = [float(prior.slope(theta)[row]) for theta in (stated, found)]
+        return Said(prior.names[row], float(stated[row]), sd * slopes[0], float(found[row]), rest_sd * slopes[1])
+
+
+def _labelled(unknown: Unknown) -> str:
+    return unknown.label if unknown.owner else f"prior of {unknown.name}"
+
+
+def _loosened(problem: LinearProblem, source: _Statement) -> LinearProblem:
+    """The problem where a source may be off by a slip."""
+    places, size = list(source.places), problem.x.size
+    if source.kind == "input":
+        wider = np.where(np.isin(np.arange(size), places), SLIP, 1.0)
+        return replace(problem, sd=lambda scatter: wider * problem.sd(scatter))
+    less, off = np.zeros(size), np.zeros(size)
+    less[places] = (1 - SLIP**-2) / source.sds**2
+    off[places] = source.values - problem.x[places]
+    return replace(
+        problem,
+        others={**problem.others, "coupons": problem.others["coupons"] - np.diag(less)},
+        other_descent=problem.other_descent - less * off,
+        other_cost=problem.other_cost - float(less @ off**2) / 2,
+    )
+
+
+def _log(weight: FloatArray) -> FloatArray:
+    return np.log(np.maximum(weight, 1e-300))
+
+
+def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
+    """(m,) ln N(residual; 0, covariance), up to a constant, of (m, n) residuals and (m, n, n) covariances."""
+    distance = np.sum(residual * np.linalg.solve(covariance, residual[..., None])[..., 0], axis=1)
+    log: FloatArray = -(np.linalg.slogdet(covariance)[1] + distance) / 2
+    return log
+
+
 def agreements(elastic: ElasticResult, scatter_scale: float) -> tuple[Agreement, ...]:
     """Of each campaign in its order."""
     return tuple(_agreement(elastic, number, scatter_scale) for number in range(len(elastic.rows)))
 
 
-def odd_one_out(elastic: ElasticResult, found: Sequence[Agreement], scatter_scale: float) -> int | None:
-    """Number of the campaign without which the others agree best; None where none contradicts, or there are but two."""
-    values = [each.predictive_p for each in found if each.predictive_p is not None]
-    if len(values) < 3 or min(values) >= CONTRADICTS / len(values):
-        return None
-    without = []
-    for number in range(len(values)):
-        rest = [other for other in range(len(values)) if other != number]
-        without.append(min(predictive_p(elastic, other, rest, scatter_scale) for other in rest))
-    return int(np.argmax(without))
+def _beside_the_rest(problem: LinearProblem, at: slice, scatter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A campaign's believed frequencies beside what the others predict: (m,) weights over the discrepancy, (m, n) ln f
+    measured over predicted, and (m, n, n) its covariance.
+    """
+    others = problem.only(~_among(problem, at)).at_scatter(scatter)
+    kept = problem.weights[at] > 0
+    S, noise = problem.sensitivity[at][kept], problem.noise[at, at][np.ix_(kept, kept)]
+    spanned = noise + others.scale[:, None, None] ** 2 * np.eye(len(S)) + S @ others.covariance @ S.T
+    return others.weight, problem.residual[at][kept] - others.shift @ S.T, spanned
 
 
-def predictive_p(elastic: ElasticResult, number: int, among: Sequence[int], scatter_scale: float) -> float:
-    """Posterior predictive p of a campaign, given the others among some."""
-    problem, at = elastic.problem, elastic.rows[number]
-    others = problem.only(_rows_of(elastic, [other for other in among if other != number]))
-    mixture, _ = others.mixture(scatter_scale)
-    S, residual, noise = problem.sensitivity[at], problem.residual[at], problem.noise[at, at]
-    weights = problem.weights[at]
-    missed = np.sqrt(weights) * (residual - mixture.shift @ S.T)
-    spanned = noise + mixture.scale[:, None, None] ** 2 * np.eye(residual.size) + S @ mixture.covariance @ S.T
-    distance = np.sum(missed * np.linalg.solve(spanned, missed[..., None])[..., 0], axis=1)
-    return float(mixture.weight @ scipy.special.chdtrc(float(weights.sum()), distance))
+def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> float:
+    """Probability of (m, n) differences that lie further out in their (m, n, n) covariances, all together: of χ²."""
+    distance = np.sum(missed * np.linalg.solve(covariance, missed[..., None])[..., 0], axis=1)
+    return float(weight @ scipy.special.chdtrc(float(missed.shape[1]), distance))
 
 
 def _agreement(elastic: ElasticResult, number: int, scatter_scale: float) -> Agreement:
     problem, q = elastic.problem, len(elastic.layout.shared)
-    everyone = range(len(elastic.rows))
-    p = predictive_p(elastic, number, everyone, scatter_scale) if len(elastic.rows) > 1 else None
-    alone = problem.only(_rows_of(elastic, [number]))
+    at = elastic.rows[number]
+    p = _beyond(*_beside_the_rest(problem, at, scatter_scale)) if len(elastic.rows) > 1 else None
+    alone = problem.only(_among(problem, at))
     step, covariance = alone.solve(elastic.discrepancy, elastic.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))
@@ -84,8 +344,8 @@ def _agreement(elastic: ElasticResult, number: int, scatter_scale: float) -> Agr
     return Agreement(p, elastic.x[:q] + step[:q], np.sqrt(variance), np.where(informed, step[:q] / apart, 0.0))
 
 
-def _rows_of(elastic: ElasticResult, numbers: Sequence[int]) -> BoolArray:
-    keep = np.zeros(elastic.problem.residual.size, dtype=bool)
-    for number in numbers:
-        keep[elastic.rows[number]] = True
+def _among(problem: LinearProblem, at: slice) -> BoolArray:
+    """(n,) which frequencies are a campaign's."""
+    keep = np.zeros(problem.residual.size, dtype=bool)
+    keep[at] = True
     return keep

@@ -104,7 +104,7 @@ def fit(
     """
     if use_shapes and any(campaign.modes.shapes is None for campaign in layout.campaigns):
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    misfit = Misfit(layout, layout.coupon_terms(coupons), use_shapes, likest, held)
+    misfit = Misfit(layout, tuple(coupons), use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
     first_scales = _Scales(DISCREPANCY, scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns))
     initial = misfit.paired(origin, first_scales)
@@ -170,7 +170,7 @@ class Misfit:
     """The data of one fit."""
 
     layout: Layout
-    coupons: tuple[tuple[int, float, float], ...] = ()
+    coupons: tuple[Coupon, ...] = ()
     use_shapes: bool = False
     likest: bool = False
     held: tuple[Partners, ...] | None = None
@@ -236,12 +236,12 @@ class Misfit:
         if self.use_shapes:
             others["mode shapes"] = J.T @ J
         if self.coupons:
-            place, value, sd = (np.array(column) for column in zip(*self.coupons, strict=True))
-            off = value - x[place]
             others["coupons"] = np.zeros((size, size))
-            np.add.at(others["coupons"], (place, place), sd**-2)
-            np.add.at(descent, place, off / sd**2)
-            cost += float(np.sum((off / sd) ** 2))
+        for place, value, sd in self.layout.coupon_terms(self.coupons):
+            off = value - x[place]
+            others["coupons"][place, place] += sd**-2
+            descent[place] += off / sd**2
+            cost += (off / sd) ** 2
         known = residual, noise, sensitivity, x, self.layout.sd, others
         return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 
@@ -298,6 +298,7 @@ class Misfit:
             history=history,
             held=self.held,
             unlike=self.likest,
+            coupons=self.coupons,
         )
 
 

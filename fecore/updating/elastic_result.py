@@ -14,7 +14,7 @@ from fecore.correlation import Pairing
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
-from fecore.updating.layout import CampaignModel, Layout
+from fecore.updating.layout import CampaignModel, Coupon, Layout
 from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
@@ -85,6 +85,7 @@ class ElasticResult:
         held: the partners that the fit held in each campaign; None where it paired the modes anew in every turn.
         torn: campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means.
         unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
+        coupons: what static tests said of the shared parameters.
     """
 
     layout: Layout
@@ -105,6 +106,7 @@ class ElasticResult:
     held: tuple[Partners, ...] | None = None
     torn: tuple[tuple[int, int], ...] = ()
     unlike: bool = False
+    coupons: tuple[Coupon, ...] = ()
 
     @cached_property
     def inverse(self) -> FloatArray:

@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from fecore.body.specimen import UNITS, kind_of
 from fecore.updating.result import Finding, ParameterEstimate, Verdict
 
@@ -24,7 +26,12 @@ SENTENCES = {
     "do_not_use": "Do not use the result: the model and the measurement do not belong together.",
 }
 _DECISIVE = 2  # reasons that a verdict names
-_WRITTEN = {"Pa": (1e-9, " GPa"), "m": (1e3, " mm"), "kg/m³": (1.0, " kg/m³")}  # of values in messages
+_WRITTEN = {
+    "Pa": (1e-9, " GPa"),
+    "m": (1e3, " mm"),
+    "kg/m³": (1.0, " kg/m³"),
+    "rad": (180 / np.pi, "°"),
+}  # of values in messages
 _NAMED = 4  # of alike warnings, how many are named one by one
 
 
@@ -39,7 +46,6 @@ class Row(NamedTuple):
 
 _ANOTHER_BODY = "check that the file belongs to this structure, and boundary, points and frame"
 _DECIDE = "shapes measured at more points would decide"
-_OTHER_THAN_STATED = "another material, angle, thickness or boundary than stated, or specimens that scatter more"
 _WINDOW = "state the window's rate 1/τ with the campaign, 0 for none"
 _FRFS = "(in brackets: its factor relative to all FRFs); correct or leave out"
 
@@ -224,17 +230,10 @@ FINDINGS = {
         _WINDOW,
     ),
     # of several campaigns
-    "campaigns_contradict": Row(
-        "do_not_use",
+    "sources_conflict": Row(
+        "with_care",
         70,
-        f"the campaigns contradict each other: {{which}}; {_OTHER_THAN_STATED}",
-        "a third campaign would show which of them is wrong",
-    ),
-    "odd_campaign": Row(
-        "do_not_use",
-        70,
-        "campaign {name} contradicts the others, which make its frequencies improbable (p = {p:.2g}; {moved} from the joint "
-        "estimate): " + _OTHER_THAN_STATED,
+        "the data contradict each other (p = {p:.2g}), and the likeliest explanation is {cause}{rivals}{cleared}",
         "correct it or leave it out",
     ),
     "campaign_missed": Row(
@@ -243,12 +242,6 @@ FINDINGS = {
         "campaign {name}: frequencies of the joint material differ from the measured ones by {percent:.1f} % (rms)",
     ),
     "campaign_modes_alone": Row("with_care", 30, "campaign {name}: {alone} no partner in the model"),
-    "unknown_far_from_prior": Row(
-        "with_care",
-        20,
-        "{name} ended {away:.1f} prior standard deviations from its prior mean",
-        "the prior is wrong, or another error of the model was attributed to it",
-    ),
 }
 """All that can be found, by its id."""
 
@@ -308,6 +301,18 @@ def amount(name: str, value: float) -> str:
     """
     factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
     return f"{float(f'{factor * value:.3g}'):g}{unit}"  # without an exponent where there need be none
+
+
+def plus_minus(name: str, value: float, sd: float) -> str:
+    """A constant's value with its standard deviation, to the digits that this leaves.
+
+    >>> plus_minus("length", 0.2912, 0.0016), plus_minus("nu_xy", 0.3, 0.05)
+    ('291.2 ± 1.6 mm', '0.3 ± 0.05')
+    """
+    factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
+    digits = 1 - int(np.floor(np.log10(factor * sd)))
+    rounded, error = round(factor * value, digits), round(factor * sd, digits)
+    return f"{rounded:.12g} ± {error:.12g}{unit}"
 
 
 def modes_of(alone: int, count: int) -> str:

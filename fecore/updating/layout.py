@@ -57,6 +57,11 @@ class Unknown:
         return self.name.startswith(_SCATTER)
 
     @property
+    def constant(self) -> str:
+        """Name of the constant, also where this is a specimen's deviation of it."""
+        return self.name.removeprefix(_SCATTER)
+
+    @property
     def label(self) -> str:
         """Such as `Ex`, or `thickness of strip 90`."""
         return self.name if not self.owner else f"{self.name} of {self.owner}"
@@ -125,11 +130,12 @@ class CampaignModel:
 
 @dataclass(frozen=True)
 class Coupon:
-    """What static tests say of one of the material's constants: a mean with its standard deviation, SI."""
+    """What static tests say of one of the material's constants: a mean with its standard deviation, SI, of a batch."""
 
     name: str
     mean: float
     standard_deviation: float
+    batch: str = "coupons"
 
 
 @dataclass(frozen=True)

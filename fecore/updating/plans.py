@@ -6,6 +6,9 @@ information about the material is the fall of its posterior's entropy,
 
     I = ½ ln |C_now| - ½ ln |C_then|        (nats; C the covariance of the material's parameters alone).
 
+A test of another specimen brings the scatter between specimens with it, as the joint update of all of them will: I and the
+variances are means over the scatter's probabilities, as the campaigns so far leave them.
+
 The noise of a frequency follows from the FRFs that are to be measured. Near its resonance ∂H/∂ln ω_k ≈ 2 ω_k⁴ A/D², and its
 square summed over lines Δf apart gives, for accelerances with noise of variance σ²,
 
@@ -33,9 +36,9 @@ from fecore.updating.elastic import fit
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.layout import Layout
+from fecore.updating.layout import Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, by_name, parametrise
-from fecore.updating.posterior import DISCREPANCY
+from fecore.updating.posterior import DISCREPANCY, SCATTER, prior_of_scatter
 
 _FAINT = 1e4  # noise variance of ln f, over the discrepancy's, from which a mode counts as not seen
 _ROUNDS = 5  # of exchanges
@@ -131,21 +134,88 @@ def plan_tests(
     """
     if not tests:
         raise InputError("tests", "is empty, expected at least one that could be made")
-    fitted = fit(lay_out(campaigns, parameters, scatter=False)) if campaigns else None
+    several = _are_several(campaigns)
+    scale = SCATTER if several else 0.0
+    fitted = fit(lay_out(campaigns, parameters, scatter=several), scatter=scale) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
     simulated = [_Simulated.of(test, parameters, theta) for test in tests]
-    layout = lay_out([*campaigns, *(each.campaign for each in simulated)], parameters, scatter=False)
-    precision = np.diag(layout.sd(0.0) ** -2) + _informed(layout, fitted)
-    now = _material_covariance(precision, len(layout.shared))
-    slope = layout.prior.slope(_at(layout.prior, theta))[: len(layout.shared)]
-    found = [
-        _forecast(each, layout, len(campaigns) + number, precision, now, slope, count=count)
-        for number, each in enumerate(simulated)
-    ]
+    known = _Known(tuple(campaigns), tuple(parameters), fitted)
+    now = known.standard_deviations(lay_out([*campaigns, simulated[0].campaign], parameters, scatter=several))
+    prior = simulated[0].prior
+    slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
+    found = [_forecast(each, known, slope, count=count) for each in simulated]
     return Plan(
-        by_name(layout.shared, np.sqrt(np.diag(now)) * slope),
+        by_name(prior.reported, now * slope),
         tuple(sorted(found, key=lambda each: -each.information)),
     )
+
+
+def _are_several(campaigns: Sequence[Campaign]) -> bool:
+    """Whether they are of more than one specimen, so that an update lets specimens scatter."""
+    return len({campaign.specimen for campaign in campaigns}) > 1
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What the campaigns so far say, as the update states it whose data they are."""
+
+    campaigns: tuple[Campaign, ...]
+    parameters: tuple[Parameter, ...]
+    fitted: ElasticResult | None
+
+    def layout(self, campaign: Campaign) -> Layout:
+        """The unknowns of an update with one more campaign, the last of the layout's."""
+        made = [*self.campaigns, campaign]
+        return lay_out(made, self.parameters, scatter=_are_several(made))
+
+    def scatters(self, *, several: bool) -> tuple[FloatArray, FloatArray]:
+        """(t,) values of the scatter and their probabilities: its prior's, or as far as the campaigns say more theirs."""
+        if not several:
+            return np.zeros(1), np.ones(1)
+        if self.fitted is None or not self.fitted.scatter:
+            return prior_of_scatter(SCATTER)
+        mixture, scatters = self.fitted.problem.mixture(SCATTER)
+        values = np.unique(scatters)
+        return values, np.array([mixture.weight[scatters == value].sum() for value in values])
+
+    def informed(self, layout: Layout) -> FloatArray:
+        """(X, X) precision that the campaigns bring."""
+        size, fitted = len(layout.unknowns), self.fitted
+        if fitted is None:
+            return np.zeros((size, size))
+        variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(fitted.problem.residual.size)
+        S = np.zeros((fitted.problem.residual.size, size))
+        at = [layout.labels.index(label) for label in fitted.layout.labels]
+        S[:, at] = np.sqrt(fitted.problem.weights)[:, None] * fitted.problem.sensitivity
+        for place, unknown in enumerate(
+            layout.unknowns
+        ):  # a specimen that is the only one so far does not scatter there
+            if unknown.is_scatter and unknown.label not in fitted.layout.labels and self._is_made(unknown):
+                S[:, place] = S[:, layout.labels.index(unknown.constant)]
+        precision: FloatArray = S.T @ np.linalg.solve(variance, S)
+        return precision
+
+    def _is_made(self, unknown: Unknown) -> bool:
+        return any(campaign.specimen == unknown.owner for campaign in self.campaigns)
+
+    def covariances(self, layout: Layout, more: FloatArray | float = 0.0) -> FloatArray:
+        """(t, q, q) of the material's parameters at each scatter, (X, X) information `more` included."""
+        information, shared = self.informed(layout) + more, len(layout.shared)
+        scatters = self.scatters(several=_scatters(layout))[0]
+        precisions = [np.diag(layout.sd(float(scatter)) ** -2) + information for scatter in scatters]
+        covariances: FloatArray = np.linalg.inv(precisions)[:, :shared, :shared]
+        return covariances
+
+    def standard_deviations(self, layout: Layout, more: FloatArray | float = 0.0) -> FloatArray:
+        """(q,) of the material's parameters, whatever the scatter is."""
+        probabilities = self.scatters(several=_scatters(layout))[1]
+        variances = np.diagonal(self.covariances(layout, more), axis1=1, axis2=2)
+        deviations: FloatArray = np.sqrt(probabilities @ variances)
+        return deviations
+
+
+def _scatters(layout: Layout) -> bool:
+    return any(unknown.is_scatter for unknown in layout.unknowns)
 
 
 @dataclass(frozen=True)
@@ -154,6 +224,7 @@ class _Simulated:
 
     test: PlannedTest
     campaign: Campaign
+    prior: Parametrisation
     theta: dict[str, float]
     loudness: FloatArray
 
@@ -173,7 +244,9 @@ class _Simulated:
         campaign = Campaign(
             test.name, test.specimen, body, MeasuredModes(hz, np.full(hz.size, np.nan)), inputs=test.inputs
         )
-        return cls(test, campaign, by_name(prior.names, state.theta), _loudness(test, state.shapes[: hz.size], hz))
+        return cls(
+            test, campaign, prior, by_name(prior.names, state.theta), _loudness(test, state.shapes[: hz.size], hz)
+        )
 
     def noise(self, points: Sequence[int]) -> FloatArray:
         """(n,) variance of ln f by noise when these points are hit."""
@@ -197,48 +270,21 @@ def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArr
     return loud
 
 
-def _informed(layout: Layout, fitted: ElasticResult | None) -> FloatArray:
-    """(X, X) precision that the campaigns so far bring."""
-    size = len(layout.unknowns)
-    if fitted is None:
-        return np.zeros((size, size))
-    variance = fitted.problem.noise + fitted.discrepancy**2 * np.eye(fitted.problem.residual.size)
-    S = np.zeros((fitted.problem.residual.size, size))
-    S[:, [layout.labels.index(label) for label in fitted.layout.labels]] = (
-        np.sqrt(fitted.problem.weights)[:, None] * fitted.problem.sensitivity
-    )
-    precision: FloatArray = S.T @ np.linalg.solve(variance, S)
-    return precision
-
-
-def _material_covariance(precision: FloatArray, shared: int) -> FloatArray:
-    covariance: FloatArray = np.linalg.inv(precision)[:shared, :shared]
-    return covariance
-
-
-def _forecast(
-    each: _Simulated,
-    layout: Layout,
-    number: int,
-    precision: FloatArray,
-    now: FloatArray,
-    slope: FloatArray,
-    *,
-    count: int | None,
-) -> Forecast:
-    campaign, shared = layout.campaigns[number], len(layout.shared)
+def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int | None) -> Forecast:
+    layout = known.layout(each.campaign)
+    campaign = layout.campaigns[-1]
     state = campaign.forward.solve(_at(campaign.prior, each.theta))
     rows = min(len(campaign.modes), state.frequency_hz.size)  # each mode is taken for the model's of its number
     by = state.frequency_jacobian[:rows] / state.frequency_hz[:rows, None]
     S = by * campaign.prior.slope(state.theta) @ campaign.pick
-    base = np.linalg.slogdet(now)[1]
+    probabilities = known.scatters(several=_scatters(layout))[1]
+    base = np.linalg.slogdet(known.covariances(layout))[1]
 
-    def covariance(points: Sequence[int]) -> FloatArray:
-        weight = 1 / (each.noise(points) + DISCREPANCY**2)
-        return _material_covariance(precision + S.T @ (weight[:, None] * S), shared)
+    def brought(points: Sequence[int]) -> FloatArray:
+        return np.asarray(S.T @ ((1 / (each.noise(points) + DISCREPANCY**2))[:, None] * S))
 
     def information(points: Sequence[int]) -> float:
-        return float(base - np.linalg.slogdet(covariance(points))[1]) / 2
+        return float(probabilities @ (base - np.linalg.slogdet(known.covariances(layout, brought(points)))[1])) / 2
 
     everywhere = tuple(range(each.loudness.shape[1])) if each.test.hit is None else each.test.hit
     chosen = everywhere if count is None else best_points(information, everywhere, count)
@@ -247,7 +293,7 @@ def _forecast(
     return Forecast(
         name=each.test.name,
         information=information(chosen),
-        standard_deviations=by_name(layout.shared, np.sqrt(np.diag(covariance(chosen))) * slope),
+        standard_deviations=by_name(layout.shared, known.standard_deviations(layout, brought(chosen)) * slope),
         frequencies_hz=each.campaign.modes.frequency_hz[seen],
         points=tuple(chosen),
         share=information(chosen) / whole if whole > 0 else 1.0,

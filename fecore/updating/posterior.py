@@ -270,6 +270,21 @@ class LinearProblem:
         mixture = Mixture(weight, step.reshape(-1, size), covariance.reshape(-1, size, size), scale)
         return mixture, np.repeat(scatters, spreads.size)
 
+    def at_scatter(self, scatter: float) -> Mixture:
+        """The posterior about the estimate where specimens scatter by so much."""
+        spreads = DISCREPANCY * _GRID
+        step, covariance, evidence = (part[0] for part in self._solve_all(spreads, np.array([scatter])))
+        weight: FloatArray = scipy.special.softmax(evidence + _log_prior(spreads, DISCREPANCY))
+        return Mixture(weight, step, covariance, spreads)
+
+    def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
+        """Logarithm of how much likelier the data are with the scatter's prior than with its scale, and its estimate then."""
+        scatters, prior = prior_of_scatter(scale)
+        each = np.array([self.log_evidence(float(scatter)) for scatter in scatters])
+        weight = scipy.special.softmax(each + np.log(prior))
+        gain = scipy.special.logsumexp(each, b=prior) - self.log_evidence(scale)
+        return float(gain), float(np.sqrt(weight @ scatters**2))
+
     def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
         data = [self._of_data(float(spread)) for spread in spreads]
@@ -295,6 +310,12 @@ class LinearProblem:
             self.sensitivity.T @ r + self.other_descent,
         )
         return hessian, descent, float(self.residual @ r), counted
+
+
+def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
+    """(t,) values of the scatter between specimens and their prior probabilities."""
+    scatters = scale * _SCATTERS
+    return scatters, scipy.special.softmax(_log_prior(scatters, scale))
 
 
 def _log_prior(value: FloatArray, scale: float) -> FloatArray:

@@ -5,8 +5,6 @@ that the others name. A block marked `text` is one that nothing can run here: a 
 installs, never ends, or needs a server of containers.
 """
 
-from __future__ import annotations
-
 import configparser
 import json
 import re
@@ -37,7 +35,7 @@ from tests.support.rest import client_of, ok
 
 BLOCKS = blocks()
 FIRST = "docs/command-line.md"
-ELSEWHERE = {"README.md": "test_readme_script.py", "docs/tutorial.md": "test_tutorial.py"}
+ELSEWHERE = {"README.md": "test_tutorial.py", "docs/tutorial.md": "test_tutorial.py"}
 """Pages whose blocks another test runs, as it looks at what they print."""
 
 NEEDS = {"xarray": "to_xarray", "pandas": "import pandas", "sdypy": "from sdypy"}
@@ -64,7 +62,7 @@ class Reader:
         self.variables = {
             "MODALBASE_URL": service.url,
             "MODALBASE_API_KEY": key,
-            "MODALBASE_DATABASE_URL": service.settings.database_url or "",
+            "MODALBASE_DATABASE_URL": service.settings.database_url,
             "URL": service.url,
             "KEY": key,
         }
@@ -250,7 +248,7 @@ def test_a_reader_of_the_guide_finds_every_command_that_exists() -> None:
 
     from service.app.cli.command import app
 
-    commands: dict[str, Any] = get_command(app).commands  # type: ignore[attr-defined]
+    commands: dict[str, Any] = get_command(app).commands
     for block in BLOCKS:
         if block.language == "text":
             for line in re.findall(r"(?:^|/)modalbase +(.+?)(?: *#.*)?$", block.text, re.MULTILINE):

@@ -88,8 +88,7 @@ def look_at_every_part(seen: Watched) -> None:
 
 def overflow(seen: Watched) -> int:
     """By how many pixels a page is wider than its window."""
-    wide: int = seen.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
-    return wide
+    return seen.page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
 
 
 def spilled(seen: Watched) -> list[str]:
@@ -145,8 +144,7 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         look_at_every_part(seen)
         assert hindrances(seen.page) == []
         for path in ("/ui/", "/ui/new", "/ui/update-jobs", "/ui/keys", "/ui/monitors", *around):
-            seen.page.goto(path)
-            seen.page.wait_for_load_state("networkidle")
+            seen.visit(path)
             assert hindrances(seen.page) == [], path
             assert overflow(seen) == 0, path
             assert spilled(seen) == [], path
@@ -164,7 +162,6 @@ def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
         "document.querySelector(\"figure[data-figure$='/figures/mac'] .js-plotly-plot\").data[0].x.length"
     )
     box = cells.bounding_box()
-    assert box is not None
     # The first measured mode, the third of the model.
     page.mouse.click(box["x"] + 2.5 / columns * box["width"], box["y"] + 4)
     page.wait_for_selector("figure[data-figure$='/figures/shapes'] :text('updated model, mode 3')")

@@ -1,7 +1,5 @@
 """The updated model goes back into a solver: CalculiX finds the frequencies that the job states."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The client's commands against the running service, as a script calls them."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -1,7 +1,5 @@
 """Identification of measured structures over HTTP: any body, large sets, a job that ends when it is asked to."""
 
-from __future__ import annotations
-
 from html import unescape
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The main job as a laboratory does it: over HTTP against a running service, on files of another finite element code."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -13,7 +11,6 @@ from uuid import uuid4
 import httpx
 import pytest
 
-from service.app.demo.paper import uff_file
 from service.app.supervisor import LocalService
 from tests.support.laboratory import MATERIAL
 from tests.support.places import SHARED, shared_file
@@ -22,7 +19,6 @@ from tests.support.waiting import PATIENCE
 
 LAB_SESSION = SHARED / "tools" / "lab-session"
 
-PAPER = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
 TOLERANCE = {"Ex": 0.005, "Gxy": 0.01, "a0": 0.01, "a1": 0.01}
 
 
@@ -95,43 +91,3 @@ def test_the_laboratorys_own_script_runs_unchanged(service: LocalService, name: 
     command += [str(file), "--truth", str(file.with_suffix(".truth.json")), *modes]
     ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert ended.returncode == 0, ended.stdout + ended.stderr
-
-
-def test_a_body_that_is_no_rayleigh_body_is_called_so(api: httpx.Client) -> None:
-    file, truth = blind("paper-like")
-    config = truth["config"]
-    geometry = {"length_m": config["L"], "width_m": config["b"], "thickness_m": config["t"]}
-    campaign = campaign_with(api, file.read_bytes(), geometry, config["bc"])
-    answer = api.post(f"campaigns/{campaign}/update-jobs", json={}).raise_for_status()
-    assert finished(api, answer.headers["Location"])["status"] == "succeeded"
-    result = result_of(api, answer.headers["Location"])
-    laws = {law["name"]: law for law in result["damping_models"]}
-    assert laws["modal"]["preferred"]
-    assert laws["rayleigh"]["bic"] > laws["modal"]["bic"] + 100
-    (sentence,) = [warning for warning in result["warnings"] if "rayleigh law is inadequate" in warning]
-    assert "mode 3" in sentence  # docs/theory.md, section 5: the best Rayleigh law misses mode 3 by a third
-    truth_ratios = [mode["zeta"] for mode in truth["modes"] if mode["out_of_plane"]][:5]
-    assert list(laws["modal"]["coefficients"].values()) == pytest.approx(truth_ratios, rel=0.02)
-    # The modes that the job found are a mode set of the campaign now, and the result names it.
-    kept = api.get(f"mode-sets/{result['provenance']['mode_set']}").raise_for_status().json()
-    assert kept["origin"] == "identified"
-    assert [mode["frequency_hz"] for mode in kept["modes"]] == [mode["measured_hz"] for mode in result["modes"]]
-    held = result["correlation"]["held_out"]["frfs"]
-    assert len(held["sac"]) == 4
-    assert 0.88 <= held["coverage_95"] <= 1.0
-
-
-def test_a_support_spring_is_a_parameter(api: httpx.Client) -> None:
-    """A soft spring under the tip's edge, which is not there: the estimate is next to nothing, and not identifiable."""
-    campaign = campaign_with(api, uff_file(), PAPER, "cantilever")
-    spring = {"name": "tip", "stiffness": 2000.0, "direction": 3, "edge": "end"}
-    recipe = {"springs": [spring], "parameters": [{"name": "Ex"}, {"name": "Gxy"}, {"name": "tip", "prior_sd": 2000.0}]}
-    answer = api.post(f"campaigns/{campaign}/update-jobs", json=recipe).raise_for_status()
-    job = finished(api, answer.headers["Location"])
-    assert job["status"] == "succeeded", job
-    result = result_of(api, answer.headers["Location"])
-    found = {row["name"]: row for row in result["parameters"]}
-    assert found["tip"]["unit"] == "N/m²"
-    assert found["tip"]["estimate"] < 1000.0
-    assert not found["tip"]["identifiable"]  # a logarithm has no zero to end at: the data set an upper limit alone
-    assert found["Ex"]["estimate"] == pytest.approx(31.7e9, rel=0.02)

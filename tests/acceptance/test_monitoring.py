@@ -1,7 +1,5 @@
 """A beam that works loose: nine campaigns over HTTP, one alarm, announced once, though a worker dies over it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
@@ -17,7 +15,6 @@ import pytest
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from service.app.supervisor import LocalService, environment
 from service.db.engine import psycopg_url
-from service.settings import Settings
 from tests.support.receivers import receiver, signature_holds
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until
@@ -35,18 +32,14 @@ LOOSE = 7  # first campaign with 4 % less stiffness; damping stays
 
 
 @pytest.fixture
-def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
-    settings = Settings(
-        database_url=new_database(),
-        port=0,
-        log_level="error",
+def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
+    with new_service(
         monitor_sweep_seconds=0.5,
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",
         delivery_pause_seconds=0.1,
         job_lease_seconds=2.0,
-    )
-    with LocalService(settings) as running:
+    ) as running:
         yield running
 
 
@@ -73,11 +66,10 @@ def another_worker(service: LocalService) -> Iterator[subprocess.Popen[bytes]]:
 
 def kill_while_it_runs(service: LocalService, worker: subprocess.Popen[bytes], kind: str, stored: str) -> None:
     """SIGKILL to a worker in the middle of a job of this kind, whose result goes into the table `stored`."""
-    assert service.settings.database_url is not None
     running = "SELECT count(*) FROM jobs WHERE state = 'running' AND kind = %s AND stage <> 'starting'"
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         connection.execute(f"LOCK TABLE {stored} IN SHARE MODE")  # its result has to wait, so it is not over
-        until(lambda: connection.execute(running, [kind]).fetchone()[0], f"a running job of kind {kind}")  # type: ignore[index]
+        until(lambda: connection.execute(running, [kind]).fetchone()[0], f"a running job of kind {kind}")
         worker.kill()
         worker.wait()
 

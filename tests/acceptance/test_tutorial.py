@@ -1,11 +1,10 @@
-"""The tutorial: its files are what its script makes; from the wheel alone, in an empty folder, its commands find the truth."""
-
-from __future__ import annotations
+"""What a newcomer runs: the tutorial from the wheel alone, README's script and picture, the demonstration, a notebook."""
 
 import json
 import re
 import shlex
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -14,10 +13,11 @@ import numpy as np
 import pytest
 
 from examples import make_tutorial
-from modalbase.formats.uff import Frf, read_file
+from modalbase.formats.uff import Frf, GridPoint, read_file
 from service.app.supervisor import LocalService
-from tests.support.command import modalbase_here, run_as_typed
+from tests.support.command import environment, modalbase_here, run_as_typed
 from tests.support.places import ROOT
+from tests.support.waiting import PATIENCE
 
 PAGE = (ROOT / "docs" / "tutorial.md").read_text()
 FILES = ROOT / "examples" / "tutorial"
@@ -104,3 +104,145 @@ def test_the_script_makes_the_files(tmp_path: Path) -> None:
     for one, other in zip(made, shipped, strict=True):
         np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-3 * np.abs(other.values).max())
     assert (tmp_path / "C3.csv").read_text() == (FILES / "C3.csv").read_text()
+
+
+# --- the README's script runs as it stands in a clone, and again --------------------------------------------------------
+
+(SCRIPT,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+
+
+@pytest.fixture
+def said(
+    service: LocalService,
+    api: httpx.Client,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    script: str,
+) -> str:
+    """What the script prints when it is run for the second time; nothing stands in the folder but the clone."""
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("MODALBASE_URL", service.url)
+    monkeypatch.setenv("MODALBASE_API_KEY", api.headers["authorization"].split()[1])
+    for _ in range(2):
+        capsys.readouterr()
+        names: dict[str, object] = {}
+        exec(compile(script, "README.md", "exec"), names)
+        names["lab"].connection.close()
+    (project,) = api.get("projects").json()["items"]
+    (beam,) = api.get(f"projects/{project['id']}/structures").json()["items"]
+    (march,) = api.get(f"structures/{beam['id']}/campaigns").json()["items"]
+    assert len(api.get(f"campaigns/{march['id']}/imports").json()["items"]) == script.count("import_file")
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("script", [SCRIPT])
+def test_the_script_of_the_readme_updates_a_beam(said: str) -> None:
+    assert len(SCRIPT.strip().splitlines()) <= 15
+    lines = said.splitlines()
+    assert lines[0].split(":")[0] in ("usable", "with care", "do not use")
+    assert any(line.startswith("warning: ") for line in lines)
+    names = [line.split()[0] for line in lines[-7:]]
+    assert names == ["Ex", "Ey", "Gxy", "Gxz", "Gyz", "a0", "a1"]
+
+
+@pytest.mark.parametrize("script", [SCRIPT.replace('campaign.import_file("examples/tutorial/beam.uff")\n', "")])
+def test_it_says_in_a_line_why_a_job_failed(said: str) -> None:
+    (line,) = said.splitlines()
+    assert line.startswith("update failed: ")
+    assert "has no FRFs" in line
+
+
+# --- the README's picture is what the code draws ------------------------------------------------------------------------
+
+DRAWN = ROOT / "docs/images/beam.svg"
+
+
+def test_the_pictures_updated_model_lies_on_the_measurement(tmp_path: Path) -> None:
+    from examples import picture  # loads matplotlib
+
+    frfs = picture.prediction()
+    peak = np.abs(frfs.measured).max(axis=1, keepdims=True)
+    # 1 % noise of each record's rms is 0.5 % of its peak at the most; the initial model is off by a resonance's width.
+    assert np.abs((frfs.updated - frfs.measured) / peak).max() < 0.03
+    assert np.abs((frfs.initial - frfs.measured) / peak).max() > 0.5
+    picture.main(str(tmp_path / "beam.svg"))
+    again = (tmp_path / "beam.svg").read_text()
+    assert again.count("<path") == DRAWN.read_text().count("<path")
+    for text in (again, DRAWN.read_text()):
+        assert all(color.lower() in text.lower() for _, color, *_ in picture.CURVES)
+
+
+# --- the examples for a notebook run as they stand ----------------------------------------------------------------------
+
+
+def test_an_update_without_the_service() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-W", "error", "examples/core.py"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    found = dict(re.findall(r"^(\w+) +([\d.e+-]+) ", ended.stdout, flags=re.MULTILINE))
+    assert float(found["Ex"]) == pytest.approx(31.66e9, rel=0.005)  # Table 4; the project's targets
+    assert float(found["Gxy"]) == pytest.approx(6.30e9, rel=0.02)
+    assert "Ey" not in found  # fixed
+    assert len(re.findall(r"^mode \d", ended.stdout, flags=re.MULTILINE)) == 5
+    assert "mode 3 (torsion): 399.28 Hz" in ended.stdout
+    assert "held-out points (5, 17, 29)" in ended.stdout
+    assert "rayleigh law is inadequate" in ended.stdout
+    assert "100 % done" in ended.stderr
+
+
+def test_the_main_job_in_ten_lines(service: LocalService, api: httpx.Client) -> None:
+    lines = [
+        line
+        for line in (ROOT / "examples" / "notebook.py").read_text().splitlines()
+        if line.strip() and not line.startswith('"""')
+    ]
+    assert len(lines) <= 10
+    key = api.headers["authorization"].split()[1]
+    ended = subprocess.run(
+        [sys.executable, str(ROOT / "examples" / "notebook.py")],
+        cwd=ROOT,
+        env=environment(MODALBASE_URL=service.url, MODALBASE_API_KEY=key),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert re.search(r"^Ex +GPa", ended.stdout, flags=re.MULTILINE)
+
+
+# --- the demonstration's file and the README's commands -----------------------------------------------------------------
+
+
+def test_the_script_makes_the_demonstrations_file(tmp_path: Path) -> None:
+    """The file in the package is what the script writes, to single precision's round-off."""
+    made = tmp_path / "made.uff"
+    subprocess.run([sys.executable, str(ROOT / "examples/make_paper_beam.py"), str(made)], check=True, cwd=ROOT)
+    ours, shipped = (list(read_file(file)) for file in (made, ROOT / "service/app/demo/paper_beam.uff"))
+    points = [[item for item in file if isinstance(item, GridPoint)] for file in (ours, shipped)]
+    assert points[0] == points[1]
+    assert len(points[0]) == 33
+    frfs = [[item for item in file if isinstance(item, Frf)] for file in (ours, shipped)]
+    assert len(frfs[0]) == len(frfs[1]) == 33
+    for one, other in zip(*frfs, strict=True):
+        assert (one.response_point, one.reference_point) == (other.response_point, other.reference_point)
+        # A hundredth of the noise in the file: shapes of its uppermost modes are good to some 1e-5.
+        np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-4 * np.abs(other.values).max())
+
+
+def test_readme_names_commands_that_exist() -> None:
+    readme = (ROOT / "README.md").read_text()
+    rules = re.findall(r"^([\w ]+):", (ROOT / "Makefile").read_text(), flags=re.MULTILINE)
+    targets = {target for rule in rules for target in rule.split()}
+    named = set(re.findall(r"`?make (\w+)`?", readme))
+    assert {"demo", "test"} <= named <= targets
+    subcommands = set(re.findall(r"modalbase (up|demo|keys|worker|serve|db|import)\b", readme))
+    shown = subprocess.run([sys.executable, "-m", "service", "--help"], capture_output=True, text=True, check=True)
+    assert subcommands
+    assert all(command in shown.stdout for command in subcommands)

@@ -1,7 +1,5 @@
 """FRFs with the faults that measured ones have: no mode is lost, none is invented, and what may be either is uncertain."""
 
-from __future__ import annotations
-
 import functools
 import json
 from collections.abc import Callable
@@ -90,7 +88,6 @@ def open_set(kind: str) -> tuple[FrfSet, Draw]:
 def true_to(draw: Draw, found: Identification, *, says: str = "") -> None:
     """Every mode that must be there is a mode, f within 0.2 %, ζ within 10 % or its 95 % interval; and there is no other."""
     f, zeta, sd = found.modes.frequency_hz, found.modes.damping_ratio, found.modes.damping_sd
-    assert sd is not None
     for true, ratio in zip(draw.frequency_hz[~draw.optional], draw.zeta[~draw.optional], strict=True):
         near = np.flatnonzero(np.abs(f / true - 1) < 0.002)
         assert near.size, f"{true:.2f} Hz is lost; found {f}"
@@ -131,7 +128,7 @@ def measured_bridge(*band_hz: float) -> Case:
 
     def found() -> Identification:
         frfs = with_coherence(shared_file("MEASURED", "measured", "dam0.unv"))
-        return identify(frfs, Options(band_hz=band_hz or None))  # type: ignore[arg-type]
+        return identify(frfs, Options(band_hz=band_hz or None))
 
     return found, modes_of_the_measured_bridge
 
@@ -158,8 +155,6 @@ def without_drift(found: Identification) -> None:
     assert abs(found.drift / 3e-4 - 1) < 0.25  # 74 draws: ± 8 %, and drift beside the errors of the chain
     assert any("drift" in warning for warning in found.warnings)
     draw, modes = long_record(), found.modes
-    assert modes.frequency_sd_hz is not None
-    assert modes.damping_sd is not None
     inside = np.flatnonzero((draw.frequency_hz > 40) & (draw.frequency_hz < 130))
     at = [int(np.argmin(np.abs(modes.frequency_hz - draw.frequency_hz[k]))) for k in inside]
     ratio = draw.zeta[inside]

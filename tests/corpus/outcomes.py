@@ -1,7 +1,5 @@
 """What may become of an input: each outcome is called with what the input gave, and asserts."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -102,7 +100,6 @@ class Modes:
             assert found.modes.damping_ratio.tolist() == pytest.approx(list(self.zeta), rel=0.1)
         doubts = found.doubtful
         for hz, word in self.doubtful:
-            assert doubts is not None
             near = [
                 why
                 for each, why in zip(doubts.modes.frequency_hz, doubts.doubt, strict=True)

@@ -1,7 +1,5 @@
 """Bodies, laws, parameters and recipes that the core refuses: each a call, and how the `InputError` begins that ends it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Coupons and series that the core refuses: each a call, and how the `InputError` begins that ends it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta

@@ -1,7 +1,5 @@
 """Every input of the corpus has its outcome."""
 
-from __future__ import annotations
-
 import pickle
 
 import pytest

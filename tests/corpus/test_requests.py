@@ -1,78 +1,18 @@
 """What a user did wrong, in the words of the answer: each refusal of a well-formed request by its place and its sentence."""
 
-from __future__ import annotations
-
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 from uuid import uuid4
 
 import httpx
 import pytest
 
-from service.app.supervisor import LocalService
+from tests.corpus.conftest import FRF, FRFS, SHAPE, Ids
 from tests.support.laboratory import BEAM
-from tests.support.rest import client_of, finished, ok, pointers, posted
+from tests.support.rest import ok, pointers
 
-Ids = dict[str, str]
-SHAPE = {"point": 1, "direction": 3, "real": 1.0, "imag": 0.0}
-FRF = {"response_point": 1, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
-FRFS = {"quantity": "accelerance", "frequency_hz": [1.0, 2.0, 3.0]}
 EX = {"name": "Ex"}
-
-
-@pytest.fixture(scope="module")
-def room(service: LocalService) -> Iterator[tuple[httpx.Client, Ids]]:
-    """A project with two structures, two campaigns of the first and one of the second, and something of each kind."""
-    with client_of(service, f"refused-{uuid4().hex}") as api:
-        ids = {"project": posted(api, "projects", {"name": "p"})["id"]}
-        ids["structure"], ids["elsewhere"] = (
-            posted(api, f"projects/{ids['project']}/structures", {**BEAM, "name": name})["id"] for name in ("a", "b")
-        )
-        apart = posted(api, "projects", {"name": "q"})["id"]
-        far = posted(api, f"projects/{apart}/structures", BEAM)["id"]
-        ids["far"] = posted(api, f"structures/{far}/campaigns", {"name": "c", "boundary": "free"})["id"]
-        bare = posted(api, f"projects/{ids['project']}/structures", {"name": "bare"})["id"]
-        for name, structure in (("campaign", "structure"), ("other", "structure"), ("foreign", "elsewhere")):
-            body = {"name": name, "boundary": "cantilever"}
-            body |= {"performed_at": "2026-03-02T09:30:00Z"} if name == "other" else {}
-            ids[name] = posted(api, f"structures/{ids[structure]}/campaigns", body)["id"]
-        ids["of_bare"] = posted(api, f"structures/{bare}/campaigns", {"name": "c", "boundary": "free"})["id"]
-        modes = {"name": "m", "modes": [{"frequency_hz": 25.0}]}
-        ids["mode_set"] = posted(api, f"campaigns/{ids['other']}/mode-sets", modes)["id"]
-        spectrum = {"real": [1.0, 2.0, 3.0], "imag": [0.0, 0.5, 1.0]}
-        frfs = posted(api, f"campaigns/{ids['campaign']}/frfs", {**FRFS, "frfs": [{**FRF, **spectrum}]})
-        ids["frf"] = frfs["items"][0]["id"]
-        for name, structure in (("batch", "structure"), ("foreign_batch", "elsewhere")):
-            path = f"structures/{ids[structure]}/coupon-batches"
-            ids[name] = posted(api, path, {"name": "b", "constants": ["Ex", "Ey"]})["id"]
-        coupon = posted(api, f"coupon-batches/{ids['batch']}/coupons", {"specimen": "A", "strength_Pa": 3e8})
-        ids["coupon"] = coupon["items"][0]["id"]
-        since = {"campaigns": 4, "since": "2030-01-01T00:00:00Z"}
-        monitor = {"name": "m", "runs_on": "hand", "baseline": since}
-        ids["monitor"] = posted(api, f"structures/{ids['structure']}/monitors", monitor)["id"]
-        ids["resting"] = posted(api, f"structures/{ids['structure']}/monitors", monitor)["id"]
-        ok(api.patch(f"monitors/{ids['resting']}", json={"active": False}, headers={"If-Match": "*"}))
-        key = {"name": "short", "expires_at": "2999-01-01T00:00:00Z"}
-        ids["key"] = posted(api, "api-keys", key)["id"]
-        job = api.post(f"campaigns/{ids['foreign']}/update-jobs", json={})
-        ids["job"] = ok(job, 202)["id"]
-        finished(api, job.headers["Location"])
-        before = stored(api, ids)
-        yield api, ids
-        assert stored(api, ids) == before
-
-
-def stored(api: httpx.Client, ids: Ids) -> list[Any]:
-    """What a refused request leaves as it was."""
-    project, structure = (f"projects/{ids['project']}", f"structures/{ids['structure']}")
-    campaign = f"campaigns/{ids['campaign']}"
-    lists = [
-        *(f"{structure}/{name}" for name in ("campaigns", "coupon-batches", "monitors")),
-        *(f"{campaign}/{name}" for name in ("mode-sets", "identifications", "frfs", "records")),
-        *(f"{project}/structures", f"coupon-batches/{ids['batch']}/coupons", f"monitors/{ids['monitor']}/runs"),
-    ]
-    return [ok(api.get(path)) for path in (project, structure, campaign, *lists, "update-jobs", "api-keys")]
 
 
 def filled(value: Any, ids: Ids) -> Any:
@@ -107,8 +47,17 @@ def joint(*recipes: Any, **more: Any) -> dict[str, Any]:
     return {"joint": True, "jobs": jobs, **more}
 
 
+TWICE, SOFT = {"window_rate_per_s": 2.0, "window_time_constant_s": 0.5}, {"clamp_compliance_sd": 100}
+THREE = {**FRF, "real": [1, 2, 3], "imag": [0, 0, 0]}
+OF_OTHER_NAMES = [({"a/b": 1, "~c": 2}, place, "") for place in ("/a~1b", "/~0c")]
+"""RFC 6901: whoever follows the pointer comes to the member that is wrong, whatever it is called."""
 FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
     "POST projects/{project}/structures": [
+        (beam(inputs={"width_sd_m": -1e-3}), "/inputs/width_sd_m", ""),
+        ({"name": "x", "Ex": 33e9}, "/Ex", "did you mean material/Ex_Pa?"),
+        ({"name": "x", "colour": 1}, "/colour", "there is name, geometry, density_kg_m3"),
+        ({"name": "x", "density_kg_m3": 1e6}, "/density_kg_m3", "is 1e6 kg/m³, expected at most 50000 kg/m³"),
+        (beam(geometry={"width_m": 0}), "/geometry/width_m", "is 0 m, expected more than 0 m"),
         (beam(geometry={"length_m": 0}), "/geometry/length_m", ""),
         (beam(geometry={"width_m": -0.04}), "/geometry/width_m", ""),
         (beam(geometry={"thickness_m": 0.6}), "/geometry/thickness_m", ""),
@@ -134,6 +83,12 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"pieces": [{"from_m": 0.1, "to_m": 0.9, "thickness_m": 0.005}]}, "", ""),
     ],
     "POST structures/{structure}/campaigns": [
+        ({**CAMPAIGN, "temperature_c": "20"}, "/temperature_c", "Input should be a number"),
+        ({**CAMPAIGN, "humidity_percent": True}, "/humidity_percent", "Input should be a number"),
+        ({**CAMPAIGN, "instruments": {"sensor_mass_kg": 0.005, "sensor_point": "3"}}, "/instruments/sensor_point", "a number"),
+        ({**CAMPAIGN, "frame": {"origin_m": [0.0, 0.0, False]}}, "/frame/origin_m/2", "Input should be a number"),
+        ({**CAMPAIGN, "inputs": TWICE}, "/inputs", ""),
+        ({**CAMPAIGN, "boundary": "cantilever", "inputs": SOFT}, "/inputs/clamp_compliance_sd", ""),
         ({**CAMPAIGN, "boundary": "hanging"}, "/boundary", ""),
         ({**CAMPAIGN, "performed_at": "2026-03-02T09:30:00"}, "/performed_at", ""),
         ({**CAMPAIGN, "performed_at": "2026-03-02"}, "/performed_at", ""),
@@ -149,6 +104,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({**CAMPAIGN, "weather": "fine"}, "/weather", ""),
     ],
     "PATCH campaigns/{campaign}": [
+        ({"inputs": SOFT}, "/inputs/clamp_compliance_sd", ""),
         ({}, "", "names nothing to change"),
         ({"name": None}, "/name", "cannot be null; leave it out to keep it"),
         ({"boundary": None}, "/boundary", "cannot be null"),
@@ -163,11 +119,18 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"archived": None}, "/archived", ""),
     ],
     "POST campaigns/{campaign}/frfs": [
+        ({**FRFS, "quantity": "x", "frfs": [THREE]}, "/quantity", ""),
+        ({**FRFS, "frequency_hz": [2, 1, 3], "frfs": [THREE]}, "/frequency_hz", ""),
+        ({**FRFS, "frequency_hz": [1, 2], "frfs": [THREE]}, "/frfs/0/real", ""),
+        ({**FRFS, "frfs": []}, "/frfs", ""),
+        ({**FRFS, "frfs": [{**THREE, "coherence": [0.5]}]}, "/frfs/0/coherence", ""),
+        *OF_OTHER_NAMES,
         ({**FRFS, "frfs": [{**FRF, "real": [1, 2, 3], "imag": [1]}]}, "/frfs/0", "real has 3 values, imag has 1"),
         ({**FRFS, "frfs": [{**FRF, "real": [1, 2, 3], "imag": [0, 0, 0], "coherence": [0, 1, 2]}]}, "/coherence",
          "lies outside 0 to 1"),
     ],
     "POST campaigns/{campaign}/mode-sets": [
+        *OF_OTHER_NAMES,
         ({"name": "x", "modes": []}, "/modes", ""),
         (one(frequency_hz=0), "/modes/0/frequency_hz", ""),
         (one(frequency_hz=-1), "/modes/0/frequency_hz", ""),
@@ -182,7 +145,16 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         (one(frequency_hz=1, shape=[SHAPE, SHAPE]), "/modes/0/shape", "point 1 has direction 3 twice"),
         (one(frequency_hz=1, shape=[{**SHAPE, "real": 0}]), "/modes/0/shape", "is zero everywhere"),
     ],
-    "POST campaigns/{campaign}/identifications": [({"band_hz": [3, 1]}, "/band_hz", "is (3, 1), expected low < high")],
+    "PUT campaigns/{campaign}/grid-points": [
+        ({"items": [{"label": 1.5, "x_m": 0, "y_m": 0}]}, "/items/0/label", ""),
+        ({"items": [{"label": 1, "x_m": 0, "y_m": 0}] * 2}, "/items", ""),
+        ({"points": []}, "/items", ""),
+        *OF_OTHER_NAMES,
+    ],
+    "POST campaigns/{campaign}/identifications": [
+        ({"band_hz": [3, 1]}, "/band_hz", "is (3, 1), expected low < high"),
+        ({"band_hz": [-1, 10]}, "/band_hz/0", "is -1 Hz, expected at least 0 Hz"),
+    ],
     "POST campaigns/{campaign}/records": [
         ({"force": [1]}, "", 'is not {"variables": {name: numbers}, "mapping"'),
         ({"variables": {"a": [[1], [1, 2]]}}, "/variables/a", "is not a number or a regular array of numbers"),
@@ -197,6 +169,9 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({**BATCH, "published": {"Ex": {"mean": 1e9, "standard_deviation": 0}}}, "/published/Ex/standard_deviation", ""),
     ],
     "POST coupon-batches/{batch}/coupons": [
+        ({"specimen": "B", "E": 1e9}, "/E", "did you mean E_Pa?"),
+        ([{"specimen": "B", "strenth_Pa": 1e9}], "/0/strenth_Pa", "did you mean strength_Pa?"),
+        ({"specimen": "B", "E_Pa": 3.3e19}, "/E_Pa", "is 3.3e19 Pa, expected at most 1e13 Pa (10000 GPa)"),
         ([], "", "the list has 0 specimens, expected 1 to 1000"),
         ({"specimen": "B", "E_Pa": 3e10}, "/E_Pa", "record each direction"),
         ([{"specimen": n, "E_Pa": 3e10} for n in "BC"], "/1/E_Pa", "batch gives"),
@@ -214,6 +189,11 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({**MASS, "E_GPa": 33}, "/E_GPa", ""),
     ],
     "POST campaigns/{campaign}/update-jobs": [
+        ({"inputs": TWICE}, "/inputs", ""),
+        ({"inputs": SOFT}, "/inputs/clamp_compliance_sd", ""),
+        ({"band": [1, 2]}, "/band", "is no member here; did you mean band_hz?"),
+        ({"hold_out": {"pionts": [1]}}, "/hold_out/pionts", "did you mean points?"),
+        ({"parameters": [{**EX, "mean": 1}]}, "/parameters/0/mean", "did you mean prior_mean?"),
         ({"mode_set": "{mode_set}"}, "/mode_set", "belongs to another campaign"),
         ({"mode_set": UNKNOWN}, "/mode_set", ""),
         ({"prior_from_coupon_batch": "{foreign_batch}"}, "/prior_from_coupon_batch", "belongs to another structure"),
@@ -239,6 +219,10 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({}, "/structure", "states no geometry, no density_kg_m3, no laminate or material: an update needs them"),
     ],
     "POST update-jobs": [
+        *(({"jobs": [{"campaign_id": UNKNOWN}, {"campaign_id": "{campaign}", "recipe": {"mode_set": UNKNOWN}}]}, place, "")
+          for place in ("/jobs/0/campaign_id", "/jobs/1/recipe/mode_set")),
+        ({"joint": True, "jobs": [{"campaign_id": "{campaign}", "recipe": {"inputs": SOFT}}, {"campaign_id": "{other}"}]},
+         "/jobs/0/recipe/inputs/clamp_compliance_sd", ""),
         ({"jobs": [{"campaign_id": "{structure}"}]}, "/jobs/0/campaign_id", "no campaign"),
         ({"jobs": [{"campaign_id": "{campaign}", "recipe": {"band_hz": [3, 1]}}]}, "/jobs/0/recipe/band_hz", "its low end"),
         ({"jobs": [{"campaign_id": "{campaign}", "angle_deg": 45}]}, "/jobs/0/angle_deg", ""),
@@ -264,6 +248,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"tests": [{"boundary": "free", "highest_hz": 3.0}]}, "/highest_hz", ""),
     ],
     "POST structures/{structure}/monitors": [
+        ({"name": "m", "recipe": {"inputs": SOFT}}, "/inputs/clamp_compliance_sd", ""),
         ({"name": "m", "parameters": [{"name": "Colour"}]}, "/parameters", "Colour is no parameter that a result has"),
         ({"name": "m", "parameters": [{"name": "nu_xy"}]}, "/parameters/0/name",
          "nu_xy is not updated by the recipe, which updates Ex"),
@@ -287,6 +272,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"mail_to": ["a@b.org"]}, "/mail_to", "has set no SMTP server"),
     ],
     "POST monitors/{monitor}/runs": [
+        ({"campaign": "{other}", "rerun": True}, "", ""),
         ({"campaign": "{foreign}"}, "/campaign", "is no campaign of this monitor's structure"),
         ({"campaign": UNKNOWN}, "/campaign", "no campaign of this"),
         ({"campaign": "{campaign}"}, "/campaign", "states no performed_at"),
@@ -297,6 +283,10 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"project": "{project}", "url": "http://x:port"}, "/url", "is no URL"),
         ({"project": "{project}", "url": "ftp://x"}, "/url", "is no http:// or https:// URL with a host"),
         ({"project": "{project}", "url": "http://a:b@x.org"}, "/url", "holds a user or password"),
+        *(({"project": "{project}", "url": f"http://{host}/"}, "/url", "")
+          for host in ("10.0.0.1", "[::1]", "192.0.0.192", "[64:ff9b::1.1.1.1]", "no-such-name.invalid")),
+        ({"project": "{project}", "url": "http://127.0.0.1/", "events": []}, "/events", ""),
+        ({"project": "{project}", "url": "http://127.0.0.1/", "events": ["alarm.silenced"]}, "/events/0", ""),
     ],
 }
 OTHERS: list[tuple[str, Any, int, str, str]] = [
@@ -346,6 +336,7 @@ def test_a_refusal_says_where_and_what(
     assert answer.headers["content-type"] == "application/problem+json"
     if status == 422:
         assert place in pointers(problem), problem
+        assert "confirmable" not in problem
         assert any(wanted in fault["detail"] for fault in problem["errors"] if fault["pointer"] == place), problem
     assert wanted in problem["detail"]
 

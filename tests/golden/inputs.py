@@ -1,7 +1,5 @@
 """What the golden documents are made of: structures, campaigns, measurements and jobs, over REST."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path
@@ -27,8 +25,7 @@ def open_file(name: str) -> Path:
 def truth_of(file: Path) -> dict[str, Any]:
     """The answers beside an open set: what the laboratory knows is taken from there."""
     beside = file.parent / "truth.json" if file.name.startswith("hits.") else file.with_suffix(".truth.json")
-    truth: dict[str, Any] = json.loads(beside.read_text())
-    return truth
+    return json.loads(beside.read_text())
 
 
 def new_campaign(api: httpx.Client, body: dict[str, Any] = BEAM, project: str | None = None, **fields: Any) -> str:

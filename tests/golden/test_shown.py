@@ -1,7 +1,5 @@
 """What is shown and handed out is what it was: figures, reports, pages, exports, the OpenAPI document, the commands."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Iterator
 from typing import Any

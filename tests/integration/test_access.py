@@ -1,7 +1,5 @@
 """Users, keys, sessions, projects, members and the audit trail over HTTP."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from typing import Any
 from uuid import UUID, uuid4

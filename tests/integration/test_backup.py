@@ -1,7 +1,5 @@
 """Backup and restore between databases: every row, every schema, every kind of damage."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections.abc import Callable, Iterator
@@ -23,7 +21,7 @@ from service.db.base import Base
 from service.db.engine import make_engine, make_sessions
 from service.db.schema import head_revision, require_head, upgrade
 from service.jobs.tables import Job
-from tests.integration.test_migrations import fill, revisions
+from tests.integration.test_db import fill, revisions
 from tests.support.command import modalbase_here
 
 

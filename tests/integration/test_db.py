@@ -1,23 +1,29 @@
-"""The database: schema refusal, migrations, drift, keys, the embedded server."""
+"""The database: schema refusal, migrations that lose nothing, drift, keys."""
 
-from __future__ import annotations
-
+import re
 from concurrent.futures import ThreadPoolExecutor
-from typing import LiteralString
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, LiteralString
+from uuid import uuid4
 
 import psycopg
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from procrastinate.schema import SchemaManager
 from psycopg.conninfo import conninfo_to_dict
-from sqlalchemy import Engine, inspect, select, text
+from sqlalchemy import Column, Connection, Engine, MetaData, Table, insert, inspect, select, text
+from sqlalchemy.dialects.postgresql import JSONB
 
 import service.app.composition  # noqa: F401  imports every table
+from migrations import procrastinate_schema
 from service.access.tables import User
 from service.app.application import create_app
 from service.db.base import Base
-from service.db.engine import Sessions, for_reading, make_sessions, psycopg_url, sqlalchemy_url
-from service.db.schema import SchemaError, current_revision, head_revision, require_head, upgrade
+from service.db.engine import Sessions, for_reading, make_engine, make_sessions, psycopg_url, sqlalchemy_url
+from service.db.schema import SchemaError, _config, current_revision, head_revision, require_head, upgrade
 from service.settings import Settings
 
 
@@ -128,3 +134,159 @@ def asked(engine: Engine, question: LiteralString, pid: int | None) -> object:
     with psycopg.connect(psycopg_url(engine.url.render_as_string(hide_password=False))) as connection:
         row = connection.execute(question, [pid]).fetchone()
         return row[0] if row else None
+
+
+# --- upgrades of databases that hold rows -------------------------------------------------------------------------------
+
+TOGETHER: dict[str, dict[str, Any]] = {"frfs": {"step_hz": 0.5}, "deliveries": {"recipient": "lab@example.org"}}
+"""Values that a check on several columns wants."""
+
+DROPPED = {("jobs", "lease_until")}
+"""Columns that a later revision has no use for."""
+
+VALUES: dict[type, Any] = {
+    str: "µε, °",
+    int: 3,
+    float: 0.25,
+    bool: False,
+    bytes: b"\x00\xff",
+    datetime: datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC),
+}
+
+
+def revisions() -> list[str]:
+    scripts = ScriptDirectory.from_config(_config()).walk_revisions()
+    return [script.revision for script in scripts][::-1]
+
+
+def tables_of(connection: Connection) -> list[Table]:
+    """Our tables as they are in the database, parents first."""
+    metadata = MetaData()
+    metadata.reflect(
+        connection, only=lambda name, _: not name.startswith("procrastinate_") and name != "alembic_version"
+    )
+    return metadata.sorted_tables
+
+
+def a_value(table: Table, column: Column[Any], connection: Connection, allowed: dict[str, str], number: int) -> Any:
+    """One that the column takes, which its newest parent has where it has one."""
+    for key in column.foreign_keys:
+        return connection.scalar(select(key.column).order_by(key.column.desc()).limit(1))
+    if column.name in TOGETHER.get(table.name, {}):
+        return TOGETHER[table.name][column.name]
+    if column.name in allowed:
+        return allowed[column.name]
+    if isinstance(column.type, JSONB) or column.type.__class__.__name__ == "JSON":
+        return {"b": [1, "ü"], "a": None}
+    kind = column.type.python_type
+    if number and kind in (str, bytes):  # a name or a digest may be there once
+        return f"{VALUES[str]} {number:03d}" if kind is str else VALUES[bytes] + bytes([number])
+    return VALUES[kind] if kind in VALUES else uuid4()
+
+
+def fill(connection: Connection, number: int = 0, tables: list[Table] | None = None) -> dict[str, list[dict[str, Any]]]:
+    """A row in every table: all that must be stated, and every reference to another table.
+
+    Args:
+        connection: on the database.
+        number: of the rows; of another number there may be more in the same tables.
+        tables: of the database, where they are known.
+
+    Returns:
+        All rows that are there then, by table.
+    """
+    stored, checks = {}, inspect(connection).get_multi_check_constraints()
+    for table in tables or tables_of(connection):
+        texts = [check["sqltext"] for check in checks.get((None, table.name), [])]
+        lists = [re.search(r"(\w+)\)?(?:::\w+)? = ANY \(.*?'([^']+)'", text) for text in texts]
+        allowed = {match[1]: match[2] for match in lists if match}
+        needed = [
+            column
+            for column in table.columns
+            if (not column.nullable and column.server_default is None)
+            or column.name in TOGETHER.get(table.name, {})
+            or (column.foreign_keys and table.name != "deliveries")
+        ]
+        connection.execute(insert(table), {c.name: a_value(table, c, connection, allowed, number) for c in needed})
+        stored[table.name] = [dict(row._mapping) for row in connection.execute(select(table))]
+    return stored
+
+
+def test_an_upgrade_keeps_every_row(empty: Engine) -> None:
+    """From each revision to the next, with rows of that and of every earlier revision in every table."""
+    chain, tables = revisions(), None
+    upgrade(empty, chain[0])
+    for number, following in enumerate(chain[1:]):
+        with empty.begin() as connection:
+            before = fill(connection, number, tables)
+        assert all(before.values())
+        upgrade(empty, following)
+        with empty.connect() as connection:
+            tables = tables_of(connection)
+            after = {table.name: table for table in tables}
+            for name, rows in before.items():
+                columns = [column for column in rows[0] if (name, column) not in DROPPED]
+                kept = connection.execute(select(*(after[name].c[column] for column in columns))).all()
+                found = sorted(str(dict(row._mapping)) for row in kept)
+                assert found == sorted(str({c: row[c] for c in columns}) for row in rows), (name, following)
+    require_head(empty)
+    with empty.connect() as connection:
+        context = MigrationContext.configure(
+            connection, opts={"include_name": lambda name, *_: not str(name).startswith("procrastinate_")}
+        )
+        assert compare_metadata(context, Base.metadata) == []
+
+
+def test_the_revisions_are_one_chain() -> None:
+    chain = revisions()
+    assert chain == sorted(chain), "file names and order of revisions differ"
+    assert len({revision[:4] for revision in chain}) == len(chain)
+
+
+def test_what_fill_makes_reaches_every_table(empty: Engine) -> None:
+    """The check of the check: at the head too, every table of the models gets a row."""
+    upgrade(empty)
+    with empty.begin() as connection:
+        assert fill(connection).keys() == Base.metadata.tables.keys()
+
+
+def engine_schema(url: str) -> list[tuple[Any, ...]]:
+    """Columns, indices, constraints, triggers and functions of the queue's engine."""
+    queries = (
+        "SELECT table_name, column_name, data_type, column_default, is_nullable FROM information_schema.columns"
+        " WHERE table_name LIKE 'procrastinate%'",
+        "SELECT indexdef FROM pg_indexes WHERE tablename LIKE 'procrastinate%'",
+        "SELECT conrelid::regclass::text, pg_get_constraintdef(oid) FROM pg_constraint"
+        " WHERE conrelid::regclass::text LIKE 'procrastinate%'",
+        "SELECT pg_get_triggerdef(oid) FROM pg_trigger WHERE NOT tgisinternal AND tgname LIKE 'procrastinate%'",
+        "SELECT pg_get_functiondef(oid) FROM pg_proc WHERE proname LIKE 'procrastinate%'",
+        "SELECT enumtypid::regtype::text, enumlabel FROM pg_enum",
+    )
+    engine = make_engine(url)
+    with engine.connect() as connection:
+        found = [tuple(row) for query in queries for row in connection.exec_driver_sql(query.replace("%", "%%"))]
+    engine.dispose()
+    return sorted(found, key=str)
+
+
+def test_the_engines_scripts_by_version_make_the_schema_that_it_brings(empty: Engine, new_database: Any) -> None:
+    with empty.begin() as connection:
+        connection.exec_driver_sql(SchemaManager.get_schema().replace("%", "%%"))
+    assert engine_schema(new_database()) == engine_schema(empty.url.render_as_string(hide_password=False))
+
+
+@pytest.mark.parametrize(
+    ("newest", "mends"),
+    [("03.11.00_01_pre_new.sql", "'procrastinate<3.11.0'"), ("03.03.00_01_pre_old.sql", "'procrastinate>=3.4.0'")],
+)
+def test_another_version_of_the_engine_is_refused(
+    newest: str, mends: str, database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A library of that version brings scripts up to it."""
+    (tmp_path / newest).touch()
+    assert procrastinate_schema._scripts() == sorted(Path(SchemaManager.get_migrations_path()).glob("*.sql"))
+    monkeypatch.setattr(procrastinate_schema, "_scripts", lambda: sorted(tmp_path.glob("*.sql")))
+    engine = make_engine(database)
+    with pytest.raises(SchemaError, match=re.escape(f"run `pip install {mends}`")):
+        require_head(engine)
+    engine.dispose()

@@ -1,10 +1,8 @@
 """The door before the house, asked as a server asks it: who comes in, what is read of a body, and which slot is free when."""
 
-from __future__ import annotations
-
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from uuid import UUID, uuid4
@@ -21,6 +19,7 @@ from service.db.engine import Sessions
 from service.errors import Forbidden, NotFound
 from service.settings import Settings
 from service.web.gate import SLOT
+from tests.support.waiting import awaited, settle
 
 PREFIX = "/api/v1"
 THING, FILE = UUID(int=1), UUID(int=2)
@@ -67,7 +66,6 @@ class House:
             body += message.get("body", b"")
             more = message.get("more_body", False)
         self.bodies.append(body)
-        assert self.door is not None
         before = self.door.gate.answering
         await send({"type": "http.response.start", "status": self.status, "headers": []})
         self.busy.append((before, self.door.gate.answering))
@@ -150,163 +148,138 @@ def front(sessions: Sessions) -> Open:
     return make
 
 
-def run(test: Callable[[], Awaitable[None]]) -> None:
-    asyncio.run(test())  # type: ignore[arg-type]
-
-
 async def nothing_comes() -> Message:
     raise AssertionError("the body was asked for")
 
 
-def test_what_is_not_under_a_prefix_passes_by(front: Open) -> None:
-    async def test() -> None:
+@awaited
+async def test_what_is_not_under_a_prefix_passes_by(front: Open) -> None:
+    at = front()
+    for scope in (
+        {"type": "lifespan"},
+        {"type": "websocket", "path": f"{PREFIX}/x"},
+        {"type": "http", "path": "/api/v1"},
+        {"type": "http", "path": "/api/v10/x"},
+    ):
+        at.house.error = KeyError("passed")
+        with pytest.raises(KeyError, match="passed"):
+            await at.door(scope, nothing_comes, nothing_comes)
+    assert len(at.house.asked) == 4
+
+
+@awaited
+async def test_nobody_without_a_key_comes_in_and_what_is_large_is_not_received(front: Open) -> None:
+    at = front()
+    for size, closed in ((0, False), (LARGE_BYTES, False), (LARGE_BYTES + 1, True)):
+        status, headers, body = await at.ask(
+            authorization="", content_length=str(size), receive=nothing_comes, path="/things/x"
+        )
+        assert (status, headers["www-authenticate"], body["status"]) == (401, "Bearer", 401)
+        assert (headers.get("connection") == "close") is closed
+    endless = await at.ask(authorization="", transfer_encoding="chunked", receive=nothing_comes)
+    assert endless[1]["connection"] == "close"
+    assert not at.house.asked
+
+
+@awaited
+async def test_a_key_is_known_once_an_answer_was_a_success(front: Open) -> None:
+    for status, known in ((404, False), (300, False), (299, True), (200, True)):
         at = front()
-        for scope in (
-            {"type": "lifespan"},
-            {"type": "websocket", "path": f"{PREFIX}/x"},
-            {"type": "http", "path": "/api/v1"},
-            {"type": "http", "path": "/api/v10/x"},
-        ):
-            at.house.error = KeyError("passed")
-            with pytest.raises(KeyError, match="passed"):
-                await at.door(scope, nothing_comes, nothing_comes)  # type: ignore[arg-type]
-        assert len(at.house.asked) == 4
-
-    run(test)
+        at.house.status = status
+        assert (await at.ask())[0] == status
+        caller = at.door.keys.caller(f"Bearer {at.key}", "elsewhere")
+        assert caller.known is known
+    at.house.status = 401  # revoked meanwhile
+    assert (await at.ask())[0] == 401
+    count = len(at.house.asked)
+    assert (await at.ask())[0] == 401  # by memory
+    assert len(at.house.asked) == count
 
 
-def test_nobody_without_a_key_comes_in_and_what_is_large_is_not_received(front: Open) -> None:
-    async def test() -> None:
-        at = front()
-        for size, closed in ((0, False), (LARGE_BYTES, False), (LARGE_BYTES + 1, True)):
-            status, headers, body = await at.ask(
-                authorization="", content_length=str(size), receive=nothing_comes, path="/things/x"
-            )
-            assert (status, headers["www-authenticate"], body["status"]) == (401, "Bearer", 401)
-            assert (headers.get("connection") == "close") is closed
-        endless = await at.ask(authorization="", transfer_encoding="chunked", receive=nothing_comes)
-        assert endless[1]["connection"] == "close"
-        assert not at.house.asked
-
-    run(test)
-
-
-def test_a_key_is_known_once_an_answer_was_a_success(front: Open) -> None:
-    async def test() -> None:
-        for status, known in ((404, False), (300, False), (299, True), (200, True)):
-            at = front()
-            at.house.status = status
-            assert (await at.ask())[0] == status
-            caller = at.door.keys.caller(f"Bearer {at.key}", "elsewhere")
-            assert caller.known is known
-        at.house.status = 401  # revoked meanwhile
-        assert (await at.ask())[0] == 401
-        count = len(at.house.asked)
-        assert (await at.ask())[0] == 401  # by memory
-        assert len(at.house.asked) == count
-
-    run(test)
+@awaited
+async def test_a_slot_is_held_until_the_answer_begins_and_never_lost(front: Open) -> None:
+    at = front(database_pool=2)
+    assert (await at.ask(b"{}"))[0] == 200
+    assert at.house.asked[-1][SLOT] is not None
+    assert at.house.busy == [(1, 0)]
+    at.house.error = RuntimeError("unheard of")
+    with pytest.raises(RuntimeError, match="unheard of"):
+        await at.ask(b"{}")
+    at.house.error = Forbidden("the application answers its own errors")
+    with pytest.raises(Forbidden):
+        await at.ask(b"{}")
+    assert (at.door.gate.answering, at.door.gate.waiting) == (0, 0)
 
 
-def test_a_slot_is_held_until_the_answer_begins_and_never_lost(front: Open) -> None:
-    async def test() -> None:
-        at = front(database_pool=2)
-        assert (await at.ask(b"{}"))[0] == 200
-        assert at.house.asked[-1][SLOT] is not None
-        assert at.house.busy == [(1, 0)]
-        at.house.error = RuntimeError("unheard of")
-        with pytest.raises(RuntimeError, match="unheard of"):
-            await at.ask(b"{}")
-        at.house.error = Forbidden("the application answers its own errors")
-        with pytest.raises(Forbidden):
-            await at.ask(b"{}")
-        assert (at.door.gate.answering, at.door.gate.waiting) == (0, 0)
-
-    run(test)
+@awaited
+async def test_bodies_have_a_limit_by_their_kind(front: Open) -> None:
+    at = front(json_limit_bytes=10, upload_limit_bytes=20)
+    for kind, limit in (("application/json", 10), ("application/merge-patch+json", 10), ("text/csv", 20)):
+        assert (await at.ask(b"x" * limit, content_type=kind))[0] == 200
+        status, _, body = await at.ask(
+            content_length=str(limit + 1), content_type=kind, receive=nothing_comes, path="/x"
+        )
+        assert (status, f"larger than {limit} bytes" in body["detail"]) == (413, True)
+        for length in ({"transfer_encoding": "chunked"}, {"content_length": "many"}):
+            assert (await at.ask(b"x" * limit, content_type=kind, **length))[0] == 200
+            assert (await at.ask(b"x" * limit, b"x", content_type=kind, **length))[0] == 413
+    assert {len(body) for body in at.house.bodies} == {10, 20}
 
 
-def test_bodies_have_a_limit_by_their_kind(front: Open) -> None:
-    async def test() -> None:
-        at = front(json_limit_bytes=10, upload_limit_bytes=20)
-        for kind, limit in (("application/json", 10), ("application/merge-patch+json", 10), ("text/csv", 20)):
-            assert (await at.ask(b"x" * limit, content_type=kind))[0] == 200
-            status, _, body = await at.ask(
-                content_length=str(limit + 1), content_type=kind, receive=nothing_comes, path="/x"
-            )
-            assert (status, f"larger than {limit} bytes" in body["detail"]) == (413, True)
-            for length in ({"transfer_encoding": "chunked"}, {"content_length": "many"}):
-                assert (await at.ask(b"x" * limit, content_type=kind, **length))[0] == 200
-                assert (await at.ask(b"x" * limit, b"x", content_type=kind, **length))[0] == 413
-        assert {len(body) for body in at.house.bodies} == {10, 20}
-
-    run(test)
-
-
-def test_key_and_role_are_asked_before_what_costs_is_received(front: Open) -> None:
+@awaited
+async def test_key_and_role_are_asked_before_what_costs_is_received(front: Open) -> None:
     """The role where a body is large, where the key is new, and where a route reads its body itself; else the route asks."""
-
-    async def test() -> None:
-        for refusal, status in ((NotFound("thing", THING), 404), (Forbidden("a viewer"), 403)):
-            at = front(refusal)
-            for path in (f"/things/{THING}", f"/files/{FILE}/x"):
-                assert (await at.ask(content_length="5", receive=nothing_comes, path=path))[0] == status
-            assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
-            assert (at.door.gate.answering, at.house.asked) == (0, [])
-        at = front()
-        assert (await at.ask())[0] == 200  # nothing to read, so nothing is asked here
-        assert at.looked == []
-        known = at.door.keys.caller(f"Bearer {at.key}", "x").known
-        assert known
-        assert (await at.ask(b"x" * LARGE_BYTES))[0] == 200
-        assert at.looked == []
-        assert (await at.ask(b"x" * (LARGE_BYTES + 1)))[0] == 200
-        assert (await at.ask(b"x", path=f"/files/{FILE}/x"))[0] == 200
-        assert (await at.ask(b"x", path="/files/none/x"))[0] == 200  # the route says what is wrong with it
+    for refusal, status in ((NotFound("thing", THING), 404), (Forbidden("a viewer"), 403)):
+        at = front(refusal)
+        for path in (f"/things/{THING}", f"/files/{FILE}/x"):
+            assert (await at.ask(content_length="5", receive=nothing_comes, path=path))[0] == status
         assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
-        assert at.house.asked[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
+        assert (at.door.gate.answering, at.house.asked) == (0, [])
+    at = front()
+    assert (await at.ask())[0] == 200  # nothing to read, so nothing is asked here
+    assert at.looked == []
+    known = at.door.keys.caller(f"Bearer {at.key}", "x").known
+    assert known
+    assert (await at.ask(b"x" * LARGE_BYTES))[0] == 200
+    assert at.looked == []
+    assert (await at.ask(b"x" * (LARGE_BYTES + 1)))[0] == 200
+    assert (await at.ask(b"x", path=f"/files/{FILE}/x"))[0] == 200
+    assert (await at.ask(b"x", path="/files/none/x"))[0] == 200  # the route says what is wrong with it
+    assert at.looked == [("ada", THING, "editor"), ("ada", FILE, "editor")]
+    assert at.house.asked[-1]["route"].path == f"{PREFIX}/files/{{thing}}/{{part}}"
 
-    run(test)
 
-
-def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(front: Open, sessions: Sessions) -> None:
-    async def test() -> None:
-        at = front(key_failures_a_minute=1)
-        wrong = f"{at.key[:-1]}{'a' if at.key[-1] != 'a' else 'b'}"
-        assert (await at.ask(content_length="5", receive=nothing_comes, key=wrong))[0] == 401
-        assert (await at.ask(content_length="5", receive=nothing_comes, key=wrong))[0] == 401
-        at.client = ("10.0.0.1", 2)
-        status, headers, _ = await at.ask(key=f"{wrong}c")
-        assert (status, headers["retry-after"]) == (429, "60")
-        at.client = ("10.0.0.2", 1)
-        assert (await at.ask(content_length="5", receive=nothing_comes, key=f"{wrong}d"))[0] == 401
-        assert (at.door.gate.answering, at.house.asked, at.looked) == (0, [], [])
-
-    run(test)
+@awaited
+async def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(front: Open, sessions: Sessions) -> None:
+    at = front(key_failures_a_minute=1)
+    wrong = f"{at.key[:-1]}{'a' if at.key[-1] != 'a' else 'b'}"
+    assert (await at.ask(content_length="5", receive=nothing_comes, key=wrong))[0] == 401
+    assert (await at.ask(content_length="5", receive=nothing_comes, key=wrong))[0] == 401
+    at.client = ("10.0.0.1", 2)
+    status, headers, _ = await at.ask(key=f"{wrong}c")
+    assert (status, headers["retry-after"]) == (429, "60")
+    at.client = ("10.0.0.2", 1)
+    assert (await at.ask(content_length="5", receive=nothing_comes, key=f"{wrong}d"))[0] == 401
+    assert (at.door.gate.answering, at.house.asked, at.looked) == (0, [], [])
     with sessions.begin() as session:
         narrow = create_key(session, user_named(session, "bob"), "k", scopes=("read",))[1]
-
-    async def scoped() -> None:
-        at = front()
-        status, _, body = await at.ask(content_length="5", receive=nothing_comes, key=narrow)
-        assert (status, "scope write" in body["detail"]) == (403, True)
-
-    run(scoped)
+    at = front()
+    status, _, body = await at.ask(content_length="5", receive=nothing_comes, key=narrow)
+    assert (status, "scope write" in body["detail"]) == (403, True)
 
 
-def test_requests_and_bytes_of_a_key_are_counted(front: Open) -> None:
-    async def test() -> None:
-        at = front(key_requests_a_second=1)
-        assert [(await at.ask())[0] for _ in range(10)] == [200] * 10  # the first as an address
-        assert (await at.ask())[0] == 200
-        status, headers, body = await at.ask()
-        assert (status, headers["retry-after"], "more than 1 requests a second" in body["detail"]) == (429, "1", True)
-        at = front(key_bytes_an_hour=100)
-        await at.ask()
-        assert [(await at.ask(b"x" * 60))[0], (await at.ask(b"x" * 40))[0]] == [200, 200]
-        status, headers, body = await at.ask(b"x")
-        assert (status, headers["retry-after"], "more than 100 bytes an hour" in body["detail"]) == (429, "36", True)
-
-    run(test)
+@awaited
+async def test_requests_and_bytes_of_a_key_are_counted(front: Open) -> None:
+    at = front(key_requests_a_second=1)
+    assert [(await at.ask())[0] for _ in range(10)] == [200] * 10  # the first as an address
+    assert (await at.ask())[0] == 200
+    status, headers, body = await at.ask()
+    assert (status, headers["retry-after"], "more than 1 requests a second" in body["detail"]) == (429, "1", True)
+    at = front(key_bytes_an_hour=100)
+    await at.ask()
+    assert [(await at.ask(b"x" * 60))[0], (await at.ask(b"x" * 40))[0]] == [200, 200]
+    status, headers, body = await at.ask(b"x")
+    assert (status, headers["retry-after"], "more than 100 bytes an hour" in body["detail"]) == (429, "36", True)
 
 
 class Slow:
@@ -321,76 +294,66 @@ class Slow:
         return {"type": "http.request", "body": b"x"}
 
 
-def test_so_many_large_bodies_are_received_at_a_time(front: Open) -> None:
-    async def test() -> None:
-        at = front(uploads=2)
-        large = {"content_length": str(LARGE_BYTES + 1)}
-        for end in ({"type": "http.disconnect"}, {"type": "http.request", "body": b"x"}):
-            slow: Sequence[Slow] = (Slow(), Slow())
-            coming = [asyncio.ensure_future(at.ask(receive=one, **large)) for one in slow]
-            for one in slow:
-                await one.asked.wait()
-            status, headers, body = await at.ask(receive=nothing_comes, **large)
-            assert (status, headers["connection"]) == (503, "close")
-            assert body["detail"].startswith("2 uploads are being received")
-            assert (await at.ask(b"{}"))[0] == 200  # what is small comes in
+@awaited
+async def test_so_many_large_bodies_are_received_at_a_time(front: Open) -> None:
+    at = front(uploads=2)
+    large = {"content_length": str(LARGE_BYTES + 1)}
+    for end in ({"type": "http.disconnect"}, {"type": "http.request", "body": b"x"}):
+        slow: Sequence[Slow] = (Slow(), Slow())
+        coming = [asyncio.ensure_future(at.ask(receive=one, **large)) for one in slow]
+        for one in slow:
+            await one.asked.wait()
+        status, headers, body = await at.ask(receive=nothing_comes, **large)
+        assert (status, headers["connection"]) == (503, "close")
+        assert body["detail"].startswith("2 uploads are being received")
+        assert (await at.ask(b"{}"))[0] == 200  # what is small comes in
 
-            async def ended(end: dict[str, Any] = end) -> Message:
-                return end
+        async def ended(end: dict[str, Any] = end) -> Message:
+            return end
 
-            for one in slow:
-                one.go.set()
-            assert [answer[0] for answer in await asyncio.gather(*coming)] == [200, 200]
-            for _ in range(3):  # nor does one that is broken off stay counted
-                if end["type"] == "http.disconnect":
-                    with pytest.raises(ClientDisconnect):
-                        await at.ask(receive=ended, **large)
-                else:
-                    assert (await at.ask(receive=ended, **large))[0] == 200
-
-    run(test)
+        for one in slow:
+            one.go.set()
+        assert [answer[0] for answer in await asyncio.gather(*coming)] == [200, 200]
+        for _ in range(3):  # nor does one that is broken off stay counted
+            if end["type"] == "http.disconnect":
+                with pytest.raises(ClientDisconnect):
+                    await at.ask(receive=ended, **large)
+            else:
+                assert (await at.ask(receive=ended, **large))[0] == 200
 
 
-def test_who_goes_away_while_waiting_leaves_no_gap(front: Open) -> None:
-    async def test() -> None:
-        at = front(database_pool=1)
-        inside, go = asyncio.Event(), asyncio.Event()
-        answer = at.house.__call__
+@awaited
+async def test_who_goes_away_while_waiting_leaves_no_gap(front: Open) -> None:
+    at = front(database_pool=1)
+    inside, go = asyncio.Event(), asyncio.Event()
+    answer = at.house.__call__
 
-        async def held(scope: Scope, receive: Receive, send: Send) -> None:
-            inside.set()
-            await go.wait()
-            await answer(scope, receive, send)
+    async def held(scope: Scope, receive: Receive, send: Send) -> None:
+        inside.set()
+        await go.wait()
+        await answer(scope, receive, send)
 
-        at.door.app = held
-        first = asyncio.ensure_future(at.ask())
-        await inside.wait()
-        waits = asyncio.Event()
+    at.door.app = held
+    first = asyncio.ensure_future(at.ask())
+    await inside.wait()
+    waits = asyncio.Event()
 
-        async def leaves() -> Message:
-            if waits.is_set():  # the empty body has come
-                return {"type": "http.disconnect"}
-            waits.set()
-            return {"type": "http.request", "body": b""}
+    async def leaves() -> Message:
+        if waits.is_set():  # the empty body has come
+            return {"type": "http.disconnect"}
+        waits.set()
+        return {"type": "http.request", "body": b""}
 
-        with pytest.raises(ClientDisconnect):
-            await at.ask(receive=leaves)
-        await settle()
-        assert (at.door.gate.answering, at.door.gate.waiting) == (1, 0)
-        second = asyncio.ensure_future(at.ask(receive=Patient()))
-        await settle()
-        assert (at.door.gate.answering, at.door.gate.waiting) == (1, 1)
-        go.set()
-        assert [(await first)[0], (await second)[0]] == [200, 200]
-        assert (at.door.gate.answering, at.door.gate.waiting) == (0, 0)
-
-    run(test)
-
-
-async def settle() -> None:
-    """Let everything that can go on do so."""
-    for _ in range(10):
-        await asyncio.sleep(0)
+    with pytest.raises(ClientDisconnect):
+        await at.ask(receive=leaves)
+    await settle()
+    assert (at.door.gate.answering, at.door.gate.waiting) == (1, 0)
+    second = asyncio.ensure_future(at.ask(receive=Patient()))
+    await settle()
+    assert (at.door.gate.answering, at.door.gate.waiting) == (1, 1)
+    go.set()
+    assert [(await first)[0], (await second)[0]] == [200, 200]
+    assert (at.door.gate.answering, at.door.gate.waiting) == (0, 0)
 
 
 class Patient:

@@ -1,7 +1,5 @@
 """The embedded PostgreSQL in folders of every kind, and who reaches it."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import stat
@@ -203,7 +201,6 @@ def test_embedded_server_lives_from_the_first_to_the_last_that_is_in(folder: Pat
             [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         assert other.stdin is not None
-        assert other.stdout is not None
         assert other.stdout.readline() == "in\n"
     assert running(folder)  # the other is still in
     with psycopg.connect(url) as connection:
@@ -218,7 +215,6 @@ def test_embedded_server_survives_the_death_of_its_starter(folder: Path, cluster
     with subprocess.Popen(
         [sys.executable, "-c", HOLD, str(folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as starter:
-        assert starter.stdout is not None
         assert starter.stdout.readline() == "in\n"
         starter.kill()
     assert running(folder)  # nobody was there to stop it

@@ -4,8 +4,6 @@ The operations are taken from the service's own document, so a new one is tested
 same at length and prints what came of it.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 
@@ -14,15 +12,13 @@ import pytest
 from benchmarks.service import ASKED_FREELY
 from benchmarks.soak import fuzz
 from service.app.supervisor import LocalService
-from service.settings import Settings
 from tests.support import access, furnished
 
 
 @pytest.fixture(scope="module")
-def service(new_database: Callable[[], str]) -> Iterator[LocalService]:
+def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
     """One that is asked freely, and runs no jobs."""
-    settings = Settings(database_url=new_database(), port=0, log_level="error", **ASKED_FREELY)
-    with LocalService(settings, worker=False) as running:
+    with new_service(worker=False, **ASKED_FREELY) as running:
         yield running
 
 

@@ -3,8 +3,6 @@
 One job, the demonstration's, is shared by all.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re
@@ -49,8 +47,7 @@ class Done:
         return self.api.base_url.join(item["href"])
 
     def figure(self, name: str, **query: Any) -> dict[str, Any]:
-        found: dict[str, Any] = ok(self.api.get(f"{self.path}/figures/{name}", params=query), 200)
-        return found
+        return ok(self.api.get(f"{self.path}/figures/{name}", params=query), 200)
 
 
 @pytest.fixture(scope="module")
@@ -326,7 +323,7 @@ def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, s
     ]
     with (
         session_client(demo.api, base=service.url) as browser,
-        psycopg.connect(service.settings.database_url or "", autocommit=True) as database,
+        psycopg.connect(service.settings.database_url, autocommit=True) as database,
     ):
         (kept,) = database.execute("SELECT prediction FROM update_results WHERE id = %s", [job]).fetchone() or ()
         damage = "UPDATE update_results SET prediction = %s WHERE id = %s"
@@ -352,9 +349,9 @@ def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, s
 
 
 def test_a_campaign_of_one_frf_has_every_figure_and_its_report(demo: Done, service: LocalService) -> None:
-    """Its arrays, of 1,000 lines, are stored in fewer bytes than are read at a time."""
+    """Its arrays, of 1,000 lines, are stored in fewer bytes than are read at a time; the report prints each figure."""
     with plain_client(service.url, dict(demo.api.headers)) as client:
-        answers = dict(small_campaigns(client, sizes=((1, 1),), formats=("plotly", "svg")))
+        answers = dict(small_campaigns(client, sizes=((1, 1),), formats=("plotly",)))
     assert {asked.split(": ")[1].split("?")[0] for asked in answers} >= {"report", "figures/frf", "figures/shapes"}
     assert set(answers.values()) == {200}, answers
 

@@ -1,7 +1,5 @@
 """Bodies that are made to cost: without a key, or with one."""
 
-from __future__ import annotations
-
 import io
 import json
 import urllib.error
@@ -14,9 +12,8 @@ import numpy as np
 import psutil
 import pytest
 
-from service.app.demo import paper
+from benchmarks.service import campaigns_of
 from service.app.supervisor import LocalService
-from tests.support.laboratory import BEAM
 from tests.support.rest import plain_client
 
 MIB = 1024 * 1024
@@ -110,7 +107,7 @@ def test_an_array_that_claims_to_be_huge_is_refused(api: httpx.Client, campaign:
 
 def test_many_frfs_in_one_body_are_stored(api: httpx.Client, campaign: str) -> None:
     body = {"content": frfs(2000, 10), "headers": {"Content-Type": "application/x-npz"}}
-    answer = api.post(f"campaigns/{campaign}/frfs", **body)  # type: ignore[arg-type]
+    answer = api.post(f"campaigns/{campaign}/frfs", **body)
     assert answer.status_code == 201, answer.text
     ids = [item["id"] for item in answer.json()["items"]]
     assert len(ids) == 2000
@@ -139,15 +136,12 @@ def test_measured_values_in_json_are_held_to_elements_depth_and_text(service: Lo
     method, many, one, place, pointer = MEASURED[kind]
     with plain_client(f"{service.url}/api/v1/") as client:
         client.headers = {"Authorization": f"Bearer {service.new_key('k')}", "Content-Type": "application/json"}
-        project = client.post("projects", json={"name": "p"}).json()["id"]
-        structure = client.post(f"projects/{project}/structures", json=BEAM).json()["id"]
-        campaign = client.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN).json()["id"]
+        (campaign,) = campaigns_of(client, "p")
 
         def faults(body: bytes) -> list[dict[str, str]]:
             answer = client.request(method, f"campaigns/{campaign}/{kind}", content=body)
             assert answer.status_code == 422, answer.text[:500]
-            found: list[dict[str, str]] = answer.json()["errors"]
-            return found
+            return answer.json()["errors"]
 
         client.get(f"campaigns/{campaign}")
         before = memory(service)

@@ -1,7 +1,5 @@
 """Imports over HTTP: a laboratory's file in, its parts in the tables, and nothing of a file that is broken."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import http.client
@@ -15,9 +13,9 @@ import pytest
 
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from tests.support.rest import ok
 from tests.support.waiting import PATIENCE
 
-Checked = Callable[[httpx.Response, int], Any]
 Imported = Callable[..., dict[str, Any]]
 Rows = Callable[..., list[dict[str, Any]]]
 
@@ -86,7 +84,7 @@ NOTHING = {"frfs": 0, "grid_points": 0, "mode_sets": 0}
 
 @pytest.mark.parametrize("name", ["cantilever-1pct", "free-1pct"])
 def test_a_laboratorys_file_comes_in_whole(
-    api: httpx.Client, campaign: str, imported: Imported, blind_open: Path, checked: Checked, rows: Rows, name: str
+    api: httpx.Client, campaign: str, imported: Imported, blind_open: Path, rows: Rows, name: str
 ) -> None:
     content = (blind_open / f"{name}.uff").read_bytes()
     done = imported(campaign, content, filename=f"{name}.uff")
@@ -97,20 +95,20 @@ def test_a_laboratorys_file_comes_in_whole(
     assert [d["number"] for d in done["datasets"]] == list(range(1, len(done["datasets"]) + 1))
     assert {d["outcome"] for d in done["datasets"]} == {"read"}
     assert all(content[d["offset"] :].lstrip().startswith(b"-1") for d in done["datasets"])
-    frfs = checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    frfs = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert {f["response_point"] for f in frfs} | {f["reference_point"] for f in frfs} == set(range(1, 34))
     assert {(f["quantity"], f["start_hz"], f["step_hz"]) for f in frfs} == {("accelerance", 1.0, 1.0)}
-    assert len(checked(api.get(f"campaigns/{campaign}/grid-points"), 200)["items"]) == 33
+    assert len(ok(api.get(f"campaigns/{campaign}/grid-points"), 200)["items"]) == 33
     kept = rows("SELECT data FROM original_chunks WHERE sha256 = %s ORDER BY number", bytes.fromhex(done["sha256"]))
     assert b"".join(bytes(row["data"]) for row in kept) == content
 
 
-def test_a_coherence_goes_to_its_frf(api: httpx.Client, campaign: str, imported: Imported, checked: Checked) -> None:
+def test_a_coherence_goes_to_its_frf(api: httpx.Client, campaign: str, imported: Imported) -> None:
     done = imported(campaign, small_file())
     assert done["status"] == "succeeded", done
-    (frf,) = checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    (frf,) = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert frf["has_coherence"]
-    data = checked(api.get(f"frfs/{frf['id']}/data"), 200)
+    data = ok(api.get(f"frfs/{frf['id']}/data"), 200)
     assert data["frequency_hz"] == [1.0, 2.0, 3.0]
     assert data["frfs"][0]["real"] == [1.0, 3.0, 5.0]
     assert data["frfs"][0]["imag"] == [2.0, 4.0, -6.0]
@@ -126,38 +124,36 @@ def test_a_coherence_without_its_frf_is_reported(campaign: str, imported: Import
 
 
 def test_points_off_the_specimen_are_told_as_a_file_comes_in(
-    api: httpx.Client, campaign: str, imported: Imported, checked: Checked
+    api: httpx.Client, campaign: str, imported: Imported
 ) -> None:
     """The specimen is 0.5 m long. Point 2 lies 8 mm beyond its end, which counts as on the edge; 3 and 4 lie further out."""
-    structure = checked(api.get(f"campaigns/{campaign}"), 200)["structure_id"]
-    assert checked(api.get(f"structures/{structure}"), 200)["geometry"]["length_m"] == 0.5
+    structure = ok(api.get(f"campaigns/{campaign}"), 200)["structure_id"]
+    assert ok(api.get(f"structures/{structure}"), 200)["geometry"]["length_m"] == 0.5
     frfs = "".join(function(response, 1, [1 + 2j, 3 + 4j]) for response in (2, 3, 4))
     text = HEADER + points((1, 0.1), (2, 0.508), (3, 0.512), (4, -0.1), (5, 7.0)) + frfs
     (warning,) = imported(campaign, text.encode())["warnings"]
     assert warning.startswith("FRFs name grid points off the specimen: 3, 4; an update will refuse them: check")
     moved = {"frame": {"origin_m": [0, 3.0, 0]}}
-    checked(api.patch(f"campaigns/{campaign}", json=moved, headers={"If-Match": "*"}), 200)
+    ok(api.patch(f"campaigns/{campaign}", json=moved, headers={"If-Match": "*"}), 200)
     (warning,) = imported(campaign, (HEADER + function(2, 1, [5 + 6j, 7 + 8j])).encode())["warnings"]
     assert "off the specimen: 1, 2;" in warning
 
 
 def test_a_multipart_form_does_as_well(
-    api: httpx.Client, campaign: str, finished: Callable[[str], dict[str, Any]], checked: Checked
+    api: httpx.Client, campaign: str, finished: Callable[[str], dict[str, Any]]
 ) -> None:
     files = {"file": ("C:\\data\\beam.uff", small_file(), "application/octet-stream")}
     answer = api.post(f"campaigns/{campaign}/imports", files=files)
-    assert checked(answer, 202)["filename"] == "beam.uff"
+    assert ok(answer, 202)["filename"] == "beam.uff"
     assert finished(answer.headers["Location"])["counts"] == {"frfs": 1, "grid_points": 2, "modes": 0, "records": 0}
 
 
-def test_a_form_without_a_file_is_refused(api: httpx.Client, campaign: str, checked: Checked) -> None:
-    problem = checked(api.post(f"campaigns/{campaign}/imports", files={"other": ("a.uff", b"x")}), 422)
+def test_a_form_without_a_file_is_refused(api: httpx.Client, campaign: str) -> None:
+    problem = ok(api.post(f"campaigns/{campaign}/imports", files={"other": ("a.uff", b"x")}), 422)
     assert problem["errors"][0]["pointer"] == "/file"
     broken = {"Content-Type": "multipart/form-data; boundary=x"}
-    checked(api.post(f"campaigns/{campaign}/imports", content=b"no boundary here", headers=broken), 422)
-    checked(
-        api.post(f"campaigns/{campaign}/imports", content=b"x", headers={"Content-Type": "multipart/form-data"}), 422
-    )
+    ok(api.post(f"campaigns/{campaign}/imports", content=b"no boundary here", headers=broken), 422)
+    ok(api.post(f"campaigns/{campaign}/imports", content=b"x", headers={"Content-Type": "multipart/form-data"}), 422)
 
 
 def test_the_same_bytes_are_not_imported_twice(
@@ -165,13 +161,12 @@ def test_the_same_bytes_are_not_imported_twice(
     campaign: str,
     new_campaign: Callable[..., str],
     imported: Imported,
-    checked: Checked,
     stored: Callable[[str], dict[str, int]],
     rows: Rows,
 ) -> None:
     first = imported(campaign, small_file())
     again = api.post(f"campaigns/{campaign}/imports", content=small_file())
-    assert checked(again, 200)["already_imported"]
+    assert ok(again, 200)["already_imported"]
     assert again.headers["Location"] == f"/api/v1/imports/{first['id']}"
     assert stored(campaign)["frfs"] == 1
     other = new_campaign(name="other")
@@ -182,7 +177,7 @@ def test_the_same_bytes_are_not_imported_twice(
 
 
 def test_a_dry_run_only_reports(
-    api: httpx.Client, campaign: str, imported: Imported, checked: Checked, stored: Callable[[str], dict[str, int]]
+    api: httpx.Client, campaign: str, imported: Imported, stored: Callable[[str], dict[str, int]]
 ) -> None:
     done = imported(campaign, small_file(), dry_run="true")
     assert (done["status"], done["dry_run"]) == ("succeeded", True)
@@ -190,7 +185,7 @@ def test_a_dry_run_only_reports(
     assert stored(campaign) == NOTHING
     assert imported(campaign, small_file())["counts"] == done["counts"]
     assert stored(campaign)["frfs"] == 1
-    listed = checked(api.get(f"campaigns/{campaign}/imports"), 200)["items"]
+    listed = ok(api.get(f"campaigns/{campaign}/imports"), 200)["items"]
     assert [i["dry_run"] for i in listed] == [True, False]
 
 
@@ -219,19 +214,17 @@ def test_a_damaged_file_fails_with_the_reason_and_leaves_nothing(
     assert stored(campaign) == NOTHING
 
 
-def test_an_empty_body_is_refused_at_once(api: httpx.Client, campaign: str, checked: Checked, rows: Rows) -> None:
+def test_an_empty_body_is_refused_at_once(api: httpx.Client, campaign: str, rows: Rows) -> None:
     answer = api.post(f"campaigns/{campaign}/imports", content=b"")
     assert answer.headers["content-type"].startswith("application/problem+json")
-    assert "empty" in str(checked(answer, 422))
-    checked(api.post(f"campaigns/{campaign}/imports", files={"file": ("a.uff", b"")}), 422)
+    assert "empty" in str(ok(answer, 422))
+    ok(api.post(f"campaigns/{campaign}/imports", files={"file": ("a.uff", b"")}), 422)
     assert rows("SELECT 1 FROM imports WHERE campaign_id = %s", campaign) == []
 
 
-def test_a_failed_import_may_be_tried_again(
-    api: httpx.Client, campaign: str, imported: Imported, checked: Checked
-) -> None:
+def test_a_failed_import_may_be_tried_again(api: httpx.Client, campaign: str, imported: Imported) -> None:
     assert imported(campaign, b"nonsense")["status"] == "failed"
-    checked(api.post(f"campaigns/{campaign}/imports", content=b"nonsense"), 202)
+    ok(api.post(f"campaigns/{campaign}/imports", content=b"nonsense"), 202)
 
 
 def test_a_point_that_lies_elsewhere_stops_the_import(
@@ -268,11 +261,11 @@ def test_a_file_with_nothing_to_store_says_why(
 
 
 def test_modes_of_a_file_become_a_mode_set(
-    api: httpx.Client, campaign: str, imported: Imported, uff_corpus: Path, checked: Checked
+    api: httpx.Client, campaign: str, imported: Imported, uff_corpus: Path
 ) -> None:
     done = imported(campaign, (uff_corpus / "pyuff" / "uff55_translation.uff").read_bytes(), filename="shapes.uff")
     assert done["status"] == "succeeded", done
-    (mode_set,) = checked(api.get(f"campaigns/{campaign}/mode-sets"), 200)["items"]
+    (mode_set,) = ok(api.get(f"campaigns/{campaign}/mode-sets"), 200)["items"]
     assert (mode_set["origin"], mode_set["name"], mode_set["import_id"]) == ("file", "shapes.uff", done["id"])
     assert len(mode_set["modes"]) == done["counts"]["modes"] > 0
     frequencies = [mode["frequency_hz"] for mode in mode_set["modes"]]
@@ -280,17 +273,15 @@ def test_modes_of_a_file_become_a_mode_set(
     assert all(mode["shape"] for mode in mode_set["modes"])
 
 
-def test_a_real_file_of_three_frfs(
-    api: httpx.Client, campaign: str, imported: Imported, uff_corpus: Path, checked: Checked
-) -> None:
+def test_a_real_file_of_three_frfs(api: httpx.Client, campaign: str, imported: Imported, uff_corpus: Path) -> None:
     done = imported(campaign, (uff_corpus / "pyuff" / "measurement_v1.uff").read_bytes(), quantity="accelerance")
     assert done["counts"]["frfs"] == 3, done
-    frfs = checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    frfs = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert [f["lines"] for f in frfs] == [1001] * 3
 
 
 def test_the_original_can_be_fetched_again(
-    api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, imported: Imported, checked: Checked
+    api: httpx.Client, new_client: Callable[[], httpx.Client], campaign: str, imported: Imported
 ) -> None:
     content = small_file() + b" " * 3_000_000 + b"\n"
     done = imported(campaign, b"nonsense" + content, filename="beam.uff")
@@ -301,20 +292,18 @@ def test_the_original_can_be_fetched_again(
     assert 'filename="beam.uff"' in answer.headers["Content-Disposition"]
     assert api.get(path, headers={"Range": "bytes=2-5"}).content == b"nsen"
     assert api.get(path, headers={"If-None-Match": answer.headers["ETag"]}).status_code == 304
-    checked(new_client().get(path), 404)
+    ok(new_client().get(path), 404)
 
 
-def test_without_a_key_no_byte_is_read(api: httpx.Client, campaign: str, checked: Checked) -> None:
+def test_without_a_key_no_byte_is_read(api: httpx.Client, campaign: str) -> None:
     anonymous = httpx.Client(base_url=api.base_url, trust_env=False, timeout=60)
     with anonymous:
-        checked(anonymous.post(f"campaigns/{campaign}/imports", content=b"x"), 401)
+        ok(anonymous.post(f"campaigns/{campaign}/imports", content=b"x"), 401)
 
 
 @pytest.mark.parametrize("params", [{"filename": "a\0b"}, {"quantity": "loudness"}, {"dry_run": "perhaps"}])
-def test_a_senseless_parameter_is_refused(
-    api: httpx.Client, campaign: str, checked: Checked, params: dict[str, str]
-) -> None:
-    checked(api.post(f"campaigns/{campaign}/imports", params=params, content=small_file()), 422)
+def test_a_senseless_parameter_is_refused(api: httpx.Client, campaign: str, params: dict[str, str]) -> None:
+    ok(api.post(f"campaigns/{campaign}/imports", params=params, content=small_file()), 422)
 
 
 def test_a_body_beyond_the_limit_is_refused_before_it_is_sent(
@@ -332,13 +321,12 @@ def test_a_body_beyond_the_limit_is_refused_before_it_is_sent(
 
 
 def test_an_edit_does_not_wait_for_an_import_that_is_being_stored(
-    api: httpx.Client, service: LocalService, campaign: str, checked: Checked
+    api: httpx.Client, service: LocalService, campaign: str
 ) -> None:
-    assert service.settings.database_url is not None
     with psycopg.connect(psycopg_url(service.settings.database_url)) as storing:
         storing.execute(
             "INSERT INTO mode_sets (campaign_id, name, origin) VALUES (%s, 'in flight', 'typed')", [campaign]
         )
-        checked(api.patch(f"campaigns/{campaign}", json={"name": "x"}, headers={"If-Match": "*"}), 200)
-        checked(api.post(f"campaigns/{campaign}/imports", content=small_file()), 202)
+        ok(api.patch(f"campaigns/{campaign}", json={"name": "x"}, headers={"If-Match": "*"}), 200)
+        ok(api.post(f"campaigns/{campaign}/imports", content=small_file()), 202)
         storing.rollback()

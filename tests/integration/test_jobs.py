@@ -1,7 +1,5 @@
 """Jobs on a real queue: real PostgreSQL, a real worker process, real children."""
 
-from __future__ import annotations
-
 import os
 import signal
 from collections.abc import Iterator
@@ -78,7 +76,6 @@ def test_progress_is_seen_while_it_runs(works: Works) -> None:
 def test_fails_alone_with_the_reason(worked: Sessions, kind: str, reason: str, says: str) -> None:
     job = run(worked, kind)
     assert job.state == "failed"
-    assert job.error is not None
     assert job.error["reason"] == reason
     assert says in job.error["detail"] == job.message
     assert items(worked, job.id) == []
@@ -164,7 +161,6 @@ def test_a_worker_that_shall_end_finishes_what_runs_or_puts_it_back(
     assert (job.state, job.attempt, job.losses) == ("queued", 1, 0)
     with sessions.begin() as session:
         again = begin_next(session, None, "another worker", None)
-        assert again is not None
         assert (again.id, again.attempt) == (second, 2)
 
 

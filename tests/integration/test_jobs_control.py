@@ -1,7 +1,5 @@
 """What can be asked of jobs: turns and limits, cancellation, another try, checkpoints, metrics; and clearing up."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -208,7 +206,6 @@ def test_checkpoint_of_an_attempt_that_is_no_longer_the_present_one_is_not_kept(
     queued(sessions, one=1)
     with sessions.begin() as session:
         job = begin_next(session, ["jobs"], "a worker", None)
-        assert job is not None
         queue.save_checkpoint(session, job, b"first")
         queue.save_checkpoint(session, Job(id=job.id, attempt=7), b"of another time line")
         queue.save_checkpoint(session, job, b"second")

@@ -1,7 +1,5 @@
 """Update jobs over HTTP: events, keys of idempotency, another try, many at once, lists, metrics."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -18,20 +16,19 @@ from service.app.supervisor import LocalService
 from service.db.engine import make_engine
 from service.jobs.events import Changes
 from service.settings import Settings
+from tests.support.rest import ok
 from tests.support.waiting import until
 
 NOWHERE = "postgresql://nobody@127.0.0.1:1/nothing"
 
-Checked = Callable[[httpx.Response, int], Any]
-
 
 @pytest.fixture
-def start(api: httpx.Client, campaign: str, checked: Checked) -> Callable[..., dict[str, Any]]:
+def start(api: httpx.Client, campaign: str) -> Callable[..., dict[str, Any]]:
     """Starts an update of a campaign without FRFs, which fails soon, with that reason."""
 
     def post(recipe: dict[str, Any] | None = None, **headers: str) -> dict[str, Any]:
         answer = api.post(f"campaigns/{campaign}/update-jobs", json=recipe or {}, headers=headers)
-        made: dict[str, Any] = checked(answer, 202)
+        made: dict[str, Any] = ok(answer, 202)
         assert answer.headers["Location"] == f"/api/v1/update-jobs/{made['id']}"
         return made
 
@@ -83,7 +80,7 @@ def test_who_comes_back_is_told_what_is_new(api: httpx.Client, start: Callable[.
 def test_events_go_on_when_the_notices_are_cut_off(
     api: httpx.Client, start: Callable[..., dict[str, Any]], service: LocalService
 ) -> None:
-    engine = make_engine(service.settings.database_url or "")
+    engine = make_engine(service.settings.database_url)
     cut = text(
         "SELECT count(pg_terminate_backend(pid)) FROM pg_stat_activity"
         " WHERE datname = current_database() AND application_name = 'modalbase notices'"
@@ -94,52 +91,41 @@ def test_events_go_on_when_the_notices_are_cut_off(
     assert watch(api, start()["id"])[-1][1]["status"] == "failed"
 
 
-def test_events_come_by_looking_where_no_notice_ever_does(
-    api: httpx.Client, start: Callable[..., dict[str, Any]], service: LocalService
-) -> None:
-    """An API that hears nothing from the database, with the same rows."""
+def events_of_a_deaf_api(api: httpx.Client, service: LocalService, job: str, streams: int) -> httpx.Response:
+    """What an API answers that hears nothing from the database, with the same rows, of so many streams."""
     app = create_app(Settings(database_url=service.settings.database_url))
-    app.state.changes = Changes(NOWHERE, app.state.sessions, 10)
+    app.state.changes = Changes(NOWHERE, app.state.sessions, streams)
     assert app.state.changes.patience < 1
-    job = start()
 
     async def watched() -> httpx.Response:
+        transport = httpx.ASGITransport(app)
         async with httpx.AsyncClient(
-            transport=httpx.ASGITransport(app), base_url="http://here/api/v1/", headers=api.headers
+            transport=transport, base_url="http://here/api/v1/", headers=api.headers
         ) as client:
-            return await client.get(f"update-jobs/{job['id']}/events")
+            return await client.get(f"update-jobs/{job}/events")
 
     answer = anyio.run(watched)
     app.state.engine.dispose()
+    return answer
+
+
+def test_events_come_by_looking_where_no_notice_ever_does_and_streams_beyond_the_limit_are_refused(
+    api: httpx.Client, start: Callable[..., dict[str, Any]], service: LocalService
+) -> None:
+    job = start()["id"]
+    answer = events_of_a_deaf_api(api, service, job, 10)
     assert answer.status_code == 200
     assert events_of(iter(answer.text.splitlines()))[-1][1]["status"] == "failed"
-
-
-def test_streams_beyond_the_limit_are_refused(
-    api: httpx.Client, start: Callable[..., dict[str, Any]], service: LocalService
-) -> None:
-    app = create_app(Settings(database_url=service.settings.database_url))
-    app.state.changes = Changes(NOWHERE, app.state.sessions, 0)
-    job = start()
-
-    async def watched() -> httpx.Response:
-        async with httpx.AsyncClient(
-            transport=httpx.ASGITransport(app), base_url="http://here/api/v1/", headers=api.headers
-        ) as client:
-            return await client.get(f"update-jobs/{job['id']}/events")
-
-    answer = anyio.run(watched)
-    app.state.engine.dispose()
-    assert answer.status_code == 429
+    assert events_of_a_deaf_api(api, service, job, 0).status_code == 429
 
 
 def test_retry_runs_the_same_job_again(
-    api: httpx.Client, start: Callable[..., dict[str, Any]], finished: Callable[[str], dict[str, Any]], checked: Checked
+    api: httpx.Client, start: Callable[..., dict[str, Any]], finished: Callable[[str], dict[str, Any]]
 ) -> None:
     path = f"update-jobs/{start()['id']}"
     first = finished(path)
     assert (first["status"], first["attempt"]) == ("failed", 1)
-    again = checked(api.post(f"{path}/retry"), 202)
+    again = ok(api.post(f"{path}/retry"), 202)
     assert again["created_at"] == first["created_at"]
     assert (again["error"], again["finished_at"]) == (None, None)
     second = finished(path)
@@ -173,44 +159,31 @@ def test_same_key_at_once_for_two_campaigns_is_one_job_and_one_refusal(
 
 
 def test_many_campaigns_in_one_call(
-    api: httpx.Client, new_campaign: Callable[..., str], checked: Checked, finished: Callable[[str], dict[str, Any]]
+    api: httpx.Client, new_campaign: Callable[..., str], finished: Callable[[str], dict[str, Any]]
 ) -> None:
     campaigns = [new_campaign() for _ in range(3)]
     jobs: list[dict[str, Any]] = [{"campaign_id": campaign} for campaign in campaigns]
     jobs[1]["recipe"] = {"seed": 5}
     body, key = {"recipe": {"seed": 3}, "jobs": jobs}, {"Idempotency-Key": str(uuid4())}
-    made = checked(api.post("update-jobs?priority=7", json=body, headers=key), 202)["items"]
+    made = ok(api.post("update-jobs?priority=7", json=body, headers=key), 202)["items"]
     assert [job["campaign_id"] for job in made] == campaigns
     assert [job["recipe"]["seed"] for job in made] == [3, 5, 3]
     assert {job["priority"] for job in made} == {7}
-    assert checked(api.post("update-jobs", json=body, headers=key), 202)["items"][0]["id"] == made[0]["id"]
+    assert ok(api.post("update-jobs", json=body, headers=key), 202)["items"][0]["id"] == made[0]["id"]
     shorter = {**body, "jobs": jobs[:2]}
     assert api.post("update-jobs", json=shorter, headers=key).status_code == 422
     assert {finished(f"update-jobs/{job['id']}")["status"] for job in made} == {"failed"}
 
 
-def test_a_batch_with_a_fault_queues_nothing(api: httpx.Client, campaign: str) -> None:
-    unknown = str(uuid4())
-    jobs = [
-        {"campaign_id": campaign},
-        {"campaign_id": unknown},
-        {"campaign_id": campaign, "recipe": {"mode_set": unknown}},
-    ]
-    answer = api.post("update-jobs", json={"jobs": jobs})
-    assert answer.status_code == 422
-    assert [fault["pointer"] for fault in answer.json()["errors"]] == ["/jobs/1/campaign_id", "/jobs/2/recipe/mode_set"]
-    assert api.get("update-jobs").json()["items"] == []
-
-
 def test_list_by_project_structure_campaign_and_state(
-    api: httpx.Client, project: str, structure: str, new_campaign: Callable[..., str], checked: Checked
+    api: httpx.Client, project: str, structure: str, new_campaign: Callable[..., str]
 ) -> None:
     first, second = new_campaign(), new_campaign()
-    made = checked(api.post("update-jobs", json={"jobs": [{"campaign_id": c} for c in (first, second, second)]}), 202)
+    made = ok(api.post("update-jobs", json={"jobs": [{"campaign_id": c} for c in (first, second, second)]}), 202)
     ids = [job["id"] for job in made["items"]]
 
     def listed(**params: Any) -> list[str]:
-        return [job["id"] for job in checked(api.get("update-jobs", params=params), 200)["items"]]
+        return [job["id"] for job in ok(api.get("update-jobs", params=params), 200)["items"]]
 
     assert listed() == listed(project=project) == listed(structure=structure) == ids[::-1]
     assert listed(campaign=second) == ids[:0:-1]

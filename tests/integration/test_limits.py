@@ -1,7 +1,5 @@
 """Many clients, streams and slow heads: the concurrency model of docs/limits.md, at ten times its size."""
 
-from __future__ import annotations
-
 import asyncio
 import socket
 import threading
@@ -14,32 +12,24 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 
+from benchmarks.service import campaigns_of
 from benchmarks.soak_load import load
 from service.app.supervisor import LocalService
-from service.settings import Settings
 from service.web import middleware
 from tests.support.crowd import at_once, statuses, with_crowd
-from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok
 
 SLOTS, QUEUE = 4, 20
 
 
 @pytest.fixture(scope="module")
-def narrow(new_database: Callable[[], str]) -> Iterator[LocalService]:
+def narrow(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
     """A service that answers few requests at a time, with few streams of events; those that may wait do, however slow the
     machine is.
     """
-    settings = Settings(
-        database_url=new_database(),
-        port=0,
-        log_level="error",
-        database_pool=SLOTS,
-        request_queue=QUEUE,
-        request_wait_seconds=600,
-        event_streams=4,
-    )
-    with LocalService(settings, worker=False) as running:
+    with new_service(
+        worker=False, database_pool=SLOTS, request_queue=QUEUE, request_wait_seconds=600, event_streams=4
+    ) as running:
         yield running
 
 
@@ -106,9 +96,7 @@ def test_many_streams_of_events_hold_nothing_up(service: LocalService, api: http
 def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None:
     with ExitStack() as stack:
         api = stack.enter_context(client_of(narrow, "ada"))
-        project = ok(api.post("projects", json={"name": "p"}))["id"]
-        structure = ok(api.post(f"projects/{project}/structures", json=BEAM))["id"]
-        campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}))["id"]
+        (campaign,) = campaigns_of(api, "p")
         path = f"update-jobs/{ok(api.post(f'campaigns/{campaign}/update-jobs', json={}))['id']}/events"
         other = {"Authorization": f"Bearer {ok(api.post('api-keys', json={'name': 'b'}))['key']}"}
 

@@ -1,7 +1,5 @@
 """Judgements and what becomes of alarms when series change; the figure. No worker: these are pure, or one transaction."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -24,10 +22,12 @@ from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.alarms import acknowledge, alarm_for, update_alarms
+from service.monitoring.campaigns import seen_campaigns
 from service.monitoring.judgements import JUDGE, judge_if_changed, set_state
 from service.monitoring.monitors import create_monitor
 from service.monitoring.notifications.tables import Delivery
 from service.monitoring.runs import monitor_for, newest_series, unit_of
+from service.monitoring.scheduler import check
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
 from service.settings import Settings
@@ -37,6 +37,8 @@ from service.show.figures.series import series_figure
 from service.store.campaigns.operations import create_campaign
 from service.store.campaigns.schemas import CampaignIn
 from service.store.frfs.operations import Frf
+from service.store.imports.operations import IMPORT, Import
+from service.store.imports.originals import Original
 from service.store.structures.operations import Structure, create_structure
 from service.store.structures.schemas import StructureIn
 
@@ -64,7 +66,7 @@ def judged(
     watch = watch or Watch({"Ex": "fall"}, baseline=6)
     latest = max(o.performed_at for o in observations)
     inputs = JudgementInputs(tuple(observations), watch, as_of or latest, tuple(acknowledged), ())
-    (result,) = judge(inputs, lambda *_: None)  # type: ignore[arg-type, misc]
+    (result,) = judge(inputs, lambda *_: None)
     json.dumps(result.document, allow_nan=False)
     return result
 
@@ -251,6 +253,49 @@ def test_a_deleted_monitor_raises_no_alarm_and_hides_those_it_has(world: World) 
     assert (world.alarms(), monitor.state) == ([(3, "alarm")], "alarm")  # the same alarm, raised by another campaign
 
 
+def test_a_deleted_monitor_is_not_looked_after(world: World) -> None:
+    session, monitor = world.session, world.monitor
+    plain_frf(session, world.campaigns[0].id)
+    monitor_for.hide(session, world.user, monitor)
+    check(session, monitor.id, timedelta(0))
+    assert session.scalars(select(MonitorRun)).all() == []
+    monitor_for.bring_back(session, world.user, monitor)
+    check(session, monitor.id, timedelta(0))
+    assert [run.state for run in session.scalars(select(MonitorRun))] == ["running"]
+
+
+def test_a_campaign_settles_before_it_counts_as_complete(world: World) -> None:
+    """Without a word that it is complete: not while something was added just now, or while an import is on its way."""
+    session, monitor, campaign = world.session, world.monitor, world.campaigns[0]
+    plain_frf(session, campaign.id)
+    now = datetime.now(UTC)
+
+    def complete(later: float) -> bool:
+        return seen_campaigns(session, monitor, now + timedelta(seconds=later), timedelta(seconds=30))[0].complete
+
+    assert [complete(later) for later in (0, 29, 31)] == [False, False, True]
+    session.add(Original(sha256=b"1", size=1))
+    session.flush()
+    job = enqueue(session, kind=IMPORT, project_id=session.get_one(Structure, monitor.structure_id).project_id)
+    session.add(Import(id=job.id, campaign_id=campaign.id, filename="", sha256=b"1", dry_run=False))
+    session.flush()
+    assert not complete(31)
+    job.state = "failed"
+    session.flush()
+    assert complete(31)
+
+
+def test_a_schedule_is_kept(world: World) -> None:
+    session, monitor = world.session, world.monitor
+    plain_frf(session, world.campaigns[0].id)
+    monitor.runs_on, monitor.schedule = "schedule", "0 3 * * *"
+    for wait, states in ((timedelta(hours=1), []), (timedelta(seconds=-1), ["running"])):
+        monitor.next_run_at = datetime.now(UTC) + wait
+        check(session, monitor.id, timedelta(0))
+        assert [run.state for run in session.scalars(select(MonitorRun))] == states
+    assert monitor.next_run_at > datetime.now(UTC)
+
+
 def plain_frf(session: Session, campaign: UUID) -> None:
     points = {"response_point": 1, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
     axis = {"start_hz": 1, "end_hz": 2, "step_hz": 1, "lines": 2, "dtype": "<c8", "sha256": b"2", "data": b""}
@@ -302,7 +347,7 @@ def test_the_figure_is_printed_as_it_is() -> None:
     assert list(chart.get_ydata()) == pytest.approx(drawn, rel=1e-6)  # printed to seven digits
     assert len(above.collections) >= 3  # estimates, their intervals, the alarm, the baseline's band
     for file_format in ("svg", "png", "pdf"):
-        assert render(figure, file_format) == render(figure, file_format)  # type: ignore[arg-type]
+        assert render(figure, file_format) == render(figure, file_format)
 
 
 def test_names_are_drawn_as_they_are() -> None:
@@ -314,7 +359,7 @@ def test_names_are_drawn_as_they_are() -> None:
     assert title == r"$\frac{1 and $x_{ &lt;b&gt; – " + "m" * 49 + "…: Ex (alarm)"
     assert draw(figure).get_suptitle() == title.replace("&lt;", "<").replace("&gt;", ">")
     for file_format in ("svg", "png", "pdf"):
-        assert len(render(figure, file_format)) > 10_000  # type: ignore[arg-type]
+        assert len(render(figure, file_format)) > 10_000
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Messages: signed, sent again until they arrive, recognised by their id; never to addresses that are not allowed."""
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import json
@@ -22,34 +20,14 @@ import service.app.composition  # noqa: F401  imports every table
 from service.access import Project
 from service.db.engine import Sessions
 from service.monitoring.notifications import sender as attempts
-from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
 from service.monitoring.notifications.messages import EVENTS
-from service.monitoring.notifications.sender import ATTEMPTS, Sender, new_secret, post, sign
+from service.monitoring.notifications.sender import ATTEMPTS, Sender, new_secret, post
 from service.monitoring.notifications.tables import Delivery, Webhook
 from service.settings import Settings
 from tests.support.receivers import ACCOUNT, MailServer, Receiver, dripping, mail_server, receiver, signature_holds
 from tests.support.waiting import until
 
 LOOPBACK = Settings(webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05)
-ANYWHERE = Settings()
-REGISTERED = [
-    "0.255.255.255", "10.255.255.255", "100.64.0.0", "100.127.255.255", "127.255.255.255", "169.254.255.255", "172.16.0.0",
-    "172.31.255.255", "192.0.0.0", "192.0.0.8", "192.0.0.9", "192.0.0.10", "192.0.0.170", "192.0.0.192", "192.0.0.255",
-    "192.0.2.255", "192.31.196.1", "192.52.193.1", "192.88.99.1", "192.168.255.255", "192.175.48.1", "198.18.0.0",
-    "198.19.255.255", "198.51.100.1", "203.0.113.255", "239.255.255.255", "240.0.0.1", "255.255.255.255",
-    "[::ffff:1.1.1.1]", "[64:ff9b::1.1.1.1]", "[64:ff9b:1::101:101]", "[100::1]", "[100:0:0:1::1]", "[2001::1]",
-    "[2001:1::1]", "[2001:1::2]", "[2001:2::1]", "[2001:3::1]", "[2001:4:112::1]", "[2001:10::1]", "[2001:20::1]",
-    "[2001:30::1]", "[2001:1ff::1]", "[2001:db8::1]", "[2002:101:101::1]", "[2620:4f:8000::1]", "[3fff::1]", "[5f00::1]",
-    "[fdff::1]", "[febf::1]", "[fec0::1]", "[ff02::1]", "[4000::1]", "[1fff::1]",
-]  # fmt: skip
-"""Of every network of the registries an address, ends of some, and what is no unicast or not assigned."""
-PUBLIC = [
-    "1.0.0.0", "9.255.255.255", "11.0.0.0", "100.63.255.255", "100.128.0.0", "126.255.255.255", "128.0.0.0", "169.253.255.255",
-    "169.255.0.0", "172.15.255.255", "172.32.0.0", "192.0.1.0", "192.0.3.0", "192.167.255.255", "192.169.0.0",
-    "198.17.255.255", "198.20.0.0", "223.255.255.255", "[2001:200::1]", "[2003::1]", "[2606:4700::1111]", "[2a00::1]",
-    "[2620:4f:8001::1]", "[3ffe::1]",
-]  # fmt: skip
-"""What lies beside them."""
 ALARM = {
     "type": "alarm.raised",
     "timestamp": "2026-01-02T03:04:05+00:00",
@@ -118,15 +96,7 @@ def sent(sessions: Sessions, settings: Settings, far_enough: Callable[[Delivery]
         return f"{look().state} after {look().attempts} attempts: {look().last_error}"
 
     with Sender(sessions, settings):
-        return until(lambda: delivery if far_enough(delivery := look()) else None, "the message", state)  # type: ignore[return-value]
-
-
-def test_signature_is_that_of_standard_webhooks() -> None:
-    """The example that the specification's own libraries test themselves with."""
-    signature = sign(
-        "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw", "msg_p5jXN8AQM9LWM0D4loKWxJek", 1614265330, b'{"test": 2432232314}'
-    )
-    assert signature == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
+        return until(lambda: delivery if far_enough(delivery := look()) else None, "the message", state)
 
 
 def test_a_message_arrives_signed_and_once(api: httpx.Client, project: str, hook: Receiver) -> None:
@@ -173,26 +143,6 @@ def test_a_deleted_webhook_gets_nothing(api: httpx.Client, project: str, hook: R
     assert api.post(f"webhooks/{webhook['id']}/test").status_code == 404
 
 
-@pytest.mark.parametrize(
-    ("body", "pointer"),
-    [
-        ({"url": "ftp://example.org/"}, "/url"),
-        ({"url": "http://user:word@example.org/"}, "/url"),
-        ({"url": "http://10.0.0.1/"}, "/url"),
-        ({"url": "http://[::1]/"}, "/url"),
-        ({"url": "http://192.0.0.192/"}, "/url"),
-        ({"url": "http://[64:ff9b::1.1.1.1]/"}, "/url"),
-        ({"url": "http://no-such-name.invalid/"}, "/url"),
-        ({"url": "http://127.0.0.1/", "events": []}, "/events"),
-        ({"url": "http://127.0.0.1/", "events": ["alarm.silenced"]}, "/events/0"),
-    ],
-)
-def test_a_webhook_that_makes_no_sense_is_refused(api: httpx.Client, project: str, body: Any, pointer: str) -> None:
-    answer = api.post("webhooks", json={"project": project, **body})
-    assert answer.status_code == 422, answer.text
-    assert answer.json()["errors"][0]["pointer"] == pointer
-
-
 def test_a_receiver_that_never_takes_it_is_given_up(sessions: Sessions, hook: Receiver) -> None:
     hook.answers = [500] * 20
     planted(sessions, hook.url)
@@ -213,7 +163,7 @@ def test_a_receiver_that_drips_delays_nobody_else(
         planted(sessions, hook.url)
         hook.wait_for(1)
         hopeless = until(lambda: attempted(sessions, slow), "the end of the slow attempt")
-    assert "took longer than 4 s" in hopeless  # type: ignore[operator]
+    assert "took longer than 4 s" in hopeless
 
 
 def attempted(sessions: Sessions, key: UUID) -> str | None:
@@ -244,17 +194,6 @@ def test_a_project_of_many_slow_receivers_delays_no_other(sessions: Sessions, ho
         hook.wait_for(1)
 
 
-def test_ports_are_the_operators() -> None:
-    with pytest.raises(AddressError, match="port 22"):
-        resolve("http://1.1.1.1:22/", ANYWHERE)
-    some = Settings(webhook_ports="443, 8000-8999")
-    assert resolve("http://1.1.1.1:8123/", some).url.port == 8123
-    with pytest.raises(AddressError, match="port 80"):
-        resolve("http://1.1.1.1/", some)
-    with pytest.raises(ValueError, match="is no port"):
-        Settings(webhook_ports="https")
-
-
 def test_a_sender_that_died_is_made_up_for(sessions: Sessions, hook: Receiver) -> None:
     """It had claimed the message a minute ago and noted nothing."""
     planted(sessions, hook.url, attempts=1, due_at=datetime.now(UTC) - timedelta(seconds=1))
@@ -278,56 +217,6 @@ def test_the_connection_goes_to_the_address_that_was_checked(
     assert hook.got[0][0]["host"] == f"receiver.example:{port}"
 
 
-@pytest.mark.parametrize(
-    "url",
-    [
-        "http://127.0.0.1/",
-        "http://0.0.0.0/",
-        "http://10.1.2.3/",
-        "http://169.254.169.254/latest/meta-data",
-        "http://[::1]/",
-        "http://[::ffff:127.0.0.1]/",
-        "http://[fe80::1]/",
-        "http://224.0.0.1/",
-        "http://[64:ff9b::7f00:1]/",
-        "http://[64:ff9b::10.0.0.1]/",
-        "http://[64:ff9b:1::7f00:1]/",
-        "http://[2002:7f00:1::]/",
-        "http://[2002:a9fe:a9fe::1]/",
-        "http://[2001:0:7f00:1::1]/",
-        "http://[2001:0:0808:0808::80ff:fffe]/",
-        "http://[::7f00:1]/",
-        "http://[::169.254.169.254]/",
-        "http://[::ffff:0:127.0.0.1]/",
-        "http://[2606:4700::5efe:10.0.0.1]/",
-        "http://[2606:4700::200:5efe:10.0.0.1]/",
-        "http://[::]/",
-        "http://[fd00::1]/",
-        "http://0x7f.1/",
-        "http://2130706433/",
-        "http://localhost/",
-        *(f"http://{address}/" for address in REGISTERED),
-    ],
-)
-def test_addresses_that_are_not_public_are_refused(url: str) -> None:
-    with pytest.raises(AddressError, match="not a public address"):
-        resolve(url, ANYWHERE)
-
-
-def test_public_addresses_are_taken() -> None:
-    for address in PUBLIC:
-        assert resolve(f"http://{address}/", ANYWHERE).name in address
-
-
-def test_what_an_allowed_network_carries_must_be_allowed_too() -> None:
-    by_nat64 = Settings(webhook_networks="64:ff9b::/96")
-    assert resolve("http://[64:ff9b::1.1.1.1]/", by_nat64).name == "64:ff9b::1.1.1.1"
-    with pytest.raises(AddressError, match=r"leads to 10\.0\.0\.1 \(private\)"):
-        resolve("http://[64:ff9b::10.0.0.1]/", by_nat64)
-    both = Settings(webhook_networks="64:ff9b::/96, 10.0.0.0/8")
-    assert resolve("http://[64:ff9b::10.0.0.1]/", both).name == "64:ff9b::10.0.0.1"
-
-
 @pytest.mark.parametrize("now", ["192.0.0.192", "10.1.2.3", "64:ff9b::7f00:1"])
 def test_a_name_that_has_come_to_stand_for_a_special_address_gets_nothing(
     sessions: Sessions, monkeypatch: pytest.MonkeyPatch, now: str
@@ -340,15 +229,6 @@ def test_a_name_that_has_come_to_stand_for_a_special_address_gets_nothing(
     delivery = sent(sessions, Settings(), lambda d: d.last_error is not None)
     assert f"receiver.example leads to {now}" in (delivery.last_error or "")
     assert delivery.state == "waiting"
-
-
-def test_an_operator_allows_networks() -> None:
-    assert resolve("http://127.0.0.9:8080/x?y=1", LOOPBACK).url == "http://127.0.0.9:8080/x?y=1"
-    assert resolve("https://1.1.1.1/", ANYWHERE).name == "1.1.1.1"
-    with pytest.raises(ValueError, match=r"10\.0\.0\.1/8"):
-        Settings(webhook_networks="10.0.0.1/8")
-    with pytest.raises(AddressError):
-        parse_url("http://")
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,10 @@
 """One door for files: every format by `POST …/imports`, read by a job; `POST …/records` and `…/frfs` wait for it."""
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from typing import Any
 
 import httpx
@@ -13,10 +12,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
+from benchmarks.service import campaigns_of
 from benchmarks.soak import MOST_GROWTH, throw
 from service.app.supervisor import LocalService
-from service.settings import Settings
-from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, ok
 from tests.support.waiting import until
 
@@ -41,10 +39,7 @@ MAPPING: dict[str, Any] = {
         {"variable": "acc", "quantity": "acceleration", "point": 33},
     ],
 }
-WAV = {
-    **MAPPING,
-    "channels": [{**c, "variable": f"channel_{i}"} for i, c in enumerate(MAPPING["channels"], 1)],
-}
+WAV = {**MAPPING, "channels": [{**c, "variable": f"channel_{i}"} for i, c in enumerate(MAPPING["channels"], 1)]}
 FRF_MAPPING = {"frequency_hz": {"variable": "f"}, "frf": {"variable": "H"}, "response_point": 33, "reference_point": 4}
 FREQUENCY = np.arange(1.0, 9.0)
 VALUES = FREQUENCY * (1 + 2j)
@@ -197,32 +192,15 @@ def test_the_same_bytes_are_read_again_by_another_mapping_or_for_a_script(
 
 
 @pytest.fixture
-def idle(new_database: Callable[[], str]) -> Iterator[Callable[..., LocalService]]:
+def idle(new_service: Callable[..., LocalService]) -> Iterator[Callable[..., LocalService]]:
     """Services without a worker."""
-    running: list[LocalService] = []
-
-    def start(**settings: Any) -> LocalService:
-        service = LocalService(
-            Settings(database_url=new_database(), port=0, log_level="error", **settings), worker=False
-        )
-        running.append(service.__enter__())
-        return running[-1]
-
-    yield start
-    for service in running:
-        service.__exit__(None, None, None)
-
-
-def measured(client: httpx.Client) -> str:
-    project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
-    structure = ok(client.post(f"projects/{project}/structures", json=BEAM), 201)["id"]
-    body = {"name": "c", "boundary": "free"}
-    return f"campaigns/{ok(client.post(f'structures/{structure}/campaigns', json=body), 201)['id']}"
+    with ExitStack() as stack:
+        yield lambda **settings: stack.enter_context(new_service(worker=False, **settings))
 
 
 def test_what_nobody_reads_in_time_is_answered_with_its_import(idle: Callable[..., LocalService]) -> None:
     with client_of(idle(import_wait_seconds=0.05), "k") as client:
-        campaign = measured(client)
+        campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
         frf = client.post(f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"})
         query = {"mapping": json.dumps(MAPPING), "filename": "hits.npz"}
         record = client.post(f"{campaign}/records", content=written("npz", hits()), params=query, headers=RAW)
@@ -237,7 +215,7 @@ def test_who_waits_for_a_file_keeps_nobody_else_waiting(idle: Callable[..., Loca
     """With one slot and one connection, another request is answered while a file is waited for."""
     service = idle(database_pool=1, import_wait_seconds=600)
     with client_of(service, "k") as client, ThreadPoolExecutor(3) as threads:
-        campaign = measured(client)
+        campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
         waits = [
             threads.submit(
                 client.post, f"{campaign}/frfs", content=frfs("npz"), headers={"Content-Type": "application/x-npz"}
@@ -256,7 +234,7 @@ def test_where_no_more_may_wait_the_import_is_said_at_once(idle: Callable[..., L
     service = idle(event_streams=2, import_wait_seconds=600)
     headers = {"Content-Type": "application/x-npz"}
     with client_of(service, "k") as client, ThreadPoolExecutor(1) as threads:
-        campaign = measured(client)
+        campaign = f"campaigns/{campaigns_of(client, 'p')[0]}"
         waits = threads.submit(client.post, f"{campaign}/frfs", content=frfs("npz"), headers=headers)
         until(lambda: ok(client.get(f"{campaign}/imports"), 200)["items"], "the import")
         answers = [client.post(f"{campaign}/frfs", content=frfs("npz"), headers=headers) for _ in range(2)]

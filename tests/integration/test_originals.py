@@ -1,7 +1,5 @@
 """Files of imports in the database: what may be stored of one, and how its bytes come back."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -31,7 +29,7 @@ from service.store.imports.originals import (
 )
 from service.web.parameters import HEAVIEST_BYTES, paged
 from service.web.uploads import Spooled
-from tests.integration.test_migrations import fill
+from tests.integration.test_db import fill
 
 
 @pytest.fixture

@@ -1,6 +1,4 @@
-"""Pages as a browser without scripts gets them: who sees what, what the policy allows, what an error looks like."""
-
-from __future__ import annotations
+"""Pages as a browser without scripts gets them: who sees what, what the policy allows, what an error looks like; the guide."""
 
 import gzip
 import re
@@ -15,6 +13,7 @@ import psycopg
 import pytest
 
 from service.app.supervisor import LocalService
+from service.show.guide.contents import addresses
 from service.show.pages.assets import FOLDER
 from tests.support.rest import ok, session_client
 from tests.support.uff import dataset
@@ -67,7 +66,7 @@ def test_a_page_shows_one_moment(
     """What is stored while a page gathers what it shows is on none of its parts."""
     waits = "SELECT 1 FROM pg_locks WHERE NOT granted AND relation = 'processings'::regclass"
     path = f"/ui/campaigns/{campaign}"
-    with psycopg.connect(service.settings.database_url or "") as holding, ThreadPoolExecutor(1) as beside:
+    with psycopg.connect(service.settings.database_url) as holding, ThreadPoolExecutor(1) as beside:
         holding.execute("LOCK TABLE processings IN ACCESS EXCLUSIVE MODE")
         asked = beside.submit(browser.get, path)
         until(
@@ -134,3 +133,26 @@ def test_files_of_pages_are_kept_by_browsers_and_sent_compressed(browser: httpx.
     assert browser.get(f"/{found}", headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
     for wrong in ("/static/0/pages.js", "/static/0/../../settings.py", "/static/0/%2e%2e/%2e%2e/settings.py"):
         assert browser.get(wrong).status_code == 404
+
+
+# --- the guide as the service gives it ----------------------------------------------------------------------------------
+
+
+def test_every_page_of_the_guide_is_served_to_anybody(service: LocalService) -> None:
+    with httpx.Client(base_url=f"{service.url}/guide/") as anybody:
+        for address in addresses():
+            answer = anybody.get(address)
+            assert answer.status_code == 200, address
+            policy = answer.headers["content-security-policy"]
+            assert policy.startswith("default-src 'none'")
+            assert "script" not in policy
+            assert "unsafe" not in policy
+        front = anybody.get("")
+        assert front.text == anybody.get("index.html").text
+        assert anybody.get("images/beam.svg").headers["content-type"] == "image/svg+xml"
+        assert anybody.get("", headers={"if-none-match": front.headers["etag"]}).status_code == 304
+        assert anybody.get(f"{service.url}/guide").headers["location"] == "guide/"
+        for wrong in ("nowhere.html", "index.md", "../app.py", "%2e%2e/app.py", "decisions/", "x" * 5000):
+            assert anybody.get(wrong).status_code == 404, wrong
+        style = front.text.partition('rel="stylesheet" href="')[2].partition('"')[0]
+        assert anybody.get(style).headers["content-type"].startswith("text/css")

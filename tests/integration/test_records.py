@@ -1,10 +1,7 @@
 """Time blocks over HTTP: take in, list, judge after each hit, process to FRFs, delete."""
 
-from __future__ import annotations
-
 import io
 import json
-from collections.abc import Callable
 from typing import Any
 from uuid import uuid4
 
@@ -17,10 +14,9 @@ from benchmarks.hammer import Simulated
 from benchmarks.hammer import campaign as simulated_campaign
 from fecore.signal import by_point
 from fecore.signal.look import look
+from tests.support.rest import ok
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
-
-Checked = Callable[[httpx.Response, int], Any]
 
 MAPPING: dict[str, Any] = {
     "sample_rate_hz": {"variable": "fs"},
@@ -59,27 +55,23 @@ def post(api: httpx.Client, campaign: str, data: bytes, name: str = "hits.npz", 
     return api.post(f"campaigns/{campaign}/records", content=data, params=params, headers=headers)
 
 
-def finished(api: httpx.Client, checked: Checked, campaign: str, body: dict[str, Any]) -> dict[str, Any]:
-    started = checked(api.post(f"campaigns/{campaign}/processings", json=body), 202)
+def processed(api: httpx.Client, campaign: str, body: dict[str, Any]) -> dict[str, Any]:
+    started = ok(api.post(f"campaigns/{campaign}/processings", json=body), 202)
 
     def ended() -> dict[str, Any] | None:
-        row: dict[str, Any] = checked(api.get(f"processings/{started['id']}"), 200)
+        row: dict[str, Any] = ok(api.get(f"processings/{started['id']}"), 200)
         return row if row["status"] not in ("queued", "running") else None
 
-    found = until(ended, "the processing")
-    assert found is not None
-    return found
+    return until(ended, "the processing")
 
 
-def test_records_become_frfs_and_each_names_its_hits(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
-) -> None:
-    stored = checked(post(api, campaign, npz(hits)), 201)["items"]
+def test_records_become_frfs_and_each_names_its_hits(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+    stored = ok(post(api, campaign, npz(hits)), 201)["items"]
     assert len(stored) == 2 * len(hits)
-    listed = checked(api.get(f"campaigns/{campaign}/records", params={"point": 1}), 200)["items"]
+    listed = ok(api.get(f"campaigns/{campaign}/records", params={"point": 1}), 200)["items"]
     assert {row["force_point"] for row in listed} == {1}
     row = next(r for r in stored if r["quantity"] == "force")
-    samples = checked(api.get(f"records/{row['id']}/data"), 200)["samples"]
+    samples = ok(api.get(f"records/{row['id']}/data"), 200)["samples"]
     np.testing.assert_allclose(samples, hits[0].hit.force.samples, rtol=1e-12, atol=1e-12)
     with np.load(io.BytesIO(api.get(f"records/{row['id']}/data", params={"format": "npz"}).content)) as file:
         np.testing.assert_array_equal(file["samples"], samples)
@@ -88,13 +80,13 @@ def test_records_become_frfs_and_each_names_its_hits(
     assert table.startswith("time_s,force\n")
     np.testing.assert_allclose(np.loadtxt(io.StringIO(table), delimiter=",", skiprows=1).T, [time, samples], rtol=1e-8)
 
-    done = finished(api, checked, campaign, {})
+    done = processed(api, campaign, {})
     assert done["status"] == "succeeded", done
     result = done["result"]
     judged = {(h["point"], h["hit"]): h["accepted"] for h in result["hits"]}
     truth = {(s.hit.force.dof.point, s.hit.number): s.fault is None for s in hits if s.fault != "off_place"}
     assert {key: judged[key] for key in truth} == truth
-    frfs = checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    frfs = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert {f["id"] for f in frfs} == {f["id"] for f in result["frfs"]}
     assert all(f["processing_id"] == done["id"] and f["has_coherence"] for f in frfs)
     known = {r["id"]: r["sha256"] for r in stored}
@@ -105,15 +97,15 @@ def test_records_become_frfs_and_each_names_its_hits(
 
 
 def test_the_figure_of_a_point_shows_every_hit_and_what_is_wrong_with_it(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
-    assert "no time blocks" in checked(api.get(f"campaigns/{campaign}/figures/hits"), 404)["detail"]
-    checked(post(api, campaign, npz(hits)), 201)
+    assert "no time blocks" in ok(api.get(f"campaigns/{campaign}/figures/hits"), 404)["detail"]
+    ok(post(api, campaign, npz(hits)), 201)
     wrong = next(s for s in hits if s.fault not in (None, "off_place"))
     point = wrong.hit.force.dof.point
     mine = [s for s in hits if s.hit.force.dof.point == point]
     answer = api.get(f"campaigns/{campaign}/figures/hits", params={"point": point})
-    figure = checked(answer, 200)
+    figure = ok(answer, 200)
     panels = [t for t in figure["data"] if t["yaxis"] == "y2"]  # the responses, one a hit
     good = [t for t in panels if t["legendgroup"] == "good"]
     bad = {t["legendgroup"]: t for t in figure["data"] if t.get("legendgroup", "good") != "good" and t["name"]}
@@ -136,26 +128,26 @@ def test_the_figure_of_a_point_shows_every_hit_and_what_is_wrong_with_it(
     again = api.get(f"campaigns/{campaign}/figures/hits", params={"point": point}, headers=unchanged)
     assert again.status_code == 304
     assert api.get(f"campaigns/{campaign}/figures/hits", params={"format": "pdf"}).content.startswith(b"%PDF")
-    refused = checked(api.get(f"campaigns/{campaign}/figures/hits", params={"point": 77}), 404)
+    refused = ok(api.get(f"campaigns/{campaign}/figures/hits", params={"point": 77}), 404)
     assert "there are hits at 1+z" in refused["detail"]
-    refused = checked(api.get(f"campaigns/{campaign}/figures/hits", params={"response": 77}), 404)
+    refused = ok(api.get(f"campaigns/{campaign}/figures/hits", params={"response": 77}), 404)
     assert "there are 99" in refused["detail"]
     # A processing that overrules a judgement is what the figure shows from then on.
     decision = {"point": point, "hit": wrong.hit.number, "use": True}
-    assert finished(api, checked, campaign, {"overrules": [decision]})["status"] == "succeeded"
-    figure = checked(api.get(f"campaigns/{campaign}/figures/hits", params={"point": point}), 200)
+    assert processed(api, campaign, {"overrules": [decision]})["status"] == "succeeded"
+    figure = ok(api.get(f"campaigns/{campaign}/figures/hits", params={"point": point}), 200)
     assert f"hit {wrong.hit.number}" not in {t.get("legendgroup") for t in figure["data"]}
 
 
 def test_a_script_beside_the_hammer_knows_after_each_hit(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
     mapping = {k: v for k, v in MAPPING.items() if k != "hit"}
     answers = []
     for one in hits[:4]:
         sent = {name: values.tolist() for name, values in arrays([one]).items() if name != "hit"}
         body = {"variables": sent, "mapping": mapping}
-        answers.append(checked(api.post(f"campaigns/{campaign}/records", json=body), 201))
+        answers.append(ok(api.post(f"campaigns/{campaign}/records", json=body), 201))
     assert [[h["hit"] for h in a["hits"]] for a in answers] == [[1], [1, 2], [1, 2, 3], [1, 2, 3, 4]]
     last = {h["hit"]: h for h in answers[-1]["hits"]}
     for one in hits[:4]:
@@ -165,19 +157,19 @@ def test_a_script_beside_the_hammer_knows_after_each_hit(
 
 
 def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
     """By reciprocity the hits of a hammer that roves are those of a sensor that does: all at one place, counted on."""
     force, response = MAPPING["channels"]
     swapped = [{**force, "point": 99}, {**response, "point": {"variable": "point"}}]
     mapping = {"sample_rate_hz": {"variable": "fs"}, "channels": swapped}
-    answer = checked(post(api, campaign, npz(hits), mapping=json.dumps(mapping)), 201)
+    answer = ok(post(api, campaign, npz(hits), mapping=json.dumps(mapping)), 201)
     rounded = {
         **mapping,
         "sample_rate_hz": hits[0].hit.sample_rate_hz * (1 + 1e-6),
     }  # as a time column's digits leave it
-    first = checked(post(api, campaign, npz(hits[:4]), mapping=json.dumps(rounded)), 201)
-    done = finished(api, checked, campaign, {})
+    first = ok(post(api, campaign, npz(hits[:4]), mapping=json.dumps(rounded)), 201)
+    done = processed(api, campaign, {})
     assert done["status"] == "succeeded", done
     frfs = {frf["response_point"]: frf for frf in done["result"]["frfs"]}
     assert len(frfs) == len(done["result"]["frfs"]) == len({s.hit.force.dof.point for s in hits})
@@ -185,7 +177,7 @@ def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
     for point, frf in frfs.items():
         assert frf["reference_point"] == 99
         assert {sensor[r["id"]] for r in frf["records"] if r["id"] in sensor} == {point}
-    rows = checked(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    rows = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert [row["has_coherence"] for row in rows] == [True] * len(frfs)
     alone = look(by_point([s.hit for s in hits])).coherence  # of each place by itself, whoever roves
     for said, at in ((answer, hits[-1]), (first, hits[0])):  # that of the place which was hit last
@@ -193,7 +185,7 @@ def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
 
 
 def test_a_sensor_that_was_added_between_two_sessions_has_frfs_of_its_own(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
     file = io.BytesIO()
     np.savez(file, **{k: v for k, v in arrays(hits).items() if k != "hit"}, second=-arrays(hits)["acceleration"])
@@ -202,23 +194,21 @@ def test_a_sensor_that_was_added_between_two_sessions_has_frfs_of_its_own(
         **counted,
         "channels": [*counted["channels"], {**counted["channels"][1], "variable": "second", "point": 98}],
     }
-    checked(post(api, campaign, npz(hits), mapping=json.dumps(counted)), 201)
-    checked(post(api, campaign, file.getvalue(), mapping=json.dumps(both)), 201)
-    done = finished(api, checked, campaign, {})
+    ok(post(api, campaign, npz(hits), mapping=json.dumps(counted)), 201)
+    ok(post(api, campaign, file.getvalue(), mapping=json.dumps(both)), 201)
+    done = processed(api, campaign, {})
     assert done["status"] == "succeeded", done
     points = sorted({s.hit.force.dof.point for s in hits})
     pairs = [(frf["reference_point"], frf["response_point"]) for frf in done["result"]["frfs"]]
     assert sorted(pairs) == sorted([(p, 99) for p in points] * 2 + [(p, 98) for p in points])
 
 
-def test_a_user_overrules_and_the_document_says_so(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
-) -> None:
-    checked(post(api, campaign, npz(hits)), 201)
+def test_a_user_overrules_and_the_document_says_so(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+    ok(post(api, campaign, npz(hits)), 201)
     good = next(s for s in hits if s.fault is None)
     point, number = good.hit.force.dof.point, good.hit.number
     body = {"overrules": [{"point": point, "hit": number, "use": False}]}
-    result = finished(api, checked, campaign, body)["result"]
+    result = processed(api, campaign, body)["result"]
     hit = next(h for h in result["hits"] if (h["point"], h["hit"]) == (point, number))
     assert (hit["accepted"], hit["overruled"]) == (False, False)
 
@@ -233,43 +223,43 @@ def test_a_user_overrules_and_the_document_says_so(
         ([{**decision, "direction": -3}], "in direction -3, which there is not"),
         ([decision, {**decision, "direction": 3, "use": True}], "contradicts another about"),
     ):
-        refused = checked(api.post(f"campaigns/{campaign}/processings", json={"overrules": wrong}), 422)
+        refused = ok(api.post(f"campaigns/{campaign}/processings", json={"overrules": wrong}), 422)
         assert text in refused["detail"], refused
         assert refused["errors"][0]["pointer"] == f"/overrules/{len(wrong) - 1}"
 
 
 def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep_to_it(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
-    stored = checked(post(api, campaign, npz(hits)), 201)["items"]
+    stored = ok(post(api, campaign, npz(hits)), 201)["items"]
     good = next(s for s in hits if s.fault is None)
     point, number = good.hit.force.dof.point, good.hit.number
     url, named = f"campaigns/{campaign}/hit-decisions", {"point": point, "hit": number}
 
     def used() -> tuple[bool, bool | None]:
-        result = finished(api, checked, campaign, {})["result"]
+        result = processed(api, campaign, {})["result"]
         hit = next(h for h in result["hits"] if (h["point"], h["hit"]) == (point, number))
         return hit["accepted"], hit["overruled"]
 
-    decision = checked(api.post(url, json={**named, "good": False, "why": "a cable was touched"}), 201)
+    decision = ok(api.post(url, json={**named, "good": False, "why": "a cable was touched"}), 201)
     assert (decision["direction"], decision["good"], decision["why"]) == (3, False, "a cable was touched")
     assert decision["by"]
     assert decision["created_at"] > stored[-1]["created_at"]
     assert used() == (False, False)
     # What one processing states goes before it.
-    overruled = finished(api, checked, campaign, {"overrules": [{**named, "use": True}]})["result"]["hits"]
+    overruled = processed(api, campaign, {"overrules": [{**named, "use": True}]})["result"]["hits"]
     assert next(h for h in overruled if (h["point"], h["hit"]) == (point, number))["accepted"]
 
-    back = checked(api.post(url, json={**named, "good": None, "why": "the cable was another's"}), 201)
+    back = ok(api.post(url, json={**named, "good": None, "why": "the cable was another's"}), 201)
     assert used() == (True, None)
-    assert [one["id"] for one in checked(api.get(url), 200)["items"]] == [back["id"], decision["id"]]
+    assert [one["id"] for one in ok(api.get(url), 200)["items"]] == [back["id"], decision["id"]]
 
     # A hit that is measured anew under its number is judged anew.
-    checked(api.post(url, json={**named, "good": False, "why": "once more"}), 201)
+    ok(api.post(url, json={**named, "good": False, "why": "once more"}), 201)
     for block in stored:
         if (block["force_point"], block["hit"]) == (point, number):
-            checked(api.delete(f"records/{block['id']}"), 204)
-    checked(post(api, campaign, npz([good])), 201)
+            ok(api.delete(f"records/{block['id']}"), 204)
+    ok(post(api, campaign, npz([good])), 201)
     assert used() == (True, None)
 
     for wrong, text in (
@@ -277,47 +267,45 @@ def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep
         ({"direction": -3}, "in direction -3, which there is not; there are point 1, direction 3"),
         ({"why": ""}, "at least 1 character"),
     ):
-        refused = checked(api.post(url, json={**named, "good": True, "why": "y", **wrong}), 422)
+        refused = ok(api.post(url, json={**named, "good": True, "why": "y", **wrong}), 422)
         assert text in str(refused), refused
 
 
-def test_a_mat_file_and_a_dry_run(api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]) -> None:
+def test_a_mat_file_and_a_dry_run(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
     file = io.BytesIO()
     savemat(file, arrays(hits[:3]))
-    proposal = checked(post(api, campaign, file.getvalue(), "hits.mat", dry_run=True), 200)
+    proposal = ok(post(api, campaign, file.getvalue(), "hits.mat", dry_run=True), 200)
     assert proposal["blocks"] == 6
     assert proposal["mapping"]["sample_rate_hz"] == {"variable": "fs"}
-    assert checked(api.get(f"campaigns/{campaign}/records"), 200)["items"] == []
-    assert len(checked(post(api, campaign, file.getvalue(), "hits.mat"), 201)["items"]) == 6
+    assert ok(api.get(f"campaigns/{campaign}/records"), 200)["items"] == []
+    assert len(ok(post(api, campaign, file.getvalue(), "hits.mat"), 201)["items"]) == 6
 
 
 def test_the_same_hit_twice_is_a_conflict_and_stores_nothing(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
-    checked(post(api, campaign, npz(hits[:2])), 201)
-    assert "in the campaign already" in checked(post(api, campaign, npz(hits[1:4])), 409)["detail"]
-    assert len(checked(api.get(f"campaigns/{campaign}/records"), 200)["items"]) == 4
+    ok(post(api, campaign, npz(hits[:2])), 201)
+    assert "in the campaign already" in ok(post(api, campaign, npz(hits[1:4])), 409)["detail"]
+    assert len(ok(api.get(f"campaigns/{campaign}/records"), 200)["items"]) == 4
 
 
 def test_the_rest_of_a_hit_whose_force_is_deleted_is_left_out(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
-    rows = checked(post(api, campaign, npz(hits[:3])), 201)["items"]
+    rows = ok(post(api, campaign, npz(hits[:3])), 201)["items"]
     force = next(r for r in rows if r["quantity"] == "force")
     assert api.delete(f"records/{force['id']}").status_code == 204
-    checked(api.get(f"records/{force['id']}"), 404)
-    later = checked(post(api, campaign, npz(hits[3:4])), 201)  # it does not keep later hits out
+    ok(api.get(f"records/{force['id']}"), 404)
+    later = ok(post(api, campaign, npz(hits[3:4])), 201)  # it does not keep later hits out
     assert later["incomplete"] == [f"hit {force['hit']} of point {force['force_point']} has no force"]
     assert len(later["hits"]) == 3
-    done = finished(api, checked, campaign, {})
+    done = processed(api, campaign, {})
     assert done["status"] == "succeeded", done
     assert f"hit {force['hit']} of point {force['point']} has no force; it was left out" in done["result"]["warnings"]
     assert (force["point"], force["hit"]) not in {(h["point"], h["hit"]) for h in done["result"]["hits"]}
 
 
-def test_a_uff_file_of_time_blocks_becomes_records(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
-) -> None:
+def test_a_uff_file_of_time_blocks_becomes_records(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
     def block(samples: np.ndarray[Any, Any], kind: int, unit: str, point: int, force: int) -> bytes:
         rows = ["".join(f"{v:20.12e}" for v in samples[i : i + 4]) for i in range(0, samples.size, 4)]
         header = {"kind": 4, "points": samples.size, "function": 1, "step": f"{1 / hits[0].hit.sample_rate_hz:13.5e}"}
@@ -330,41 +318,40 @@ def test_a_uff_file_of_time_blocks_becomes_records(
         data += block(one.hit.force.samples, 13, "N", at, at) + block(one.hit.responses[0].samples, 12, "m/s2", 99, at)
     lonely = block(hits[2].hit.responses[0].samples, 12, "m/s2", 99, hits[2].hit.force.dof.point)
     sent = api.post(f"campaigns/{campaign}/imports", files={"file": ("hits.uff", data + lonely)})
-    job = checked(sent, 202)["id"]
+    job = ok(sent, 202)["id"]
 
     def ended() -> dict[str, Any] | None:
-        row: dict[str, Any] = checked(api.get(f"imports/{job}"), 200)
+        row: dict[str, Any] = ok(api.get(f"imports/{job}"), 200)
         return row if row["status"] not in ("queued", "running") else None
 
     done = until(ended, "the import")
-    assert done is not None
     assert done["counts"] == {"frfs": 0, "grid_points": 0, "modes": 0, "records": 4}
     assert [d["outcome"] for d in done["datasets"]] == ["read"] * 4 + ["ignored"]
     assert "has no force block" in done["datasets"][4]["reason"]
-    rows = checked(api.get(f"campaigns/{campaign}/records"), 200)["items"]
+    rows = ok(api.get(f"campaigns/{campaign}/records"), 200)["items"]
     assert [(r["quantity"], r["point"], r["force_point"], r["hit"]) for r in rows] == [
         row
         for s in hits[:2]
         for at, number in [(s.hit.force.dof.point, s.hit.number)]
         for row in (("force", at, at, number), ("acceleration", 99, at, number))
     ]
-    samples = checked(api.get(f"records/{rows[1]['id']}/data"), 200)["samples"]
+    samples = ok(api.get(f"records/{rows[1]['id']}/data"), 200)["samples"]
     np.testing.assert_allclose(samples, hits[0].hit.responses[0].samples, rtol=1e-11, atol=1e-12)
 
 
 def test_what_cannot_be_right_is_refused_with_its_place(
-    api: httpx.Client, campaign: str, checked: Checked, hits: list[Simulated]
+    api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
     lame = {**MAPPING, "sample_rate_hz": {"variable": "rate"}}
-    problem = checked(post(api, campaign, npz(hits[:1]), mapping=json.dumps(lame)), 422)
+    problem = ok(post(api, campaign, npz(hits[:1]), mapping=json.dumps(lame)), 422)
     assert "is not in the file" in json.dumps(problem)
-    (fault,) = checked(post(api, campaign, npz(hits[:1]), mapping="{force"), 422)["errors"]
+    (fault,) = ok(post(api, campaign, npz(hits[:1]), mapping="{force"), 422)["errors"]
     assert (fault["pointer"], fault["detail"].split(":")[0]) == ("mapping", "is not JSON")
-    checked(post(api, campaign, b"no archive"), 422)
-    assert "the body is empty" in checked(post(api, campaign, b""), 422)["detail"]
+    ok(post(api, campaign, b"no archive"), 422)
+    assert "the body is empty" in ok(post(api, campaign, b""), 422)["detail"]
     unmapped = api.post(f"campaigns/{campaign}/records", content=npz(hits[:1]), params={"filename": "hits.npz"})
-    assert "dry_run=true proposes one" in checked(unmapped, 422)["detail"]
-    checked(post(api, campaign, npz(hits[:1]), "hits.tdms"), 422)
-    checked(api.post(f"campaigns/{campaign}/processings", json={"estimator": "H9"}), 422)
+    assert "dry_run=true proposes one" in ok(unmapped, 422)["detail"]
+    ok(post(api, campaign, npz(hits[:1]), "hits.tdms"), 422)
+    ok(api.post(f"campaigns/{campaign}/processings", json={"estimator": "H9"}), 422)
     stranger = f"campaigns/{uuid4()}/records"
-    checked(api.get(stranger), 404)
+    ok(api.get(stranger), 404)

@@ -1,8 +1,7 @@
-"""Structures over HTTP: what goes in, what is refused, and that versions never change."""
+"""Structures over HTTP: what goes in, what is refused, that versions never change; how much a project stores."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
@@ -10,14 +9,17 @@ import psycopg
 import pytest
 from sqlalchemy import delete
 
+from benchmarks.service import RAW
 from service.access import Member, Project, User
+from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import Sessions, psycopg_url
 from service.errors import NotFound
 from service.store.structures.operations import Structure, structure_for
-from tests.support.rest import pointers
-
-Checked = Callable[[httpx.Response, int], Any]
+from tests.support.furnished import MODES, frfs, record
+from tests.support.laboratory import BEAM
+from tests.support.rest import client_of, finished, ok
+from tests.support.waiting import until
 
 PLY = {
     "E1_Pa": 38e9,
@@ -31,49 +33,36 @@ PLY = {
 }
 
 
-def test_a_structure_is_stored_as_it_was_sent(
-    api: httpx.Client, project: str, beam: dict[str, Any], checked: Checked
-) -> None:
+def test_a_structure_is_stored_as_it_was_sent(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
     created = api.post(f"projects/{project}/structures", json=beam)
-    body = checked(created, 201)
+    body = ok(created, 201)
     assert {key: body[key] for key in beam} == beam
     assert (body["version"], body["laminate"]) == (1, None)
     read = api.get(api.base_url.join(created.headers["Location"]))
-    assert checked(read, 200) == body
+    assert ok(read, 200) == body
     assert read.headers["ETag"] == created.headers["ETag"]
 
 
-def test_a_laminate_is_stored_as_it_was_sent(
-    api: httpx.Client, project: str, beam: dict[str, Any], checked: Checked
-) -> None:
+def test_a_laminate_is_stored_as_it_was_sent(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
     del beam["material"]
     plies = [{**PLY, "angle_deg": angle} for angle in (0.0, 45.0, -45.0, 90.0)]
     beam["laminate"] = {"plies": plies}
-    body = checked(api.post(f"projects/{project}/structures", json=beam), 201)
+    body = ok(api.post(f"projects/{project}/structures", json=beam), 201)
     assert body["laminate"]["plies"] == [{**ply, "density_kg_m3": None} for ply in plies]
     assert body["material"] is None
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e999"])
-def test_a_number_that_is_not_finite_is_refused(api: httpx.Client, project: str, checked: Checked, number: str) -> None:
-    body = '{"name": "x", "geometry": {"length_m": NUMBER, "width_m": 1}}'.replace("NUMBER", number)
-    answer = api.post(f"projects/{project}/structures", content=body, headers={"Content-Type": "application/json"})
-    assert "/geometry/length_m" in pointers(checked(answer, 422))
-
-
-def test_any_body_can_be_a_structure_and_an_update_names_what_it_lacks(
-    api: httpx.Client, project: str, checked: Checked
-) -> None:
-    bridge = checked(api.post(f"projects/{project}/structures", json={"name": "bridge"}), 201)
+def test_any_body_can_be_a_structure_and_an_update_names_what_it_lacks(api: httpx.Client, project: str) -> None:
+    bridge = ok(api.post(f"projects/{project}/structures", json={"name": "bridge"}), 201)
     assert (bridge["geometry"], bridge["density_kg_m3"], bridge["material"]) == (None, None, None)
     sent = {"name": "tour", "boundary": "free"}
-    campaign = checked(api.post(f"structures/{bridge['id']}/campaigns", json=sent), 201)
-    problem = checked(api.post(f"campaigns/{campaign['id']}/update-jobs", json={}), 422)
+    campaign = ok(api.post(f"structures/{bridge['id']}/campaigns", json=sent), 201)
+    problem = ok(api.post(f"campaigns/{campaign['id']}/update-jobs", json={}), 422)
     for lacking in ("geometry", "density_kg_m3", "laminate or material"):
         assert lacking in str(problem)
     seen = api.get(f"structures/{bridge['id']}")
     edit = {"If-Match": seen.headers["ETag"]}
-    changed = checked(api.patch(f"structures/{bridge['id']}", json={"density_kg_m3": 2500}, headers=edit), 200)
+    changed = ok(api.patch(f"structures/{bridge['id']}", json={"density_kg_m3": 2500}, headers=edit), 200)
     assert (changed["version"], changed["geometry"], changed["density_kg_m3"]) == (2, None, 2500)
 
 
@@ -83,25 +72,24 @@ def patch(api: httpx.Client, structure: str, body: dict[str, Any]) -> httpx.Resp
 
 
 def test_a_physical_change_makes_a_version_and_the_old_one_stays(
-    api: httpx.Client, structure: str, beam: dict[str, Any], checked: Checked
+    api: httpx.Client, structure: str, beam: dict[str, Any]
 ) -> None:
     thicker = {**beam["geometry"], "thickness_m": 0.0102}
-    assert checked(patch(api, structure, {"geometry": thicker}), 200)["version"] == 2
-    assert checked(patch(api, structure, {"name": "renamed"}), 200)["version"] == 2
+    assert ok(patch(api, structure, {"geometry": thicker}), 200)["version"] == 2
+    assert ok(patch(api, structure, {"name": "renamed"}), 200)["version"] == 2
     plies = {"plies": [{**PLY, "thickness_m": 0.0102}]}
-    body = checked(patch(api, structure, {"laminate": plies}), 200)
+    body = ok(patch(api, structure, {"laminate": plies}), 200)
     assert (body["version"], body["material"], body["name"]) == (3, None, "renamed")
-    body = checked(patch(api, structure, {"material": beam["material"]}), 200)
+    body = ok(patch(api, structure, {"material": beam["material"]}), 200)
     assert (body["version"], body["laminate"]) == (4, None)
-    first = checked(api.get(f"structures/{structure}/versions/1"), 200)
+    first = ok(api.get(f"structures/{structure}/versions/1"), 200)
     assert first["geometry"] == beam["geometry"]
     assert first["material"] == beam["material"]
-    checked(api.get(f"structures/{structure}/versions/5"), 404)
-    checked(api.get(f"structures/{structure}/versions/99999999999999999999"), 404)
+    ok(api.get(f"structures/{structure}/versions/5"), 404)
+    ok(api.get(f"structures/{structure}/versions/99999999999999999999"), 404)
 
 
 def test_a_version_cannot_be_changed_even_in_the_database(service: LocalService, structure: str) -> None:
-    assert service.settings.database_url is not None
     with (
         psycopg.connect(psycopg_url(service.settings.database_url)) as connection,
         pytest.raises(psycopg.errors.RaiseException, match="never change"),
@@ -109,22 +97,20 @@ def test_a_version_cannot_be_changed_even_in_the_database(service: LocalService,
         connection.execute("UPDATE structure_versions SET length_m = 1 WHERE structure_id = %s", [structure])
 
 
-def test_an_edit_needs_the_version_that_it_edits(api: httpx.Client, structure: str, checked: Checked) -> None:
-    checked(api.patch(f"structures/{structure}", json={"name": "x"}), 428)
+def test_an_edit_needs_the_version_that_it_edits(api: httpx.Client, structure: str) -> None:
+    ok(api.patch(f"structures/{structure}", json={"name": "x"}), 428)
     old = api.get(f"structures/{structure}").headers["ETag"]
-    checked(patch(api, structure, {"name": "mine"}), 200)
-    checked(api.patch(f"structures/{structure}", json={"name": "yours"}, headers={"If-Match": old}), 412)
+    ok(patch(api, structure, {"name": "mine"}), 200)
+    ok(api.patch(f"structures/{structure}", json={"name": "yours"}, headers={"If-Match": old}), 412)
     assert api.get(f"structures/{structure}").json()["name"] == "mine"
 
 
-def test_structures_are_listed_in_pages(
-    api: httpx.Client, project: str, beam: dict[str, Any], checked: Checked
-) -> None:
-    made = [checked(api.post(f"projects/{project}/structures", json={**beam, "name": n}), 201) for n in "abcde"]
+def test_structures_are_listed_in_pages(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
+    made = [ok(api.post(f"projects/{project}/structures", json={**beam, "name": n}), 201) for n in "abcde"]
     seen: list[Any] = []
     cursor = None
     while True:
-        page = checked(
+        page = ok(
             api.get(f"projects/{project}/structures", params={"limit": 2, **({"cursor": cursor} if cursor else {})}),
             200,
         )
@@ -151,3 +137,118 @@ def test_what_was_removed_since_it_was_found_is_not_found(sessions: Sessions) ->
             other.execute(delete(Structure))
         with pytest.raises(NotFound):
             structure_for(session, user, structure.id, "editor", lock=True)
+
+
+# --- how much a project stores, and what happens beyond what it may -----------------------------------------------------
+
+QUOTA = 800_000
+
+
+@pytest.fixture(scope="module")
+def small(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
+    """A service with room for two of the paper's files, and a worker."""
+    with new_service(project_quota_bytes=QUOTA) as running:
+        yield running
+
+
+def campaign_in(client: httpx.Client, project: str) -> tuple[str, str]:
+    structure = ok(client.post(f"projects/{project}/structures", json=BEAM), 201)["id"]
+    campaign = ok(client.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN), 201)["id"]
+    return structure, campaign
+
+
+def upload(client: httpx.Client, campaign: str, content: bytes, **params: Any) -> httpx.Response:
+    return client.post(f"campaigns/{campaign}/imports", content=content, params=params, headers=RAW)
+
+
+def test_what_is_stored_is_counted_and_beyond_the_quota_refused(small: LocalService) -> None:
+    with client_of(small, "ada") as client:
+        project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
+        structure, campaign = campaign_in(client, project)
+
+        def storage() -> dict[str, Any]:
+            found: dict[str, Any] = ok(client.get(f"projects/{project}/storage"), 200)
+            assert found["used_bytes"] == sum(found["parts"].values())
+            return found
+
+        assert storage() == {"used_bytes": 0, "allowed_bytes": QUOTA, "parts": {}}
+        file = paper.uff_file()
+        sent = upload(client, campaign, file)
+        assert finished(client, sent.headers["Location"])["status"] == "succeeded"
+        listed = ok(client.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+        spectra = sum(frf["lines"] * int(frf["dtype"].removeprefix("complex")) // 8 for frf in listed)
+        assert storage()["parts"] == {"files": len(file), "frfs": spectra}
+
+        stored = ok(client.post(f"campaigns/{campaign}/records", json=record()), 201)["items"]
+        samples = sum(row["samples"] * 8 for row in stored)
+        assert storage()["parts"]["records"] == samples
+        ok(client.delete(f"records/{stored[0]['id']}"), 204)
+        assert storage()["parts"]["records"] == samples - 512
+        ok(client.post(f"campaigns/{campaign}/mode-sets", json={"name": "m", "modes": MODES}), 201)
+        before = storage()
+        assert before["parts"]["modes"] > 50
+
+        assert upload(client, campaign, file).status_code == 200  # the same bytes need no room
+        _, second = campaign_in(client, project)
+        refused = ok(upload(client, second, file + b" " * 200_000), 413)
+        assert f"stores {before['used_bytes']} of the {QUOTA} bytes" in refused["detail"]
+        assert "MODALBASE_PROJECT_QUOTA_BYTES" in refused["detail"]
+        assert ok(client.get(f"campaigns/{second}/imports"), 200)["items"] == []
+        assert storage() == before
+
+        room = QUOTA - before["used_bytes"]
+        ok(upload(client, second, b" " * room), 202)  # exactly full
+        for path, body in (
+            (f"campaigns/{campaign}/update-jobs", {}),
+            (f"campaigns/{campaign}/identifications", {}),
+            (f"campaigns/{campaign}/processings", {}),
+            (f"campaigns/{campaign}/frfs", frfs(7)),
+            (f"campaigns/{campaign}/records", record(hit=9)),
+            (f"campaigns/{campaign}/mode-sets", {"name": "m", "modes": MODES}),
+        ):
+            assert "purge what nobody needs" in ok(client.post(path, json=body), 413)["detail"], path
+
+        ok(client.delete(f"structures/{structure}"), 204)
+        assert storage()["used_bytes"] == QUOTA  # hidden, not gone
+        ok(client.post(f"structures/{structure}/purge"), 204)
+        assert storage()["parts"] == {"files": room}
+        ok(client.post(f"campaigns/{second}/records", json=record()), 201)
+
+
+def test_an_import_whose_frfs_have_no_room_ends_with_the_reason(small: LocalService) -> None:
+    """The file has room, what is in it has not: nothing of it stays, and the job is refused, not broken."""
+    with client_of(small, "ben") as client:
+        project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
+        _, campaign = campaign_in(client, project)
+        filler = upload(client, campaign, b" " * (QUOTA - len(paper.uff_file())), dry_run=True)
+        sent = upload(client, campaign, paper.uff_file())
+        ended = finished(client, sent.headers["Location"])
+        assert (filler.status_code, ended["status"], ended["error"]["reason"]) == (202, "failed", "refused")
+        assert "MODALBASE_PROJECT_QUOTA_BYTES" in ended["message"]
+        assert ok(client.get(f"campaigns/{campaign}/frfs"), 200)["items"] == []
+
+
+def test_uploads_at_the_same_moment_do_not_pass_the_quota_together(small: LocalService) -> None:
+    """Four files of which two have room, all found to have room before any is committed."""
+    with client_of(small, "eve") as client, ThreadPoolExecutor(4) as pool:
+        project = ok(client.post("projects", json={"name": "p"}), 201)["id"]
+        campaigns = [campaign_in(client, project)[1] for _ in range(4)]  # uploads into one follow each other
+        with psycopg.connect(psycopg_url(small.settings.database_url or "")) as held:
+            held.execute("SELECT pg_advisory_xact_lock(hashtextextended(%s, 0))", [f"storage {project}"])
+            sent = [
+                pool.submit(upload, client, campaign, b"%d" % number * 300_000, dry_run=True)
+                for number, campaign in enumerate(campaigns)
+            ]
+            waiting = "SELECT count(*) = 4 FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+            until(lambda: _asked(small, waiting), "the four uploads wait to be committed")
+            held.rollback()
+        statuses = [answer.result().status_code for answer in sent]
+        assert sorted(statuses) == [202, 202, 413, 413]
+        assert ok(client.get(f"projects/{project}/storage"), 200)["used_bytes"] == 600_000
+        stored = [len(ok(client.get(f"campaigns/{campaign}/imports"), 200)["items"]) for campaign in campaigns]
+        assert sorted(stored) == [0, 0, 1, 1]
+
+
+def _asked(service: LocalService, question: str) -> bool:
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        return connection.execute(question.encode()).fetchone() == (True,)

@@ -1,7 +1,5 @@
 """Numbers in another unit than the contract's are refused with what was probably meant; who means them confirms them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import httpx
@@ -182,39 +180,3 @@ def test_the_library(api: httpx.Client, service: LocalService) -> None:
             campaign.update(recipe)
         with pytest.raises(modalbase.ClientError, match="states no laminate or material"):
             campaign.update(recipe, confirm=True)
-
-
-UPDATE, STRUCTURE, COUPON = (
-    "campaigns/{campaign}/update-jobs",
-    "projects/{project}/structures",
-    "coupon-batches/{batch}/coupons",
-)
-FAULTS: list[tuple[str, Any, str, str]] = [
-    (UPDATE, {"band": [1, 2]}, "/band", "is no member here; did you mean band_hz?"),
-    (UPDATE, {"hold_out": {"pionts": [1]}}, "/hold_out/pionts", "did you mean points?"),
-    (UPDATE, {"parameters": [{"name": "Ex", "mean": 1}]}, "/parameters/0/mean", "did you mean prior_mean?"),
-    (STRUCTURE, {"name": "x", "Ex": 33e9}, "/Ex", "did you mean material/Ex_Pa?"),
-    (STRUCTURE, {"name": "x", "colour": 1}, "/colour", "there is name, geometry, density_kg_m3"),
-    (COUPON, {"specimen": "A1", "E": 1e9}, "/E", "did you mean E_Pa?"),
-    (COUPON, [{"specimen": "A1", "strenth_Pa": 1e9}], "/0/strenth_Pa", "did you mean strength_Pa?"),
-    (COUPON, {"specimen": "A1", "E_Pa": 3.3e19}, "/E_Pa", "is 3.3e19 Pa, expected at most 1e13 Pa (10000 GPa)"),
-    (STRUCTURE, {"name": "x", "density_kg_m3": 1e6}, "/density_kg_m3", "is 1e6 kg/m³, expected at most 50000 kg/m³"),
-    (
-        STRUCTURE,
-        {"name": "x", "geometry": {**SIZE, "width_m": 0}},
-        "/geometry/width_m",
-        "is 0 m, expected more than 0 m",
-    ),
-    ("campaigns/{campaign}/identifications", {"band_hz": [-1, 10]}, "/band_hz/0", "is -1 Hz, expected at least 0 Hz"),
-]
-
-
-@pytest.mark.parametrize(("path", "body", "pointer", "said"), FAULTS)
-def test_what_a_fault_says(
-    api: httpx.Client, project: str, structure: str, campaign: str, path: str, body: Any, pointer: str, said: str
-) -> None:
-    batch = ok(api.post(f"structures/{structure}/coupon-batches", json={"name": "0", "constants": ["Ex"]}), 201)["id"]
-    problem = ok(api.post(path.format(project=project, campaign=campaign, batch=batch), json=body), 422)
-    faults = {fault["pointer"]: fault["detail"] for fault in problem["errors"]}
-    assert said in faults[pointer]
-    assert "confirmable" not in problem

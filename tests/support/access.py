@@ -6,8 +6,6 @@ things are held against each answer: the status that role, scope and id call for
 not exist are answered alike; and that nothing of the foreign project stands in it.
 """
 
-from __future__ import annotations
-
 import copy
 import json
 import re
@@ -76,10 +74,10 @@ def operations(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 @contextmanager
-def asking_of(service: LocalService) -> Iterator[Round]:
+def asking_of(service: LocalService) -> Iterator["Round"]:
     """Projects and callers of a service that runs with settings such as `ASKED_FREELY`."""
     with ExitStack() as stack:
-        engine = make_engine(service.settings.database_url or "", pool_size=2)
+        engine = make_engine(service.settings.database_url, pool_size=2)
         stack.callback(engine.dispose)
         line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))
         owner, stranger = (

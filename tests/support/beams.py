@@ -1,7 +1,5 @@
 """Synthetic FRFs of the paper's cantilever without a finite element model, and readers of the shared data."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,12 +1,10 @@
 """Blocks of code of the documents, and what a reader of each page has at hand before its blocks run."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -93,7 +91,7 @@ class _Chain:
         self.step, self.steps = step, 3
 
     @classmethod
-    def start(cls, _: Any) -> _Chain:
+    def start(cls, _: Any) -> Self:
         return cls(0)
 
     def advance(self) -> None:

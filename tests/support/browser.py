@@ -63,10 +63,30 @@ class Watched:
     strangers: list[str] = field(default_factory=list)
     clicks: int = 0
 
+    def listen(self) -> None:
+        """Note what this page complains of."""
+        self.page.on("console", self._heard)
+        self.page.on("pageerror", lambda error: self.complaints.append(f"uncaught: {error} ({self.page.url})"))
+
+    def _heard(self, message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning"):
+            self.complaints.append(f"{message.type}: {message.text} ({self.page.url})")
+
     def click(self, selector: str) -> None:
         """Click, and count it."""
         self.clicks += 1
         self.page.click(selector)
+
+    def visit(self, path: str) -> None:
+        """Look at another page, in a tab of its own, until nothing more is loaded.
+
+        In one tab the page before would be asked for once more on the way now and then: it loads itself anew where it takes
+        the end of its dark colours, which are the browser's pretence, for the reader's wish.
+        """
+        before, self.page = self.page, self.page.context.new_page()
+        before.close()
+        self.listen()
+        self.page.goto(path, wait_until="networkidle")
 
 
 @contextmanager
@@ -89,20 +109,14 @@ def watched_page(
         reduced_motion="reduce" if still else "no-preference",
     )
     context.set_default_timeout(PATIENCE_MS)
-    page = context.new_page()
-    seen = Watched(page, urlsplit(url).netloc)
-
-    def on_console(message: ConsoleMessage) -> None:
-        if message.type in ("error", "warning"):
-            seen.complaints.append(f"{message.type}: {message.text} ({page.url})")
+    seen = Watched(context.new_page(), urlsplit(url).netloc)
+    seen.listen()
 
     def on_request(request: Request) -> None:
         asked = urlsplit(request.url)
         if asked.scheme not in OWN_SCHEMES and asked.netloc != seen.host:
             seen.strangers.append(request.url)
 
-    page.on("console", on_console)
-    page.on("pageerror", lambda error: seen.complaints.append(f"uncaught: {error} ({page.url})"))
     context.on("request", on_request)
     try:
         yield seen

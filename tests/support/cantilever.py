@@ -1,7 +1,5 @@
 """The paper's cantilever: nominal constants, measured modes, the grid of its tour."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial

@@ -1,7 +1,5 @@
 """The command `modalbase` as a person starts it, and which of its processes still live."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -91,7 +89,7 @@ def modalbase_here(
         os.chdir(before)
         sys.excepthook = hook
         signal(SIGTERM, handler)
-    shown, errors = (stream.buffer.getvalue().decode() for stream in (out, err))  # type: ignore[attr-defined]
+    shown, errors = (stream.buffer.getvalue().decode() for stream in (out, err))
     assert code in (None, ended), f"{ended}: {shown} {errors}"
     return subprocess.CompletedProcess(line, ended, shown, errors)
 
@@ -132,7 +130,6 @@ def up(
     process = subprocess.Popen(
         [str(COMMAND), *words], stdout=subprocess.PIPE, stderr=stderr, text=True, env=environment(**env), cwd=cwd
     )
-    assert process.stdout is not None
     try:
         said = ""
         while "API key" not in said:  # its last line

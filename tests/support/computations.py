@@ -1,7 +1,5 @@
 """What the tests' kinds of job compute, in a module without database and web, as theirs is in the service."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal

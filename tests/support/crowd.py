@@ -1,7 +1,5 @@
 """Many clients at once, from one process."""
 
-from __future__ import annotations
-
 import asyncio
 from collections import Counter
 from collections.abc import Awaitable, Callable

@@ -1,7 +1,5 @@
 """A migrated database as it was before a test: without rows, its sequences at their start, nobody connected."""
 
-from __future__ import annotations
-
 import psycopg
 from psycopg.sql import SQL
 

@@ -2,8 +2,6 @@
 by hand.
 """
 
-from __future__ import annotations
-
 from typing import Any
 from uuid import UUID
 

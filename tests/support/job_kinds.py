@@ -1,7 +1,5 @@
 """Kinds of job for the tests, and a worker that runs them."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

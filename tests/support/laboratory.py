@@ -1,7 +1,5 @@
 """What the tests of the measurement database start from: a project, a beam, a campaign; waiting for an import."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 
@@ -22,11 +20,6 @@ BEAM: dict[str, Any] = {
     "density_kg_m3": 2012.0,
     "material": MATERIAL,
 }
-
-
-@pytest.fixture
-def checked() -> Callable[[httpx.Response, int], Any]:
-    return ok
 
 
 @pytest.fixture
@@ -83,8 +76,7 @@ def rows(service: LocalService) -> Callable[..., list[dict[str, Any]]]:
     """Asks the running service's database directly."""
 
     def ask(query: str, *parameters: Any) -> list[dict[str, Any]]:
-        assert service.settings.database_url is not None
         with psycopg.connect(psycopg_url(service.settings.database_url), row_factory=dict_row) as connection:
-            return connection.execute(query, parameters).fetchall()  # type: ignore[arg-type]
+            return connection.execute(query, parameters).fetchall()
 
     return ask

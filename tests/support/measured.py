@@ -1,7 +1,5 @@
 """FRFs of files beside the project, read by a library that is not ours."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

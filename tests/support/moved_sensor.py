@@ -1,7 +1,5 @@
 """A tour whose sensor has a mass and goes from point to point while the hammer stays."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.body.specimen import Specimen

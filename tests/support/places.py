@@ -1,7 +1,5 @@
 """Where the project lies, and the data beside it that other people measured or computed."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

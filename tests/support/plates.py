@@ -1,7 +1,5 @@
 """Plates and closed forms that several tests share."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial, Ply, Section, section

@@ -1,7 +1,5 @@
 """Receivers of messages on loopback: a webhook's HTTP server, and a server that takes mail."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import hmac
@@ -132,7 +130,6 @@ class MailServer(Controller):
         return AuthResult(success=who == self.account, handled=False)
 
     def _trigger_server(self) -> None:
-        assert self.server is not None
         self.port = self.server.sockets[0].getsockname()[1]
         super()._trigger_server()
 

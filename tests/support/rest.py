@@ -1,7 +1,5 @@
 """REST as the tests use it: a client with a key of its own, answers that must be good, jobs that must end."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import httpx
@@ -72,8 +70,7 @@ def finished(api: httpx.Client, location: str) -> dict[str, Any]:
 
 def result_of(api: httpx.Client, location: str) -> dict[str, Any]:
     """The result document of an update job at an address."""
-    result: dict[str, Any] = ok(api.get(api.base_url.join(f"{location}/result")), 200)
-    return result
+    return ok(api.get(api.base_url.join(f"{location}/result")), 200)
 
 
 def mode_rows(modes: MeasuredModes, relative_sd: float) -> list[dict[str, Any]]:

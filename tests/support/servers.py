@@ -1,7 +1,5 @@
 """A PostgreSQL that listens on TCP and asks for a password, as a server on another machine does."""
 
-from __future__ import annotations
-
 import os
 import pwd
 import shutil

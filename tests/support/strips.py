@@ -4,8 +4,6 @@ The truth is solved on a finer mesh than updating takes, on a full model, with i
 (dimensions, density, angle, a clamp that yields), every frequency off by the error of a plate theory, and noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +47,7 @@ def measured(
     """One campaign: the modes of a body drawn about what the laboratory believes of it."""
     coarse = (14, 10) if size[1] > 0.1 else (16, 3)
     turned = float(np.radians(angle))
-    body = OrientedSpecimen(*size, NOMINAL, boundary, divisions=coarse, fibre_angle=turned)  # type: ignore[arg-type]
+    body = OrientedSpecimen(*size, NOMINAL, boundary, divisions=coarse, fibre_angle=turned)
     inputs = Inputs()
     own = {name: inputs.standard_deviation(name, value) for name, value in body.nominal.items() if name in _DRAWN}
     drawn = {key: body.nominal[key] + sd * random.standard_normal() for key, sd in own.items()}

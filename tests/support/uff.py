@@ -1,7 +1,5 @@
 """What the UFF tests share: reading to the end, and datasets made line by line as other programs write them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -83,7 +81,7 @@ def header_58(
 
 def set_58(*rows: str, **header: object) -> bytes:
     """A set 58 with the given rows of data."""
-    return dataset("58", *header_58(**header), *rows)  # type: ignore[arg-type]
+    return dataset("58", *header_58(**header), *rows)
 
 
 def set_164(length: float = 1.0, force: float = 1.0, code: int = 9) -> bytes:

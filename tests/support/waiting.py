@@ -1,10 +1,10 @@
 """Waiting for an event, as long as it takes: no test depends on how fast a machine is or on who else works on it."""
 
-from __future__ import annotations
-
+import asyncio
 import time
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Awaitable, Callable
+from functools import wraps
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -35,3 +35,19 @@ def until(condition: Callable[[], T], what: str, now: Callable[[], object] | Non
             raise AssertionError(f"not within {PATIENCE:g} s: {what}; now: {now() if now else found}")
         time.sleep(min(SOON + SHARE * waited, SELDOM))
     return found
+
+
+def awaited(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    """A test that is a coroutine, in a loop of its own."""
+
+    @wraps(test)
+    def run(*given: Any, **named: Any) -> None:
+        asyncio.run(test(*given, **named))
+
+    return run
+
+
+async def settle() -> None:
+    """Let everything that can go on do so."""
+    for _ in range(10):
+        await asyncio.sleep(0)

@@ -1,7 +1,5 @@
 """The wheel and the source archive of this tree, and the wheel unpacked in front of everything."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

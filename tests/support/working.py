@@ -1,7 +1,5 @@
 """Jobs on a real queue: a worker of the tests' kinds of job, jobs to give it, and waiting for what becomes of them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -129,9 +127,7 @@ def wait(sessions: Sessions, job_id: UUID, condition: Callable[[Job], bool] = la
         job = look(sessions, job_id)
         return job if condition(job) else None
 
-    found = until(so, "the job", lambda: job_state(look(sessions, job_id)))
-    assert found is not None
-    return found
+    return until(so, "the job", lambda: job_state(look(sessions, job_id)))
 
 
 def items(sessions: Sessions, job_id: UUID) -> list[Any]:

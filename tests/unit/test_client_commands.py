@@ -1,7 +1,5 @@
 """What the commands and the library send, print and end with, over answers as the REST contract has them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -273,7 +271,7 @@ def test_the_library_sends_what_it_is_given(lab: Lab) -> None:
 def test_shapes_have_a_place_for_each_dof_and_gaps_where_nothing_is_known() -> None:
     value = {"point": 7, "direction": 3, "real": 1.0, "imag": -2.0}
     modes = [{"shape": [value, value | {"point": 2}]}, {"shape": None}, {"shape": [value | {"real": 5.0}]}]
-    dofs, found = ModeSet(None, {"modes": modes}).shapes()  # type: ignore[arg-type]  # nothing is sent
+    dofs, found = ModeSet(None, {"modes": modes}).shapes()
     assert dofs == [(2, 3), (7, 3)]
     gap = np.nan
     np.testing.assert_array_equal(found, [[1 - 2j, 1 - 2j], [gap, gap], [gap, 5 - 2j]])

@@ -1,6 +1,4 @@
-"""The client alone: what it asks, what it refuses before anything is sent, and tables of points."""
-
-from __future__ import annotations
+"""The client alone: what it asks, what it refuses before anything is sent, tables of points, other libraries' words."""
 
 import io
 from collections.abc import Callable
@@ -96,7 +94,7 @@ def test_a_download_goes_to_a_file_a_device_or_standard_output(tmp_path: Path, m
 
 def test_a_call_of_the_contract_that_is_wrong_says_what_it_takes() -> None:
     sent: list[httpx.Request] = []
-    rest = Rest(at(lambda request: sent.append(request) or httpx.Response(200, json={})))  # type: ignore[func-returns-value]
+    rest = Rest(at(lambda request: sent.append(request) or httpx.Response(200, json={})))
     with pytest.raises(AttributeError, match=r"the REST contract has no call 'nonsense'; dir\(\) lists them"):
         _ = rest.nonsense
     with pytest.raises(TypeError, match=r"get_campaign\(\) takes campaign_id and got 0"):
@@ -215,3 +213,45 @@ def test_what_is_no_table_of_points_is_named(tmp_path: Path, text: str, said: st
     with pytest.raises(ClientError) as refused:
         read_points(file)
     assert said in str(refused.value)
+
+
+# --- FRFs and tables in the words of other libraries, where these are installed -----------------------------------------
+
+
+@pytest.fixture
+def frfs() -> modalbase.Frfs:
+    rng = np.random.default_rng(2)
+    values = rng.standard_normal((2, 5)) + 1j * rng.standard_normal((2, 5))
+    pairs = {"response": [(1, 3), (2, -3)], "reference": [(5, 3), (5, 3)]}
+    return modalbase.Frfs.from_arrays(np.linspace(10.0, 14.0, 5), values, **pairs)
+
+
+def test_an_array_of_xarray_has_points_and_lines(frfs: modalbase.Frfs) -> None:
+    pytest.importorskip("xarray")
+    array = frfs.to_xarray()
+    assert array.dims == ("frf", "frequency_hz")
+    np.testing.assert_array_equal(array.values, frfs.values)
+    np.testing.assert_array_equal(array.sel(frequency_hz=12.0).values, frfs.values[:, 2])
+    assert list(array.response_point.values) == [1, 2]
+    assert list(array.reference_point.values) == [5, 5]
+
+
+def test_a_model_of_sdypy_keeps_what_it_was_given(frfs: modalbase.Frfs) -> None:
+    ema = pytest.importorskip("sdypy.EMA")
+    model = ema.Model(**frfs.to_sdypy(), lower=10, upper=14)
+    pairs = {"response": [(1, 3), (2, -3)], "reference": [(5, 3), (5, 3)]}
+    back = modalbase.Frfs.from_sdypy(model, **pairs)
+    assert back.quantity == frfs.quantity == "accelerance"
+    np.testing.assert_array_equal(back.values, frfs.values[:, : back.frequency_hz.size])
+    np.testing.assert_array_equal(back.frequency_hz, frfs.frequency_hz[: back.frequency_hz.size])
+    assert back.frequency_hz.size >= 4  # the model cuts at its upper frequency
+
+
+def test_a_table_becomes_a_data_frame() -> None:
+    pandas = pytest.importorskip("pandas")
+    rows = [{"name": "Ex", "estimate": 31.0e9}, {"name": "a0", "estimate": None}]
+    frame = Table(rows).to_pandas()
+    assert isinstance(frame, pandas.DataFrame)
+    assert list(frame["name"]) == ["Ex", "a0"]
+    assert frame["estimate"][0] == 31.0e9
+    assert np.isnan(frame["estimate"][1])

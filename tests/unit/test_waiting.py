@@ -1,7 +1,5 @@
 """Tests wait for events: a sleep, or a time that is measured, stands in no test."""
 
-from __future__ import annotations
-
 import re
 
 from tests.support.places import ROOT
@@ -12,7 +10,6 @@ ALLOWED = {
     "support/waiting.py",  # looks again and again
     "support/computations.py",  # a job that is held
     "support/receivers.py",  # a signature must be fresh
-    "integration/test_tickets.py",  # ends at many moments; what is asserted holds at each
     "unit/test_waiting.py",
 }
 

@@ -227,6 +227,11 @@ def batch_prior(session: Session, batch_id: UUID) -> Summary:
     return summarise(session, session.get_one(CouponBatch, batch_id))
 
 
+def batch_name(session: Session, batch_id: UUID) -> str:
+    """The name of a batch."""
+    return session.get_one(CouponBatch, batch_id).name
+
+
 def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
     """The specimen of the batch that came of the same file and the same request; None where there is none."""
     query = select(Coupon).join(CouponCurve, CouponCurve.coupon_id == Coupon.id)

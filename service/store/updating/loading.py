@@ -26,7 +26,7 @@ from service.compute.updating import Hits, JointCampaign, JointInputs, UpdateInp
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
-from service.store.coupons.operations import batch_prior
+from service.store.coupons.operations import batch_name, batch_prior
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
@@ -302,5 +302,6 @@ def _coupons(session: Session, request: UpdateBatchIn, *, scatter: bool) -> tupl
         for name, prior in summary.priors.items():
             if name in wanted:
                 pieces = (summary.constants[name].n or 1) if scatter else 0
-                found.append(Coupon(name, prior.mean, prior.standard_deviation / math.sqrt(pieces + 1)))
+                sd = prior.standard_deviation / math.sqrt(pieces + 1)
+                found.append(Coupon(name, prior.mean, sd, f"coupon batch {batch_name(session, key)}"))
     return tuple(found), tuple(warnings)

@@ -280,10 +280,40 @@ class CampaignPartOut(Part):
     name: str = Field(description="structure and campaign")
     specimen: str = Field(description="campaigns of one specimen share its dimensions")
     predictive_p: Number = Field(description="of its frequencies, given the other campaigns")
-    contradicts: bool = Field(description="whether that is too small to be chance")
+    contradicts: bool = Field(description="whether it or one of its inputs is the likeliest cause of a conflict")
     alone: dict[str, AloneOut] = Field(description="the constants by this campaign alone")
     own: list[ParameterOut] = Field(description="its own unknowns and its specimen's")
     modes: list[ModeComparisonOut] = Field(description="measured modes beside the model's")
+
+
+class SaidOut(Part):
+    """What a source says of one constant, and what the other data say of it, SI."""
+
+    constant: str = Field(description="its name; empty for the scatter between specimens, a share")
+    stated: float = Field(description="by the source")
+    stated_sd: float = Field(description="standard deviation of that")
+    rest: float = Field(description="by the other data")
+    rest_sd: float = Field(description="standard deviation of that")
+
+
+class CauseOut(Part):
+    """A source of data that may be wrong."""
+
+    kind: Literal["input", "coupons", "campaign", "scatter"] = Field(description="what it is")
+    name: str = Field(description="of the source")
+    p: float = Field(description="probability of a larger difference from the other data, if it is as good as stated")
+    evidence: float = Field(description="logarithm of how much likelier the data are if it is wrong")
+    owner: str = Field(description="the campaign or specimen that it belongs to; empty: all")
+    said: list[SaidOut] = Field(description="what it says, constant by constant")
+
+
+class ConflictOut(Part):
+    """Data that contradict each other."""
+
+    cause: CauseOut = Field(description="the likeliest")
+    rivals: list[CauseOut] = Field(description="other causes that are not ruled out, the likeliest first")
+    cleared: list[str] = Field(description="what no longer contradicts the rest once the cause is allowed for")
+    moved: float = Field(description="how far a constant then moves at most, in its standard deviations")
 
 
 class JointResultOut(Part):
@@ -295,7 +325,8 @@ class JointResultOut(Part):
     parameters: list[ParameterOut] = Field(description="the material's constants in its own axes, SI")
     posterior: PosteriorOut = Field(description="how the constants correlate")
     campaigns: list[CampaignPartOut] = Field(description="what each campaign has to do with it")
-    odd_one_out: str | None = Field(description="the campaign without which the others agree; null: none")
+    odd_one_out: str | None = Field(description="the campaign in which the first conflict's causes lie; null: none")
+    conflicts: list[ConflictOut] = Field(default_factory=list, description="data that contradict each other")
     damping_models: list[CommonLawOut] = Field(description="damping laws of the material, ranked")
     discrepancy: dict[str, Any] = Field(description="relative: of a frequency, and of a modulus between specimens")
     provenance: dict[str, Any] = Field(description="the request, versions, host")

@@ -1,7 +1,5 @@
 """Correlation criteria and pairing."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

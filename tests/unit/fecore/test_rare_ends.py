@@ -68,8 +68,6 @@ def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
 
 def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
-    (both,) = campaigns._contradictions(parts, None)
-    assert both.text.startswith("the campaigns contradict each other: a (p = 0.001) and b (p = 0.001)")
     sure = SimpleNamespace(probability=lambda rows: np.ones(len(rows)), width=lambda rows: np.ones(len(rows)))
     layout = SimpleNamespace(labels=["Ex"], shared=("Ex",), campaigns=(sure, sure))
     problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]), weights=np.ones(3))

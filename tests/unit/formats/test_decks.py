@@ -1,7 +1,5 @@
 """Decks read back as a solver would: volume, supports, masses and cards. Acceptance has CalculiX find their modes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -23,15 +21,15 @@ def _block(deck: str, card: str) -> list[list[float]]:
     return [[float(cell) for cell in line.split(",")] for line in body.splitlines()]
 
 
-def _nodes(deck: str) -> np.ndarray:  # type: ignore[type-arg]
+def _nodes(deck: str) -> np.ndarray:
     return np.array(_block(deck, "*NODE, NSET=ALL"))[:, 1:]
 
 
-def _elements(deck: str, kind: str) -> np.ndarray:  # type: ignore[type-arg]
+def _elements(deck: str, kind: str) -> np.ndarray:
     return np.array(_block(deck, f"*ELEMENT, TYPE={kind}, ELSET=BODY"), int)[:, 1:] - 1
 
 
-def _twice_area(corners: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _twice_area(corners: np.ndarray) -> np.ndarray:
     """Signed, of quadrilaterals (m, 4, 2) by their diagonals."""
     one, other = corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1]
     return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]

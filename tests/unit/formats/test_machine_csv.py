@@ -1,7 +1,5 @@
 """Testing machines' text files: encodings, separators, units, restarts, and what is refused with its line."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 from typing import Any

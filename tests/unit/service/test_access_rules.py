@@ -1,6 +1,4 @@
-"""Rules of access that need no database: roles, keys that are known, the session's cookie."""
-
-from __future__ import annotations
+"""Rules that need no database: roles, keys that are known, the session's cookie, and where messages may go."""
 
 import asyncio
 from collections.abc import Callable
@@ -10,12 +8,16 @@ from uuid import uuid4
 
 import pytest
 
+import service.app.composition  # noqa: F401  imports every table
 from service.access import door
 from service.access.door import KnownKeys, SessionCookie, session_token
 from service.access.keys import COOKIE, HEADER, request_token
 from service.access.lookup import Role, require_role
 from service.access.tables import Project
 from service.errors import Conflict, Forbidden, NotFound, TooManyRequests, Unauthorized
+from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
+from service.monitoring.notifications.sender import sign
+from service.settings import Settings
 
 ROLES: tuple[Role, ...] = ("viewer", "editor", "owner")
 NOW = datetime(2026, 3, 1, tzinfo=UTC)
@@ -168,5 +170,113 @@ def test_what_is_no_request_passes_by() -> None:
     async def app(scope: Any, *_: Any) -> None:
         seen.append(scope)
 
-    asyncio.run(SessionCookie(app)({"type": "lifespan"}, None, None))  # type: ignore[arg-type]  # nothing is received
+    asyncio.run(SessionCookie(app)({"type": "lifespan"}, None, None))
     assert seen == [{"type": "lifespan"}]
+
+
+# --- where messages may go, and how they are signed ---------------------------------------------------------------------
+
+LOOPBACK = Settings(webhook_networks="127.0.0.0/8", webhook_ports="1-65535", delivery_pause_seconds=0.05)
+
+
+ANYWHERE = Settings()
+
+
+REGISTERED = [
+    "0.255.255.255", "10.255.255.255", "100.64.0.0", "100.127.255.255", "127.255.255.255", "169.254.255.255", "172.16.0.0",
+    "172.31.255.255", "192.0.0.0", "192.0.0.8", "192.0.0.9", "192.0.0.10", "192.0.0.170", "192.0.0.192", "192.0.0.255",
+    "192.0.2.255", "192.31.196.1", "192.52.193.1", "192.88.99.1", "192.168.255.255", "192.175.48.1", "198.18.0.0",
+    "198.19.255.255", "198.51.100.1", "203.0.113.255", "239.255.255.255", "240.0.0.1", "255.255.255.255",
+    "[::ffff:1.1.1.1]", "[64:ff9b::1.1.1.1]", "[64:ff9b:1::101:101]", "[100::1]", "[100:0:0:1::1]", "[2001::1]",
+    "[2001:1::1]", "[2001:1::2]", "[2001:2::1]", "[2001:3::1]", "[2001:4:112::1]", "[2001:10::1]", "[2001:20::1]",
+    "[2001:30::1]", "[2001:1ff::1]", "[2001:db8::1]", "[2002:101:101::1]", "[2620:4f:8000::1]", "[3fff::1]", "[5f00::1]",
+    "[fdff::1]", "[febf::1]", "[fec0::1]", "[ff02::1]", "[4000::1]", "[1fff::1]",
+]  # fmt: skip
+"""Of every network of the registries an address, ends of some, and what is no unicast or not assigned."""
+
+
+PUBLIC = [
+    "1.0.0.0", "9.255.255.255", "11.0.0.0", "100.63.255.255", "100.128.0.0", "126.255.255.255", "128.0.0.0", "169.253.255.255",
+    "169.255.0.0", "172.15.255.255", "172.32.0.0", "192.0.1.0", "192.0.3.0", "192.167.255.255", "192.169.0.0",
+    "198.17.255.255", "198.20.0.0", "223.255.255.255", "[2001:200::1]", "[2003::1]", "[2606:4700::1111]", "[2a00::1]",
+    "[2620:4f:8001::1]", "[3ffe::1]",
+]  # fmt: skip
+"""What lies beside them."""
+
+
+def test_signature_is_that_of_standard_webhooks() -> None:
+    """The example that the specification's own libraries test themselves with."""
+    signature = sign(
+        "whsec_MfKQ9r8GKYqrTwjUPD8ILPZIo2LaLaSw", "msg_p5jXN8AQM9LWM0D4loKWxJek", 1614265330, b'{"test": 2432232314}'
+    )
+    assert signature == "v1,g0hM9SsE+OTPJTGt/tmIKtSyZlE3uFJELVlNIOLJ1OE="
+
+
+def test_ports_are_the_operators() -> None:
+    with pytest.raises(AddressError, match="port 22"):
+        resolve("http://1.1.1.1:22/", ANYWHERE)
+    some = Settings(webhook_ports="443, 8000-8999")
+    assert resolve("http://1.1.1.1:8123/", some).url.port == 8123
+    with pytest.raises(AddressError, match="port 80"):
+        resolve("http://1.1.1.1/", some)
+    with pytest.raises(ValueError, match="is no port"):
+        Settings(webhook_ports="https")
+
+
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://127.0.0.1/",
+        "http://0.0.0.0/",
+        "http://10.1.2.3/",
+        "http://169.254.169.254/latest/meta-data",
+        "http://[::1]/",
+        "http://[::ffff:127.0.0.1]/",
+        "http://[fe80::1]/",
+        "http://224.0.0.1/",
+        "http://[64:ff9b::7f00:1]/",
+        "http://[64:ff9b::10.0.0.1]/",
+        "http://[64:ff9b:1::7f00:1]/",
+        "http://[2002:7f00:1::]/",
+        "http://[2002:a9fe:a9fe::1]/",
+        "http://[2001:0:7f00:1::1]/",
+        "http://[2001:0:0808:0808::80ff:fffe]/",
+        "http://[::7f00:1]/",
+        "http://[::169.254.169.254]/",
+        "http://[::ffff:0:127.0.0.1]/",
+        "http://[2606:4700::5efe:10.0.0.1]/",
+        "http://[2606:4700::200:5efe:10.0.0.1]/",
+        "http://[::]/",
+        "http://[fd00::1]/",
+        "http://0x7f.1/",
+        "http://2130706433/",
+        "http://localhost/",
+        *(f"http://{address}/" for address in REGISTERED),
+    ],
+)
+def test_addresses_that_are_not_public_are_refused(url: str) -> None:
+    with pytest.raises(AddressError, match="not a public address"):
+        resolve(url, ANYWHERE)
+
+
+def test_public_addresses_are_taken() -> None:
+    for address in PUBLIC:
+        assert resolve(f"http://{address}/", ANYWHERE).name in address
+
+
+def test_what_an_allowed_network_carries_must_be_allowed_too() -> None:
+    by_nat64 = Settings(webhook_networks="64:ff9b::/96")
+    assert resolve("http://[64:ff9b::1.1.1.1]/", by_nat64).name == "64:ff9b::1.1.1.1"
+    with pytest.raises(AddressError, match=r"leads to 10\.0\.0\.1 \(private\)"):
+        resolve("http://[64:ff9b::10.0.0.1]/", by_nat64)
+    both = Settings(webhook_networks="64:ff9b::/96, 10.0.0.0/8")
+    assert resolve("http://[64:ff9b::10.0.0.1]/", both).name == "64:ff9b::10.0.0.1"
+
+
+def test_an_operator_allows_networks() -> None:
+    assert resolve("http://127.0.0.9:8080/x?y=1", LOOPBACK).url == "http://127.0.0.9:8080/x?y=1"
+    assert resolve("https://1.1.1.1/", ANYWHERE).name == "1.1.1.1"
+    with pytest.raises(ValueError, match=r"10\.0\.0\.1/8"):
+        Settings(webhook_networks="10.0.0.1/8")
+    with pytest.raises(AddressError):
+        parse_url("http://")

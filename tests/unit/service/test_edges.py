@@ -1,7 +1,5 @@
 """What is asked of small parts of the service at the edges of what they take."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta

@@ -1,13 +1,17 @@
 """Figures of results that lack something, or have what few have: each panel, curve and mark is there where there is data."""
 
-from __future__ import annotations
-
+import json
+import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
+from uuid import UUID
 
 import numpy as np
 import pytest
 
+from fecore.frf import Dof
+from service.errors import Conflict, NotFound
 from service.show.figures.budget import OTHERS, budget_figure
 from service.show.figures.correlation import PointValues, points_figure
 from service.show.figures.coupon import coupon_figure
@@ -15,14 +19,17 @@ from service.show.figures.frf import FrfCurves, Spread, frf_figure
 from service.show.figures.hits import HitShown, PointShown, hits_figure
 from service.show.figures.marks import Figure, Region
 from service.show.figures.parameters import parameters_figure
-from service.show.figures.screen import screen
+from service.show.figures.screen import numbers, screen
 from service.show.figures.series import series_figure
 from service.show.figures.shapes import MOST_ROWS, ShapePair, shapes_figure
+from service.show.pages.grid import draw_grid
+from service.show.reports import update_report
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report
-from service.show.results.figure_data import UpdateFigures
-from service.show.results.figure_frf import Wanted
-from service.show.results.figures import FIGURES, draw_figure, draw_sheets
+from service.show.results import figure_data, figure_frf
+from service.show.results.figure_data import JointFigures, UpdateFigures
+from service.show.results.figure_frf import Wanted, _row_at
+from service.show.results.figures import FIGURES, JOINT_FIGURES, _shapes, draw_figure, draw_sheets
 
 
 def names(figure: Figure) -> list[str]:
@@ -175,7 +182,7 @@ def many_modes(count: int) -> UpdateFigures:
         for k in range(count)
     ]
     shapes = random.standard_normal((count, 6))
-    data = UpdateFigures(None, None)  # type: ignore[arg-type]  # what they would give is planted
+    data = UpdateFigures(None, None)
     vars(data)["document"] = {"modes": modes, "provenance": {"frfs": []}}
     vars(data)["arrays"] = {
         "shapes_measured": shapes, "shapes_updated": shapes, "shape_pairs": np.array([(k, k) for k in range(count)]),
@@ -201,3 +208,154 @@ def test_a_figure_that_is_higher_than_a_page_is_drawn_smaller() -> None:
     figure = draw_figure(FIGURES, many_modes(41), "shapes", Wanted())
     assert figure.title.endswith("the first 40 of 41 pairs")
     assert as_pdf(Report("r", "", [Picture(figure, 1.0)])).count(b"/Type /Page\n") == 1
+
+
+# --- numbers of a figure are JSON, whatever was measured ----------------------------------------------------------------
+
+
+def test_numbers_are_rounded_and_what_json_lacks_is_a_gap() -> None:
+    given = [1.23456789, -6.02214076e23, 1e-320, 1e-300, 1.7e308, 0.0, math.nan, math.inf]
+    found = numbers(given)
+    assert found == [1.234568, pytest.approx(-6.022141e23), 0.0, 0.0, pytest.approx(1.7e308), 0.0, None, None]
+    json.dumps(found, allow_nan=False)
+
+
+def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
+    """What a job's figures are drawn from, as if it had been read."""
+    data = UpdateFigures(None, None)
+    vars(data).update(document=document, light=document, arrays=arrays or {})
+    return data
+
+
+NO_LINES = {"frequency_hz": np.zeros(0)}
+
+
+OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
+
+
+MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "why"),
+    [
+        (
+            "frf",
+            a_result(NO_LINES, outcomes=[]),
+            "this update predicts no FRFs, because its damping was not fitted to any",
+        ),
+        (
+            "frf",
+            a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
+            "this update predicts no FRFs, because its damping was not fitted to any: no modes",
+        ),
+        ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
+        ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
+        ("automac", a_result(correlation={"mac_matrix": [[1.0]]}), OLDER),
+        ("shapes", a_result(provenance={"frfs": [{}]}), OLDER),
+        (
+            "shapes",
+            a_result(provenance={"frfs": []}),
+            "there are no FRFs and the modes have no shapes, so there is nothing to draw",
+        ),
+        ("posterior", a_result(posterior={"method": "gaussian"}), OLDER),
+        (
+            "budget",
+            a_result(parameters=[{"budget": []}]),
+            "this result does not say what the variance of its parameters is made of",
+        ),
+        (
+            "damping",
+            a_result(damping_models=[], outcomes=[]),
+            "no damping law was fitted: no measured mode has a damping ratio",
+        ),
+        ("damping", a_result(damping_models=[{"name": "rayleigh", "curve": None}]), OLDER),
+        (
+            "stabilisation",
+            a_result(identification=None),
+            "this update was given its modes and identified none, so there is no stabilisation diagram",
+        ),
+    ],
+)
+def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
+    with pytest.raises(Conflict) as refused:
+        draw_figure(FIGURES, data, name, Wanted())
+    assert str(refused.value) == why
+
+
+def test_lines_modes_and_points_that_a_result_has_not() -> None:
+    two = np.array([[0.9, 0.8], [1.0, 0.9]])
+    arrays = {"band_lines_hz": np.array([10.0, 20.0]), "csac": two, "frequency_hz": np.ones(2)}
+    data = a_result(arrays, modes=MODES)
+    with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
+        draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
+    assert screen(draw_figure(FIGURES, data, "csac", Wanted(fmin=12)))["data"][0]["x"] == [20.0]
+    shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
+    alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
+    assert "this mode has no partner" in alone.note
+    pairs = a_result(
+        {"responses": np.array([[1, 3], [2, 3], [2, 3]]), "references": np.array([[3, 3], [1, 3], [2, 3]])}
+    )
+    assert [_row_at(pairs, Wanted(point=point, reference=other)) for point, other in ((2, 2), (2, 1), (3, 1))] == [
+        2,
+        1,
+        0,
+    ]
+    with pytest.raises(NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"):
+        _row_at(pairs, Wanted(point=1, reference=1))
+
+
+def test_points_are_shown_without_held_out_ones() -> None:
+    arrays = {
+        "frequency_hz": np.ones(1), "fitted": np.array([0]), "held": np.array([1]), "shape_points": np.array([1, 2]),
+        "shape_places_m": np.array([[0.1, 0.0], [0.2, 0.0]]), "responses": np.array([[1, 3], [2, 3]]),
+        "references": np.array([[1, 3], [1, 3]]),
+    }  # fmt: skip
+    found = {"sac": [0.9], "frac": [0.8]}
+    for held, shown in ((None, [[1], [1]]), (found, [[1], [2], [1], [2]])):
+        data = a_result(arrays, correlation=found | {"held_out": {"frfs": held}})
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
+            figure = FIGURES["sac"].draw(data, Wanted())
+        assert [trace["customdata"] for trace in screen(figure)["data"]] == shown
+
+
+def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
+    flat, upright = ({1: (0.0, 0.0, 0.0), 2: (1.0, y, z)} for y, z in ((0.5, 0.0), (0.0, 0.5)))
+    for points in (flat, upright):
+        drawn = draw_grid(points, None, {2: 3})
+        assert drawn.outline is None
+        assert [(mark.label, mark.frfs) for mark in drawn.marks] == [(1, 0), (2, 3)]
+        assert drawn.marks[0].y > drawn.marks[1].y
+
+
+def test_an_earlier_versions_prediction_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = np.array([[1, 3]])
+    arrays = {"frequency_hz": np.ones(2), "responses": one, "references": one, "initial": np.ones((1, 2))}
+    stored = type("Stored", (dict,), {"row": lambda self, name, row: self[name][row]})(
+        updated=np.ones((1, 2)), **arrays
+    )
+    data = a_result(stored, band_hz=None, provenance={"recipe": {"hold_out": {"band_hz": None}}})
+    drawn: list[Any] = []
+    monkeypatch.setattr(UpdateFigures, "measured_frf", lambda *_: SimpleNamespace(quantity="accelerance"))
+    monkeypatch.setattr(UpdateFigures, "measured", lambda *_: (np.ones(2, dtype=complex), None))
+    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or Figure("", [], []))
+    FIGURES["frf"].draw(data, Wanted())
+    assert drawn[0].spread is None
+    asked: Any = a_result(provenance={"frfs": [{"id": str(UUID(int=1))}] * 2})
+    vars(asked).update(job=None, session=None, dofs=[(Dof(1, 3), Dof(1, 3))])
+    monkeypatch.undo()
+    monkeypatch.setattr(figure_data, "frfs_of", lambda *_: ["a", "b"])
+    monkeypatch.setattr(figure_data, "used_frfs", lambda *_: ["b"])
+    assert asked.measured_frf(0) == "b"  # one of the two was left out
+
+
+def test_a_joint_result_without_anything_to_draw_says_so() -> None:
+    with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
+        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")
+
+
+def test_the_report_names_the_largest_parts_of_a_variance() -> None:
+    rows = [{"name": "Ey", "budget": []}, {"name": "Ex", "budget": [{"source": "the_prior", "share": 0.25}]}]
+    (table,) = update_report._budget(rows)
+    assert table.rows == [["Ex", "the prior 25 %"]]

@@ -1,7 +1,5 @@
 """Results, campaigns and time blocks that lack something: what is left out, and what is said where nothing remains."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -24,18 +22,10 @@ from service.compute.result_arrays import as_npz
 from service.compute.updating import _measured, _within_force
 from service.errors import Conflict, Damaged, Invalid, NotFound
 from service.monitoring import judgements
-from service.monitoring.notifications.messages import as_mail
 from service.monitoring.runs import _held_otherwise, watched_values
 from service.monitoring.schemas import WatchedIn
 from service.show import hits as record_figures
-from service.show.figures.marks import Figure
-from service.show.figures.screen import screen
-from service.show.pages.grid import draw_grid
-from service.show.reports import update_report
-from service.show.results import figure_data, figure_frf, predictions
-from service.show.results.figure_data import JointFigures, UpdateFigures
-from service.show.results.figure_frf import Wanted, _row_at
-from service.show.results.figures import FIGURES, JOINT_FIGURES, _shapes, draw_figure
+from service.show.results import predictions
 from service.store.frfs import data
 from service.store.frfs.data import MeasuredFrfs
 from service.store.imports.intake import Intake
@@ -52,102 +42,6 @@ from service.store.updating.schemas import RecipeIn
 
 HERE = UUID(int=1)
 FIBRE = OrthotropicMaterial(Ex=1e10, Ey=1e9, Gxy=1e9, Gxz=1e9, Gyz=1e9, nu_xy=0.0, density=2000.0)
-
-
-def a_result(arrays: dict[str, Any] | None = None, **document: Any) -> UpdateFigures:
-    """What a job's figures are drawn from, as if it had been read."""
-    data = UpdateFigures(None, None)  # type: ignore[arg-type]  # nothing is read
-    vars(data).update(document=document, light=document, arrays=arrays or {})
-    return data
-
-
-NO_LINES = {"frequency_hz": np.zeros(0)}
-OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
-MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
-
-
-@pytest.mark.parametrize(
-    ("name", "data", "why"),
-    [
-        (
-            "frf",
-            a_result(NO_LINES, outcomes=[]),
-            "this update predicts no FRFs, because its damping was not fitted to any",
-        ),
-        (
-            "frf",
-            a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
-            "this update predicts no FRFs, because its damping was not fitted to any: no modes",
-        ),
-        ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
-        ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
-        ("automac", a_result(correlation={"mac_matrix": [[1.0]]}), OLDER),
-        ("shapes", a_result(provenance={"frfs": [{}]}), OLDER),
-        (
-            "shapes",
-            a_result(provenance={"frfs": []}),
-            "there are no FRFs and the modes have no shapes, so there is nothing to draw",
-        ),
-        ("posterior", a_result(posterior={"method": "gaussian"}), OLDER),
-        (
-            "budget",
-            a_result(parameters=[{"budget": []}]),
-            "this result does not say what the variance of its parameters is made of",
-        ),
-        (
-            "damping",
-            a_result(damping_models=[], outcomes=[]),
-            "no damping law was fitted: no measured mode has a damping ratio",
-        ),
-        ("damping", a_result(damping_models=[{"name": "rayleigh", "curve": None}]), OLDER),
-        (
-            "stabilisation",
-            a_result(identification=None),
-            "this update was given its modes and identified none, so there is no stabilisation diagram",
-        ),
-    ],
-)
-def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
-    with pytest.raises(Conflict) as refused:
-        draw_figure(FIGURES, data, name, Wanted())
-    assert str(refused.value) == why
-
-
-def test_lines_modes_and_points_that_a_result_has_not() -> None:
-    two = np.array([[0.9, 0.8], [1.0, 0.9]])
-    arrays = {"band_lines_hz": np.array([10.0, 20.0]), "csac": two, "frequency_hz": np.ones(2)}
-    data = a_result(arrays, modes=MODES)
-    with pytest.raises(NotFound, match="line of the fitted band, 10 to 20 Hz, between 12 and 13 Hz"):
-        draw_figure(FIGURES, data, "csac", Wanted(fmin=12, fmax=13))
-    assert screen(draw_figure(FIGURES, data, "csac", Wanted(fmin=12)))["data"][0]["x"] == [20.0]
-    shapes = {"shapes_updated": np.ones((3, 1)), "shape_pairs": np.array([[0, 0]])}
-    alone = _shapes(a_result(shapes, modes=MODES), Wanted(measured=2))
-    assert "this mode has no partner" in alone.note
-    pairs = a_result(
-        {"responses": np.array([[1, 3], [2, 3], [2, 3]]), "references": np.array([[3, 3], [1, 3], [2, 3]])}
-    )
-    assert [_row_at(pairs, Wanted(point=point, reference=other)) for point, other in ((2, 2), (2, 1), (3, 1))] == [
-        2,
-        1,
-        0,
-    ]
-    with pytest.raises(NotFound, match="FRF at point 1 and 1 in this result; there are points 1, 2, 3"):
-        _row_at(pairs, Wanted(point=1, reference=1))
-
-
-def test_points_are_shown_without_held_out_ones() -> None:
-    arrays = {
-        "frequency_hz": np.ones(1), "fitted": np.array([0]), "held": np.array([1]), "shape_points": np.array([1, 2]),
-        "shape_places_m": np.array([[0.1, 0.0], [0.2, 0.0]]), "responses": np.array([[1, 3], [2, 3]]),
-        "references": np.array([[1, 3], [1, 3]]),
-    }  # fmt: skip
-    found = {"sac": [0.9], "frac": [0.8]}
-    for held, shown in ((None, [[1], [1]]), (found, [[1], [2], [1], [2]])):
-        data = a_result(arrays, correlation=found | {"held_out": {"frfs": held}})
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
-            figure = FIGURES["sac"].draw(data, Wanted())
-        assert [trace["customdata"] for trace in screen(figure)["data"]] == shown
 
 
 @dataclass
@@ -249,7 +143,7 @@ def test_what_a_recipe_or_campaign_states_is_kept_where_hits_would_say_otherwise
     for rate, kept in ((None, 3.0), (5.0, 5.0)):
         hits: Any = SimpleNamespace(inputs=Part(window_rate=rate), frame=None, points={}, roving_mass=0.0)
         made = SimpleNamespace(frfs=Part(), rate_per_s=3.0)
-        assert _measured(hits, made).inputs.window_rate == kept  # type: ignore[arg-type]
+        assert _measured(hits, made).inputs.window_rate == kept
 
 
 @pytest.mark.parametrize(
@@ -303,12 +197,12 @@ def test_a_strip_is_one_of_known_mass_and_stiffness(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(processings, "load_records", lambda *_: None)
     row = SimpleNamespace(campaign_id=HERE, options={})
     with pytest.raises(InputError, match="has no time blocks; POST records first"):
-        processings._load(SimpleNamespace(get_one=lambda *_: row), HERE, None)  # type: ignore[arg-type]
+        processings._load(SimpleNamespace(get_one=lambda *_: row), HERE, None)
 
 
 def test_windows_are_remarked_upon_where_there_are_any() -> None:
     def frfs(*rates: float | None) -> MeasuredFrfs:
-        return MeasuredFrfs(None, (), (), frozenset(rates))  # type: ignore[arg-type]  # its values are not asked for
+        return MeasuredFrfs(None, (), (), frozenset(rates))
 
     assert (frfs(None).window_remark, frfs(None).window_rate) == ([], None)
     assert "an exponential window of 2, 3 per second" in frfs(3.0, 2.0, None).window_remark[0]
@@ -323,13 +217,13 @@ def test_a_parameter_is_watched_where_it_is_worse(name: str, direction: str) -> 
     assert WatchedIn(name=name).watched_direction == direction
     assert WatchedIn(name=name, direction="both").watched_direction == "both"
     with pytest.raises(ValidationError):
-        WatchedIn(name=name, direction="up")  # type: ignore[arg-type]
+        WatchedIn(name=name, direction="up")
 
 
 def test_a_campaign_that_was_held_otherwise_is_not_compared() -> None:
     monitor: Any = SimpleNamespace(boundary=None)
     seen = [SimpleNamespace(campaign=SimpleNamespace(boundary=boundary)) for boundary in ("free", "free", "cantilever")]
-    said = [_held_otherwise(one, monitor) for one in seen]  # type: ignore[arg-type]
+    said = [_held_otherwise(one, monitor) for one in seen]
     assert said[:2] == [None, None]
     assert said[2] == "the specimen was held 'cantilever'; this monitor compares campaigns held 'free'"
 
@@ -349,26 +243,6 @@ def test_a_mode_is_followed_by_its_frequency() -> None:
     assert [followed(number, later) for number in (2, 3)] == [None, None]
 
 
-def test_mail_of_what_is_no_alarm_names_structure_monitor_and_state() -> None:
-    body = (
-        '{"timestamp": "2026-03-02T12:00:00+00:00", "data": {"structure": {"name": "s", "id": "1"},'
-        ' "monitor": {"name": "m", "id": "2", "state": "normal"}}}'
-    )
-    delivery: Any = SimpleNamespace(body=body, recipient="a@b.de", event="ping", message_id="msg_1")
-    mail = as_mail(delivery, "lab@b.de")
-    assert mail.get_content().splitlines() == ["structure   s (1)", "monitor     m (2)", "state       normal"]
-
-
-def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
-    flat, upright = ({1: (0.0, 0.0, 0.0), 2: (1.0, y, z)} for y, z in ((0.5, 0.0), (0.0, 0.5)))
-    for points in (flat, upright):
-        drawn = draw_grid(points, None, {2: 3})
-        assert drawn is not None
-        assert drawn.outline is None
-        assert [(mark.label, mark.frfs) for mark in drawn.marks] == [(1, 0), (2, 3)]
-        assert drawn.marks[0].y > drawn.marks[1].y
-
-
 def test_a_laminate_is_one_layer_unless_its_plies_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     structure: Any = SimpleNamespace(laminate="plies")
 
@@ -380,7 +254,7 @@ def test_a_laminate_is_one_layer_unless_its_plies_are_named(monkeypatch: pytest.
 
         monkeypatch.setattr(bodies, "nominal_specimen", nominal)
         monkeypatch.setattr(bodies, "_layered", lambda *_: "plies")
-        return bodies._named(structure, "free", recipe, ())  # type: ignore[return-value]
+        return bodies._named(structure, "free", recipe, ())
 
     plain, named, ply = (
         SimpleNamespace(parameters=names and [SimpleNamespace(name=name) for name in names])
@@ -436,13 +310,13 @@ def test_what_a_joint_update_does_not_take(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(bodies, "_is_one_material", lambda _: False)
     monkeypatch.setattr(bodies, "nominal_specimen", lambda *_: SimpleNamespace(material="one"))
     with pytest.raises(InputError, match="plies at several angles; a joint update takes one material"):
-        bodies.material_of(SimpleNamespace(laminate=plies), 0)  # type: ignore[arg-type]
+        bodies.material_of(SimpleNamespace(laminate=plies), 0)
     plies.plies[1].angle_deg = 90
-    assert bodies.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)  # type: ignore[arg-type]
+    assert bodies.material_of(SimpleNamespace(laminate=plies), 0) == ("one", 0.0)
     monkeypatch.setattr(loading, "roving_mass", lambda _: 0.002)
     job, campaign, material = SimpleNamespace(), SimpleNamespace(frf_sets=(1,)), SimpleNamespace()
     with pytest.raises(InputError, match="had a sensor that moved, so its FRFs have no common modes; name a mode set"):
-        loading._campaign(None, 1, job, campaign, ("a", "b"), material, RecipeIn())  # type: ignore[arg-type]
+        loading._campaign(None, 1, job, campaign, ("a", "b"), material, RecipeIn())
 
 
 def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -452,34 +326,13 @@ def test_a_hold_out_leaves_something_to_fit(monkeypatch: pytest.MonkeyPatch) -> 
 
     def check(**held: Any) -> None:
         recipe = RecipeIn.model_validate({"hold_out": held})
-        operations._check_data(None, recipe, SimpleNamespace(id=HERE))  # type: ignore[arg-type]
+        operations._check_data(None, recipe, SimpleNamespace(id=HERE))
 
     for held in ({"band_hz": [2, 3]}, {"points": [2]}, {"points": [1]}):
         check(**held)
     for held, why in (({"band_hz": [1, 9]}, "holds out every line"), ({"points": [1, 2, 3]}, "holds out every FRF")):
         with pytest.raises(Invalid, match=why):
             check(**held)
-
-
-def test_an_earlier_versions_prediction_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = np.array([[1, 3]])
-    arrays = {"frequency_hz": np.ones(2), "responses": one, "references": one, "initial": np.ones((1, 2))}
-    stored = type("Stored", (dict,), {"row": lambda self, name, row: self[name][row]})(
-        updated=np.ones((1, 2)), **arrays
-    )
-    data = a_result(stored, band_hz=None, provenance={"recipe": {"hold_out": {"band_hz": None}}})
-    drawn: list[Any] = []
-    monkeypatch.setattr(UpdateFigures, "measured_frf", lambda *_: SimpleNamespace(quantity="accelerance"))
-    monkeypatch.setattr(UpdateFigures, "measured", lambda *_: (np.ones(2, dtype=complex), None))
-    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or Figure("", [], []))
-    FIGURES["frf"].draw(data, Wanted())
-    assert drawn[0].spread is None
-    asked: Any = a_result(provenance={"frfs": [{"id": str(HERE)}] * 2})
-    vars(asked).update(job=None, session=None, dofs=[(Dof(1, 3), Dof(1, 3))])
-    monkeypatch.undo()
-    monkeypatch.setattr(figure_data, "frfs_of", lambda *_: ["a", "b"])
-    monkeypatch.setattr(figure_data, "used_frfs", lambda *_: ["b"])
-    assert asked.measured_frf(0) == "b"  # one of the two was left out
 
 
 def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -493,11 +346,6 @@ def test_predictions_that_no_row_matches(monkeypatch: pytest.MonkeyPatch) -> Non
         predictions.predicted_table(job, job, "updated", predictions.Chosen(point=7), predictions.Cut())
 
 
-def test_a_joint_result_without_anything_to_draw_says_so() -> None:
-    with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
-        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")  # type: ignore[arg-type]
-
-
 def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
     """Without FRFs there is no identification, without a place no FRF and no time block, without a force no hit."""
     session: Any = SimpleNamespace(
@@ -506,13 +354,13 @@ def test_measured_data_that_cannot_be_used(monkeypatch: pytest.MonkeyPatch) -> N
     )
     monkeypatch.setattr(identifications, "load_measured_campaign", lambda *_: a_campaign())
     with pytest.raises(InputError, match="has no FRFs; import a UFF file first"):
-        identifications._load(session, HERE, None)  # type: ignore[arg-type]
+        identifications._load(session, HERE, None)
     placed, lost = Row(1), Row(0)
     vars(lost).update(id=7, label="FRF 7")
     used: list[Any] = []
     monkeypatch.setattr(data, "make_tables", lambda _session, rows, _cut: used.extend(rows) or [])
     warnings: list[str] = []
-    assert data._frf_sets(session, SimpleNamespace(id=HERE), None, warnings) == []  # type: ignore[arg-type]
+    assert data._frf_sets(session, SimpleNamespace(id=HERE), None, warnings) == []
     assert (used, warnings) == ([placed], ["FRF 7 (FRF 7) states no point or direction and is left out"])
     block: Any = SimpleNamespace(
         dataset=3, quantity="acceleration", response_point=0, response_direction=0, reference_point=0,
@@ -537,17 +385,11 @@ def test_a_monitors_values_and_notes_of_what_was_found_otherwise() -> None:
     """Modes that were identified state no deviation; a run of another version is named."""
     row = {"name": "Ex", "comparable": {"estimate": 1.0, "standard_deviation": 0.1}}
     mode = {"number": 1, "measured_hz": 10.0, "measured_damping": 0.01}
-    found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})  # type: ignore[arg-type]
+    found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})
     assert found == {"parameters": {"Ex": [1.0, 0.1]}, "modes": [[10.0, None, 0.01, None]]}
     pairs: Any = [
         (SimpleNamespace(campaign=SimpleNamespace(id=n)), SimpleNamespace(revision=1, software=software))
         for n, software in enumerate((None, "2", "3", "3"))
     ]
-    notes = list(judgements._notes(SimpleNamespace(software="2"), pairs))  # type: ignore[arg-type]
+    notes = list(judgements._notes(SimpleNamespace(software="2"), pairs))
     assert notes == ["version 2 opened this series, 3 ran campaign 2, 3; a rerun makes a uniform series"]
-
-
-def test_the_report_names_the_largest_parts_of_a_variance() -> None:
-    rows = [{"name": "Ey", "budget": []}, {"name": "Ex", "budget": [{"source": "the_prior", "share": 0.25}]}]
-    (table,) = update_report._budget(rows)
-    assert table.rows == [["Ex", "the prior 25 %"]]  # type: ignore[union-attr]

@@ -1,7 +1,5 @@
 """Small parts of the service where something is missing, has ended or cannot be: no process, no database."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal
@@ -30,6 +28,7 @@ from service.errors import UnsupportedMediaType
 from service.jobs.metrics import _open_metrics
 from service.jobs.process import LOST, SERVER_GONE, Child
 from service.jobs.worker import _clear_if_dead, run_to_end, run_worker
+from service.monitoring.notifications.messages import as_mail
 from service.settings import Settings
 from service.show.guide.markdown import _lead
 from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
@@ -82,14 +81,14 @@ def test_a_part_that_ran_for_long_has_all_its_tries_again(monkeypatch: pytest.Mo
     ],
 )
 def test_how_a_process_ended(status: int | None, words: str | None) -> None:
-    assert how_it_ended(SimpleNamespace(poll=lambda: status)) == words  # type: ignore[arg-type]
+    assert how_it_ended(SimpleNamespace(poll=lambda: status)) == words
     if status is None:
         return
     child = Child.__new__(Child)
-    child._killed_for, child._process = None, SimpleNamespace(join=lambda: None, exitcode=status)  # type: ignore[assignment]
+    child._killed_for, child._process = None, SimpleNamespace(join=lambda: None, exitcode=status)
     said = {-signal.SIGKILL: "ran out of memory", -signal.SIGSEGV: "crashed with SIGSEGV", 3: "ended with status 3"}
     assert said[status] in child._post_mortem().detail
-    child._process.exitcode = SERVER_GONE  # type: ignore[misc]
+    child._process.exitcode = SERVER_GONE
     assert child._post_mortem() == LOST
     child._killed_for = LOST
     assert child._post_mortem() is LOST
@@ -144,7 +143,7 @@ def test_an_unexpected_error_is_a_problem_unless_half_an_answer_is_out(begun: bo
 
     async def ask() -> None:
         scope = {"type": "http", "method": "GET", "path": "/", "headers": [], "app": None}
-        await RequestMiddleware(app)(scope, None, send)  # type: ignore[arg-type]  # nothing is received
+        await RequestMiddleware(app)(scope, None, send)
 
     if begun:
         with pytest.raises(ZeroDivisionError):
@@ -183,10 +182,10 @@ def test_systems_and_installations_that_cannot_do_it(monkeypatch: pytest.MonkeyP
         schema.head_revision()
     monkeypatch.setattr(schema, "require_version", lambda _: None)
     monkeypatch.setattr(schema, "_revision", lambda connection: connection)
-    assert schema.require_known("b") == "b"  # type: ignore[arg-type]  # nothing is asked
+    assert schema.require_known("b") == "b"
     for found, words in ((None, schema.NO_SCHEMA), ("z", "the schema is at z, which")):
         with pytest.raises(schema.SchemaError) as refused:
-            schema.require_known(found)  # type: ignore[arg-type]
+            schema.require_known(found)
         assert words in str(refused.value)
     with pytest.raises(ValueError, match=r"settings\.database_url is not set"):
         run_worker(Settings(), ())
@@ -234,7 +233,7 @@ def test_the_password_of_a_file_goes_into_the_url() -> None:
 
 def test_nothing_is_booked_for_nothing_and_no_quota_is_no_limit() -> None:
     session: Any = SimpleNamespace(info={})  # whatever else is asked of it fails
-    book(session, None, "records", 0)  # type: ignore[arg-type]
+    book(session, None, "records", 0)
     _require_that_all_fits(session)
     assert session.info == {}
 
@@ -258,19 +257,11 @@ def test_drawings_stay_in_the_original_file() -> None:
     assert _why_unused(uff.GridPoint.__new__(uff.GridPoint)) is None
 
 
-def test_an_axis_of_a_file_keeps_its_lines() -> None:
-    one, even, odd = (
-        _uff_axis(SimpleNamespace(frequency_hz=np.array(hz))) for hz in ([5.0], [1.0, 2.0, 3.0], [1.0, 2.0, 4.0])
-    )  # type: ignore[arg-type]
-    assert (one.values, even.values, odd.values.tolist()) == ([5.0], None, [1.0, 2.0, 4.0])  # type: ignore[union-attr]
-    assert even.step == 1.0
-
-
 class Answers:
     """A connection that answers from a list."""
 
     def __init__(self, **lists: Any) -> None:
-        self.lists, self.sent = lists, []  # type: ignore[var-annotated]
+        self.lists, self.sent = lists, []
 
     def pages(self, path: str) -> Iterator[Any]:
         found = self.lists[path.replace("-", "_").rpartition("/")[2]]
@@ -292,7 +283,7 @@ def test_keys_by_rest() -> None:
         ("api-keys", {"name": "n", "scopes": ["read"], "expires_at": "2030-01-01T00:00:00+00:00"}),
     ]
     key, user = {"id": 1}, {"id": 2}
-    assert list(people.keys_at(Answers(users=[user], api_keys=[key]))) == [(key, user)]  # type: ignore[arg-type]
+    assert list(people.keys_at(Answers(users=[user], api_keys=[key]))) == [(key, user)]
     for status, outcome in ((people.FORBIDDEN, [(key, None)]), (500, None)):
         refused: Any = Answers(users=ClientError("no", Exit.REFUSED, status=status), api_keys=[key])
         if outcome is None:
@@ -315,6 +306,24 @@ def test_the_welcome_names_what_there_is(more: bool, capsys: pytest.CaptureFixtu
     assert [f"{name} " in said for name in ("pages", "guide", "documentation", "API")] == [more, more, more, True]
     assert "API key: mb_1_2  (shown this once" in said
     assert [file.read_text() for file in tmp_path.iterdir()] == ["mb_1_2\n"] * more
+
+
+def test_mail_of_what_is_no_alarm_names_structure_monitor_and_state() -> None:
+    body = (
+        '{"timestamp": "2026-03-02T12:00:00+00:00", "data": {"structure": {"name": "s", "id": "1"},'
+        ' "monitor": {"name": "m", "id": "2", "state": "normal"}}}'
+    )
+    delivery: Any = SimpleNamespace(body=body, recipient="a@b.de", event="ping", message_id="msg_1")
+    mail = as_mail(delivery, "lab@b.de")
+    assert mail.get_content().splitlines() == ["structure   s (1)", "monitor     m (2)", "state       normal"]
+
+
+def test_an_axis_of_a_file_keeps_its_lines() -> None:
+    one, even, odd = (
+        _uff_axis(SimpleNamespace(frequency_hz=np.array(hz))) for hz in ([5.0], [1.0, 2.0, 3.0], [1.0, 2.0, 4.0])
+    )
+    assert (one.values, even.values, odd.values.tolist()) == ([5.0], None, [1.0, 2.0, 4.0])
+    assert even.step == 1.0
 
 
 def a_mode(number: int) -> dict[str, Any]:
@@ -344,7 +353,7 @@ def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any
 
 
 def texts(blocks: list[Any], kind: Callable[..., Any]) -> list[str]:
-    return [block.text for block in blocks if isinstance(block, kind)]  # type: ignore[arg-type]
+    return [block.text for block in blocks if isinstance(block, kind)]
 
 
 def test_a_report_of_little_and_of_much() -> None:

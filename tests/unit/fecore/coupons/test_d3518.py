@@ -1,7 +1,5 @@
 """ASTM D3518: the hand-worked example of docs/coupons.md and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -88,11 +88,11 @@ def _with_response(hit: Hit, samples: np.ndarray) -> Hit:
     return replace(hit, responses=(replace(hit.responses[0], samples=samples),))
 
 
-def test_a_body_that_rings_twice_as_loud_as_the_noise_is_found() -> None:
+def test_a_body_that_rings_three_times_as_loud_as_the_noise_is_found() -> None:
     bench = _bench(2, "free", sample_rate_hz=6400.0, samples=8192, pretrigger=380, response_noise=3e-4, hum=1e-5)
     hits = _hits(bench, 6)
     quiet = hits[-1].responses[0].samples[:250]
-    ring = 2 * quiet.std() * np.exp(-np.arange(8192) / 4000) * np.sin(0.4 * np.arange(8192))
+    ring = 3 * quiet.std() * np.exp(-np.arange(8192) / 4000) * np.sin(0.4 * np.arange(8192))
     hits[-1] = _with_response(hits[-1], hits[-1].responses[0].samples + ring)
     verdicts = process(by_point(hits)).verdicts
     (fault,) = verdicts[-1].faults

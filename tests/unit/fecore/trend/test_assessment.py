@@ -1,7 +1,5 @@
 """A monitor's judgement of whole series: alarms, missing and late campaigns, covariates, families."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -49,10 +47,8 @@ def test_a_loss_raises_one_alarm_that_says_when_and_how_much() -> None:
     trend = assess({"Ex": stiffness(loss_from=11)}, WATCH).parameters["Ex"]
     assert [m.state for m in trend.timeline] == [State.NORMAL] * 3 + [State.ALARM] * 3
     assert trend.timeline[3].label == "c11"
-    assert trend.change is not None
     assert trend.change.interval == (3, 3)
     assert trend.change.size == pytest.approx(-0.05 * 32e9, rel=0.15)
-    assert trend.rate is not None
     assert trend.rate.relative_interval_95[1] < 0
 
 
@@ -83,13 +79,11 @@ def test_the_rate_of_a_loss_that_goes_on_is_the_one_since_its_onset() -> None:
         series = stiffness(n, seed=seed)
         series = replace(series, estimate=series.estimate * (1 + truth * np.maximum(0.0, years)))
         trend = assess({"Ex": series}, replace(WATCH, baseline=12)).parameters["Ex"]
-        assert trend.change is not None
-        assert trend.rate is not None
         if trend.change.pattern == "ramp":
             assert trend.rate.since is not None
             low, high = trend.rate.relative_interval_95
             covered.append(low <= truth <= high)
-            line = rate(series, (), trend.baseline.mean)  # type: ignore[union-attr]
+            line = rate(series, (), trend.baseline.mean)
             over_all.append(line.relative_interval_95[0] <= truth <= line.relative_interval_95[1])
     assert len(covered) >= 47
     assert np.mean(covered) >= 0.86  # 95 % of 50 draws less three standard deviations of that share
@@ -160,8 +154,6 @@ def test_seasons_are_regressed_out() -> None:
     watch = Watch({"Ex": "both"}, 12, ("temperature_c",))
     trend = assess({"Ex": warm()}, watch).parameters["Ex"]
     assert trend.state is State.NORMAL
-    assert trend.baseline is not None
-    assert trend.scores is not None
     slope, sd = trend.baseline.fit.coefficients[1], np.sqrt(trend.baseline.fit.covariance[1, 1])
     assert abs(slope + 0.001 * 32e9) < 3 * sd
     assert np.std(trend.scores.corrected) < 0.005 * 32e9
@@ -174,7 +166,6 @@ def test_extrapolation_beyond_the_baselines_temperatures_is_said_and_widens() ->
     t[20], t[21] = 60.0, 21.0
     hot = replace(series, covariates={"temperature_c": t}, labels=tuple(f"c{i}" for i in range(30)))
     baseline, watched, _ = fit_baseline(hot, 12, ("temperature_c",))
-    assert watched is not None
     scores = score(baseline, watched)
     assert np.flatnonzero(scores.extrapolated).tolist() == [8]
     assert scores.residual_sd[8] > 1.5 * scores.residual_sd[9]
@@ -189,7 +180,6 @@ def test_a_missing_temperature_is_judged_with_the_spread_that_it_may_cause() -> 
     t[20] = np.nan
     unknown = replace(series, covariates={"temperature_c": t}, labels=tuple(f"c{i}" for i in range(30)))
     baseline, watched, _ = fit_baseline(unknown, 12, ("temperature_c",))
-    assert watched is not None
     scores = score(baseline, watched)
     spread = abs(baseline.fit.coefficients[1]) * np.sqrt(baseline.variance[0])
     assert scores.missing.tolist() == [i == 8 for i in range(18)]
@@ -205,7 +195,6 @@ def test_a_baseline_campaign_without_temperature_is_left_out_and_named() -> None
     t[3] = np.nan
     series = replace(series, covariates={"temperature_c": t}, labels=tuple(f"c{i}" for i in range(30)))
     trend = assess({"Ex": series}, Watch({"Ex": "fall"}, 12, ("temperature_c",))).parameters["Ex"]
-    assert trend.baseline is not None
     assert "c3" not in trend.baseline.labels
     assert trend.baseline.labels[-1] == "c12"
     assert trend.notes[0] == "left out of the baseline, a covariate is missing: c3"
@@ -224,8 +213,6 @@ def test_a_family_shares_its_false_alarms() -> None:
     assert two.side_probability == pytest.approx(one.side_probability / 3)
     alone = assess({"Ex": stiffness()}, one).parameters["Ex"].limits
     family = assess({"Ex": stiffness(), "a0": replace(stiffness(seed=9), name="a0")}, two).parameters["Ex"].limits
-    assert alone is not None
-    assert family is not None
     assert family.chart > alone.chart
     assert family.score > alone.score
 

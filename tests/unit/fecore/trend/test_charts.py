@@ -1,7 +1,5 @@
 """Control charts: run lengths, states of an alarm, and limits under autocorrelation."""
 
-from __future__ import annotations
-
 import itertools
 from datetime import UTC, datetime, timedelta
 

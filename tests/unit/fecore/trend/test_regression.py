@@ -1,7 +1,5 @@
 """Regression with scatter between campaigns, change points and rates: closed forms and coverage."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -58,7 +56,6 @@ def test_scores_of_an_unchanged_structure_are_standard_normal(ratio: float) -> N
         y = 100 - 0.1 * (temperature - 20) + 0.3 * (rng.standard_normal(13) + ratio * rng.standard_normal(13))
         series = Series("Ex", dates(13), y, np.full(13, 0.3), {"temperature_c": temperature})
         baseline, watched, _ = fit_baseline(series, 12, ("temperature_c",))
-        assert watched is not None
         scores.append(score(baseline, watched).score[0])
     # 4.6 % lie beyond 2 sd; without any scatter between campaigns fewer do, as some is always allowed for
     assert (0.01 if ratio == 0 else 0.025) <= np.mean(np.abs(scores) > 2) <= 0.07
@@ -94,7 +91,6 @@ def test_intervals_of_the_change_point_cover_it(pattern) -> None:
         y = 100 + np.r_[np.zeros(n), change] + 0.5 * rng.standard_normal(n + m)
         series = Series("Ex", dates(n + m), y, np.full(n + m, 1e-3))
         baseline, watched, _ = fit_baseline(series, n)
-        assert watched is not None
         scores = score(baseline, watched)
         found = change_point(
             series.dates[n - 1 :], series.days[n - 1 :], scores.residual, scores.covariance,
@@ -114,7 +110,6 @@ def test_the_size_of_a_change_is_its_size() -> None:
     y = np.r_[100.0, 100.2, 99.8, 100.1, 99.9, 100.0, 97.0, 97.1, 96.9, 97.0]
     series = Series("Ex", dates(10), y, np.full(10, 0.1))
     baseline, watched, _ = fit_baseline(series, 6)
-    assert watched is not None
     scores = score(baseline, watched)
     found = change_point(
         series.dates[5:], series.days[5:], scores.residual, scores.covariance, baseline.fit.degrees_of_freedom

@@ -124,7 +124,7 @@ def test_the_odd_one_out_is_named_with_a_number(campaigns: list[Campaign]) -> No
     assert part.predictive_p is not None
     assert part.predictive_p < 1e-3
     assert result.verdict.level == "do_not_use"
-    assert "strip 45 contradicts the others" in result.verdict.reasons[0]
+    assert "campaign strip 45 as one of another material" in result.verdict.reasons[0]
 
 
 def test_scatter_widens_and_coupons_narrow(campaigns: list[Campaign], together: CampaignsResult) -> None:

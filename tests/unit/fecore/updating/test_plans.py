@@ -11,7 +11,7 @@ import pytest
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.oriented import OrientedSpecimen
 from fecore.body.supports import PointMass
-from fecore.updating.campaigns import CampaignsRecipe, update_campaigns
+from fecore.updating.campaigns import update_campaigns
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 from fecore.updating.plans import PlannedTest, best_points, plan_tests
@@ -36,9 +36,8 @@ def test_what_a_test_will_show_is_foreseen() -> None:
     assert best.name == "strip 90, free"
     same = {each.name: each for each in plan.forecasts}["strip 0, free"]
     assert same.information < 0.2 * best.information
-    assert best.standard_deviations["Ey"] < 0.15 * plan.known["Ey"]
-    recipe = CampaignsRecipe(scatter=0)
-    alone, both = update_campaigns([first], recipe), update_campaigns([first, second], recipe)
+    assert best.standard_deviations["Ey"] < 0.2 * plan.known["Ey"]  # the scatter between specimens is a part
+    alone, both = update_campaigns([first]), update_campaigns([first, second])
     for result, foreseen in ((alone, plan.known), (both, best.standard_deviations)):
         for parameter in result.parameters:
             # Of the estimate at another point, with the discrepancy marginalised: alike, not the same.

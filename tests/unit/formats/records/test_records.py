@@ -2,8 +2,6 @@
 is named.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Callable
@@ -87,19 +85,22 @@ def test_csv_with_a_time_axis(separator: str, point: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(blocks[1].samples, RESPONSE[0], rtol=1e-8)
 
 
-def test_wav_carries_its_own_rate(tmp_path: Path) -> None:
-    path = tmp_path / "hit.wav"
+def _wav(path: Path) -> None:
     wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
-    mapping = {
-        "sample_rate_hz": {"variable": "sample_rate_hz"},
-        "channels": [
-            {"variable": "channel_1", "quantity": "force", "point": 4},
-            {"variable": "channel_2", "quantity": "acceleration", "point": 33},
-        ],
-    }
-    blocks = blocks_of(read_variables(path), read_mapping(mapping))
-    assert blocks[0].sample_rate_hz == 2048.0
-    np.testing.assert_array_equal(blocks[0].samples, FORCE[0].astype(float))
+
+
+def test_wav_carries_its_own_rate_and_a_stated_one_that_contradicts_it_is_refused(tmp_path: Path) -> None:
+    _wav(path := tmp_path / "hit.wav")
+    channels = [
+        {"variable": "channel_1", "quantity": "force", "point": 4},
+        {"variable": "channel_2", "quantity": "acceleration", "point": 33},
+    ]
+    for stated, rate in (({"variable": "sample_rate_hz"}, 2048), (2050, 2050)):
+        blocks = blocks_of(read_variables(path), read_mapping({"sample_rate_hz": stated, "channels": channels}))
+        assert blocks[0].sample_rate_hz == rate
+        np.testing.assert_array_equal(blocks[0].samples, FORCE[0].astype(float))
+    with pytest.raises(FormatError, match="sample_rate_hz: is 51200, and the file says 2048"):
+        blocks_of(read_variables(path), read_mapping({"sample_rate_hz": 51200, "channels": channels}))
 
 
 @pytest.mark.parametrize(("kind", "full"), [("u1", 2**7), ("<i2", 2**15), ("<i4", 2**31)])
@@ -108,19 +109,6 @@ def test_integers_of_a_wav_go_from_minus_one_to_one(kind: str, full: int, tmp_pa
     shares = np.array([-1.0, -0.5, 0.0, 0.25, 127 / 128] * 20)
     wavfile.write(path, 2048, (shares * full + (full if kind == "u1" else 0)).astype(kind))
     np.testing.assert_array_equal(read_variables(path)["channel_1"], shares)
-
-
-def test_a_stated_rate_that_the_file_contradicts_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "hit.wav"
-    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
-    channels = [
-        {"variable": "channel_1", "quantity": "force", "point": 4},
-        {"variable": "channel_2", "quantity": "acceleration", "point": 33},
-    ]
-    near = blocks_of(read_variables(path), read_mapping({"sample_rate_hz": 2050, "channels": channels}))
-    assert near[0].sample_rate_hz == 2050
-    with pytest.raises(FormatError, match="sample_rate_hz: is 51200, and the file says 2048"):
-        blocks_of(read_variables(path), read_mapping({"sample_rate_hz": 51200, "channels": channels}))
 
 
 def test_a_csv_in_utf_16_is_named(tmp_path: Path) -> None:
@@ -168,89 +156,14 @@ def test_a_proposal_takes_an_analysers_channels_by_their_length() -> None:
         read_mapping(proposed)
 
 
-def _changed(**changes: Any) -> Variables:
-    return {**ARRAYS, **changes}
-
-
-def _nan() -> np.ndarray[Any, Any]:
-    values = FORCE.copy()
-    values[1, 7] = np.nan
-    return values
-
-
-@pytest.mark.parametrize(
-    ("variables", "mapping", "place", "text"),
-    [
-        (ARRAYS, {**MAPPING, "sample_rate_hz": {"variable": "rate"}}, "rate", "is not in the file; it has acc, force"),
-        (ARRAYS, {k: v for k, v in MAPPING.items() if k != "sample_rate_hz"}, "mapping.sample_rate_hz", "is missing"),
-        (_changed(fs=np.array(0.0)), MAPPING, "mapping.sample_rate_hz", "expected a positive number"),
-        (
-            _changed(acc=RESPONSE[:, :200]),
-            MAPPING,
-            "mapping.channels",
-            "force 3 blocks of 256 samples, acc 3 blocks of 200",
-        ),
-        (_changed(acc=RESPONSE[:2]), MAPPING, "mapping.channels", "acc 2 blocks"),
-        (_changed(force=_nan()), MAPPING, "force", "NaN or infinity, first at sample 8 of block 2"),
-        (_changed(acc=np.zeros((3, 256))), MAPPING, "acc", "carried nothing"),
-        (_changed(point=np.array([1, 2])), MAPPING, "point", "one for each of the 3 blocks"),
-        (_changed(point=np.array([0, 2, 3])), MAPPING, "point", "whole numbers from 1"),
-        (ARRAYS, {**MAPPING, "chanels": []}, "mapping.chanels", "is unknown"),
-        (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][1:]}, "mapping.channels", "exactly one channel"),
-        (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][:1]}, "mapping.channels", "has no response"),
-        (
-            ARRAYS,
-            {**MAPPING, "channels": [{**MAPPING["channels"][0], "sensitivity": 0}, MAPPING["channels"][1]]},
-            "mapping.channels.0.sensitivity",
-            "more than 0",
-        ),
-    ],
-)
-def test_what_cannot_be_right_is_named(variables: Variables, mapping: Any, place: str, text: str) -> None:
-    with pytest.raises(FormatError, match=text) as caught:
-        blocks_of(variables, read_mapping(mapping))
-    assert caught.value.place == place
-
-
-@pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv", ".wav"])
-@pytest.mark.parametrize(
-    "content", [b"", b"\x00" * 600, b"PK\x03\x04 not really", b"a,b\n1,2\n3\n", b"RIFF\x10\x00\x00\x00WAVE"]
-)
-def test_damaged_files_are_clear_errors(suffix: str, content: bytes, tmp_path: Path) -> None:
-    path = tmp_path / f"damaged{suffix}"
-    path.write_bytes(content)
-    with pytest.raises(FormatError):
-        read_variables(path)
-
-
-@pytest.mark.parametrize("write", [_npz, _mat, _mat73])
-def test_truncated_files_are_clear_errors(write: Callable[[Path], None], tmp_path: Path) -> None:
-    whole = tmp_path / ("whole.npz" if write is _npz else "whole.mat")
-    write(whole)
-    data = whole.read_bytes()
-    for share in (0.1, 0.3, 0.5, 0.7, 0.95):
-        cut = tmp_path / f"cut{whole.suffix}"
-        cut.write_bytes(data[: int(share * len(data))])
-        with pytest.raises(FormatError):
-            blocks_of(read_variables(cut), read_mapping(MAPPING))
-
-
-def test_pickles_are_not_opened(tmp_path: Path) -> None:
-    path = tmp_path / "hits.npz"
-    np.savez(path, force=np.array([{}], dtype=object))
-    with pytest.raises(FormatError):
-        read_variables(path)
-
-
-def test_an_array_may_not_be_larger_than_allowed(tmp_path: Path) -> None:
-    path = tmp_path / "hits.npz"
-    np.savez_compressed(path, force=np.zeros(1_000_000))
-    with pytest.raises(FormatError, match="more than the 1000"):
-        read_variables(path, limit_bytes=1000)
-
-
 def _named(**changes: Any) -> Variables:
     return {**ARRAYS, **{name: np.asarray(value) for name, value in changes.items()}}
+
+
+def _with_nan(block: int, sample: int) -> np.ndarray:
+    values = FORCE.copy()
+    values[block, sample] = np.nan
+    return values
 
 
 def _channel(number: int, **changes: Any) -> dict[str, Any]:
@@ -262,6 +175,23 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("variables", "mapping", "text"),
     [
+        (ARRAYS, {**MAPPING, "sample_rate_hz": {"variable": "rate"}}, "^rate: is not in the file; it has acc, force"),
+        (ARRAYS, {k: v for k, v in MAPPING.items() if k != "sample_rate_hz"}, r"^mapping\.sample_rate_hz: is missing"),
+        (_named(fs=0.0), MAPPING, r"^mapping\.sample_rate_hz: .*expected a positive number"),
+        (
+            _named(acc=RESPONSE[:, :200]),
+            MAPPING,
+            "^mapping.channels: .*force 3 blocks of 256 samples, acc 3 blocks of 200",
+        ),
+        (_named(acc=RESPONSE[:2]), MAPPING, "^mapping.channels: .*acc 2 blocks"),
+        (_named(force=_with_nan(1, 7)), MAPPING, "^force: .*NaN or infinity, first at sample 8 of block 2"),
+        (_named(acc=np.zeros((3, 256))), MAPPING, "^acc: .*carried nothing"),
+        (_named(point=[1, 2]), MAPPING, "^point: .*one for each of the 3 blocks"),
+        (_named(point=[0, 2, 3]), MAPPING, "^point: .*whole numbers from 1"),
+        (ARRAYS, {**MAPPING, "chanels": []}, r"^mapping\.chanels: is unknown"),
+        (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][1:]}, r"^mapping\.channels: .*exactly one channel"),
+        (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][:1]}, r"^mapping\.channels: .*has no response"),
+        (ARRAYS, _channel(0, sensitivity=0), r"^mapping\.channels\.0\.sensitivity: .*more than 0"),
         (_named(fs=np.inf), MAPPING, "expected a positive number of samples"),
         (_named(fs=1e300), MAPPING, "up to 1e"),
         (_named(fs=2048j), MAPPING, "fs: holds complex numbers"),
@@ -291,9 +221,72 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (_named(fs=np.arange(100)), MAPPING, "fs: has 100 values, expected the rate or a time axis of 256"),
     ],
 )
-def test_numbers_that_no_analyser_writes_are_refused(variables: Variables, mapping: dict[str, Any], text: str) -> None:
-    with pytest.raises(FormatError, match=text):
+def test_what_cannot_be_right_is_refused_by_its_place(variables: Variables, mapping: Any, text: str) -> None:
+    with pytest.raises(FormatError, match=text) as refused:
         blocks_of(variables, read_mapping(mapping))
+    assert str(refused.value).startswith(f"{refused.value.place}: ")
+
+
+def _damaged_npz(path: Path) -> None:
+    np.savez_compressed(path, **ARRAYS)
+    data = bytearray(path.read_bytes())
+    data[len(data) // 3 : len(data) // 3 + 40] = b"\xff" * 40
+    path.write_bytes(data)
+
+
+def _wav_without_channels(path: Path) -> None:
+    _wav(path)
+    data = path.read_bytes()
+    path.write_bytes(data[:22] + b"\0\0" + data[24:])
+
+
+def _bytes(content: bytes) -> Callable[[Path], object]:
+    return lambda path: path.write_bytes(content)
+
+
+NO_FILES = (b"", b"\x00" * 600, b"PK\x03\x04 not really", b"a,b\n1,2\n3\n", b"RIFF\x10\x00\x00\x00WAVE")
+DAMAGED = [(suffix, _bytes(content), None) for suffix in (".npz", ".mat", ".csv", ".wav") for content in NO_FILES]
+DAMAGED += [
+    (".npz", _damaged_npz, r"cannot be read(:| as \.npz)"),
+    (".wav", _wav_without_channels, r"cannot be read(:| as \.wav)"),
+    (".wav", _bytes(b"RIFF" + b"\xff" * 30), r"cannot be read(:| as \.wav)"),
+]
+
+
+@pytest.mark.parametrize(("suffix", "write", "text"), DAMAGED)
+def test_damaged_files_are_clear_errors(
+    suffix: str, write: Callable[[Path], None], text: str | None, tmp_path: Path
+) -> None:
+    path = tmp_path / f"damaged{suffix}"
+    write(path)
+    with pytest.raises(FormatError, match=text):
+        read_variables(path)
+
+
+@pytest.mark.parametrize("write", [_npz, _mat, _mat73])
+def test_truncated_files_are_clear_errors(write: Callable[[Path], None], tmp_path: Path) -> None:
+    whole = tmp_path / ("whole.npz" if write is _npz else "whole.mat")
+    write(whole)
+    data = whole.read_bytes()
+    for share in (0.1, 0.3, 0.5, 0.7, 0.95):
+        cut = tmp_path / f"cut{whole.suffix}"
+        cut.write_bytes(data[: int(share * len(data))])
+        with pytest.raises(FormatError):
+            blocks_of(read_variables(cut), read_mapping(MAPPING))
+
+
+def test_pickles_are_not_opened(tmp_path: Path) -> None:
+    path = tmp_path / "hits.npz"
+    np.savez(path, force=np.array([{}], dtype=object))
+    with pytest.raises(FormatError):
+        read_variables(path)
+
+
+def test_an_array_may_not_be_larger_than_allowed(tmp_path: Path) -> None:
+    path = tmp_path / "hits.npz"
+    np.savez_compressed(path, force=np.zeros(1_000_000))
+    with pytest.raises(FormatError, match="more than the 1000"):
+        read_variables(path, limit_bytes=1000)
 
 
 @pytest.mark.parametrize(
@@ -360,19 +353,6 @@ def test_blocks_become_one_file_that_gives_them_back(tmp_path: Path, numbered: b
     assert [b.label for b in again[:2]] == ["channel_1", "channel_2"]
 
 
-def _damaged_npz(path: Path) -> None:
-    np.savez_compressed(path, **ARRAYS)
-    data = bytearray(path.read_bytes())
-    data[len(data) // 3 : len(data) // 3 + 40] = b"\xff" * 40
-    path.write_bytes(data)
-
-
-def _wav_without_channels(path: Path) -> None:
-    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
-    data = path.read_bytes()
-    path.write_bytes(data[:22] + b"\0\0" + data[24:])
-
-
 def test_half_precision_goes_in_exactly_and_what_would_be_rounded_is_refused(tmp_path: Path) -> None:
     half = FORCE.astype(np.float16)
     np.savez(tmp_path / "half.npz", **{**ARRAYS, "force": half})
@@ -408,25 +388,10 @@ def test_a_wav_without_samples_is_none_of_those(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("left", [64, 200])
 def test_a_wav_that_ends_before_its_samples_do_is_refused(tmp_path: Path, left: int) -> None:
-    path = tmp_path / "hit.wav"
-    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
+    _wav(path := tmp_path / "hit.wav")
     read_variables(path)
     data = path.read_bytes()
     frame = 2 * FORCE.itemsize
     path.write_bytes(data[: len(data) - (FORCE.shape[1] - left) * frame])
     with pytest.raises(FormatError, match=rf"is cut off: it declares {FORCE.shape[1] * frame} bytes"):
-        read_variables(path)
-
-
-def _truncated_wav(path: Path) -> None:
-    path.write_bytes(b"RIFF" + b"\xff" * 30)
-
-
-@pytest.mark.parametrize(
-    ("suffix", "write"), [(".npz", _damaged_npz), (".wav", _wav_without_channels), (".wav", _truncated_wav)]
-)
-def test_damaged_files_are_refused(suffix: str, write: Callable[[Path], None], tmp_path: Path) -> None:
-    path = tmp_path / f"hits{suffix}"
-    write(path)
-    with pytest.raises(FormatError, match=rf"cannot be read(:| as {suffix})"):
         read_variables(path)

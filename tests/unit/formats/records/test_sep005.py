@@ -1,7 +1,5 @@
 """Time series of SDyPy's SEP 5 to time blocks and back."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

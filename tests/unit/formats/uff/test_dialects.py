@@ -1,7 +1,5 @@
 """What other programs write beside the standard goes in as far as it can be proven right, with a note that says so."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
@@ -131,12 +129,11 @@ def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
         for report in found.reports:
             assert spectra.holds(report)
         ended = list(spectra.finish())
-        assert {report.outcome for report in ended} == {"ignored"}  # type: ignore[union-attr]
-        return [report.reason for report in ended]  # type: ignore[union-attr]
+        assert {report.outcome for report in ended} == {"ignored"}
+        return [report.reason for report in ended]
 
     unneeded = "is an auto spectrum that no cross spectrum needs"
     lost, alone = reasons(function(3, cross, **ends) + of_force)
-    assert lost is not None
     assert "without an auto spectrum of the motion at its response" in lost
     assert alone == unneeded
     (lost,) = reasons(function(3, cross, **ends))
@@ -203,4 +200,4 @@ def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(read: Read, 
         coherence.values, np.abs(exact) ** 2 * force / np.maximum(motion, 1e-300), rtol=1e-9, atol=1e-9
     )
     assert (frf.quantity, frf.response_point, frf.reference_point) == ("accelerance", 7, 1)
-    assert [r.outcome for r in reports] == ["read", "read", "read"]  # type: ignore[union-attr]
+    assert [r.outcome for r in reports] == ["read", "read", "read"]

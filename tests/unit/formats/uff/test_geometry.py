@@ -1,7 +1,5 @@
 """Grid points and directions in coordinate systems of their own, trace lines, elements, mode shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -104,25 +102,6 @@ def test_oblique_directions_are_refused(read: Read) -> None:
     )
     assert read(data + set_58(FRF_ROW, points=1, response=(7, 3))).outcomes == ["read", "read", "read"]
     assert "30.0° off the nearest global axis" in read(data + set_58(FRF_ROW, points=1, response=(7, 1))).reasons
-
-
-@pytest.mark.parametrize(
-    ("lines", "reason"),
-    [
-        ([], "holds no grid point"),
-        ([point(0)], "the grid point label is 0, expected a positive number"),
-        ([point(-3)], "the grid point label is -3"),
-        ([point(1), point(1, xyz=(9.0, 9.0, 9.0))], "grid point 1 is given twice"),
-        ([point(1)[:60]], "coordinates of grid point 1: '' is not a number"),
-        ([point(1) + "  1.0"], "more than 3 values in the line"),
-        ([point(1).replace("1.00000e+00", "        NaN")], "'NaN' is not a number"),
-        ([point(1).replace("         1", "       1.5", 1)], "grid point is '1.5', expected a whole number"),
-    ],
-)
-def test_faults_of_set_15(read: Read, lines: list[str], reason: str) -> None:
-    found = read(dataset("15", *lines))
-    assert (found.outcomes, found.contents) == (["refused"], [])
-    assert reason in found.reasons
 
 
 def test_coordinates_that_run_together(read: Read) -> None:
@@ -247,6 +226,14 @@ COMPLEX_55 = "".join(f"{n:10d}" for n in (1, 3, 2, 8, 5, 3))  # a complex mode
 @pytest.mark.parametrize(
     ("file", "reason"),
     [
+        (dataset("15"), "holds no grid point"),
+        (dataset("15", point(0)), "the grid point label is 0, expected a positive number"),
+        (dataset("15", point(-3)), "the grid point label is -3"),
+        (dataset("15", point(1), point(1, xyz=(9.0, 9.0, 9.0))), "grid point 1 is given twice"),
+        (dataset("15", point(1)[:60]), "coordinates of grid point 1: '' is not a number"),
+        (dataset("15", point(1) + "  1.0"), "more than 3 values in the line"),
+        (dataset("15", point(1).replace("1.00000e+00", "        NaN")), "'NaN' is not a number"),
+        (dataset("15", point(1).replace("         1", "       1.5", 1)), "grid point is '1.5', expected a whole number"),
         (changed_55(7, " -1.00000e+01  0.00000e+00  2.00000e-02  0.00000e+00"), "its frequency is -10 Hz"),
         (changed_55(5, f"{1:10d}{2:10d}{2:10d}{8:10d}{3:10d}{3:10d}"), "the data type of this set 55 is 3"),
         (dataset("55", *SHAPE_55[:8]), "holds no node"),

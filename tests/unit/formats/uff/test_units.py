@@ -1,8 +1,7 @@
 """Units: labels as engineers write them, set 164, and the way from both to SI, with every conversion stated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -80,7 +79,6 @@ ACCELERATION, VELOCITY, ACCELERANCE, FORCE = (1, 0, -2), (1, 0, -1), (0, -1, 0),
 )
 def test_labels(text: str, factor: float, dimension: tuple[int, int, int]) -> None:
     label = read_label(text)
-    assert label is not None
     assert label.factor == pytest.approx(factor, rel=1e-12)
     assert label.dimension == dimension
 
@@ -125,38 +123,52 @@ def test_ordinates_by_their_labels(
     assert ("1 g = 9.80665 m/s²" in found.notes) == (b" g" in ordinate)
 
 
-def test_an_unknown_label_takes_the_units_of_164_and_says_so(read: Read) -> None:
-    found = read(set_164(1000.0) + set_58(ROW, points=1, ordinate=axis(12, "EU"), denominator=axis(13, "N")))
-    assert one(found).values[0] == pytest.approx(1e-3)
-    assert "has the unknown unit label 'EU'; units of set 164 (USER_DEFINED) assumed" in found.notes
+@pytest.mark.parametrize(
+    ("file", "value", "note"),
+    [
+        (
+            set_164(1000.0) + set_58(ROW, points=1, ordinate=axis(12, "EU")),
+            1e-3,
+            "has the unknown unit label 'EU'; units of set 164 (USER_DEFINED) assumed",
+        ),
+        (
+            set_164(1000.0) + set_58(ROW, points=1),
+            1.0,
+            "contradict set 164, by which the factor is 0.001; the labels are used",
+        ),
+        (
+            set_58(ROW, points=1, ordinate=axis(12, "m/s2", (2, 0, 0))),
+            1.0,
+            "the unit exponents (2, 0, 0) of its ordinate do not fit its data type 12",
+        ),
+    ],
+)
+def test_what_is_taken_and_noted(read: Read, file: bytes, value: float, note: str) -> None:
+    found = read(file)
+    assert one(found).values[0] == pytest.approx(value)
+    assert note in found.notes
 
 
-def test_a_label_against_set_164_is_used_and_noted(read: Read) -> None:
-    found = read(set_164(1000.0) + set_58(ROW, points=1))
-    assert one(found).values[0] == 1.0
-    assert "contradict set 164, by which the factor is 0.001; the labels are used" in found.notes
+@pytest.mark.parametrize(
+    ("header", "reason"),
+    [
+        ({"ordinate": axis(12, "m/s")}, "its data type says accelerance, its unit 'm/s' says mobility"),
+        ({"denominator": axis(13, "m")}, "the unit 'm' of its denominator does not fit"),
+        ({"ordinate": axis(0, "N")}, "is no unit of an FRF's response"),
+        ({"ordinate": axis(15, "Pa")}, "its ordinate is of type 15, not an acceleration"),
+        ({"start": "-5.00000e+00"}, "its first frequency is -5, expected 0 or more"),
+        ({"ordinate": axis(0), "denominator": axis(0)}, "neither its data type (0) nor its unit ('NONE')"),
+    ],
+)
+def test_what_contradicts_itself_is_refused(read: Read, header: dict[str, Any], reason: str) -> None:
+    assert reason in read(set_58(ROW, points=1, **header)).reasons
 
 
-def test_labels_that_contradict_the_data_type_are_refused(read: Read) -> None:
-    found = read(set_58(ROW, points=1, ordinate=axis(12, "m/s")))
-    assert "its data type says accelerance, its unit 'm/s' says mobility" in found.reasons
-    found = read(set_58(ROW, points=1, denominator=axis(13, "m")))
-    assert "the unit 'm' of its denominator does not fit" in found.reasons
-    found = read(set_58(ROW, points=1, ordinate=axis(0, "N")))
-    assert "is no unit of an FRF's response" in found.reasons
-
-
-def test_an_frf_that_states_nothing_is_refused_unless_the_user_states_it(read: Read) -> None:
+def test_an_frf_that_states_nothing_is_what_the_user_states(read: Read) -> None:
     data = set_58(ROW, points=1, ordinate=axis(0), denominator=axis(0))
-    assert "neither its data type (0) nor its unit ('NONE')" in read(data).reasons
     found = read(data, Limits(quantity="mobility"))
     assert one(found).quantity == "mobility"
     assert "mobility as stated for the import" in found.notes
-
-
-def test_exponents_that_do_not_fit_are_noted(read: Read) -> None:
-    found = read(set_58(ROW, points=1, ordinate=axis(12, "m/s2", (2, 0, 0))))
-    assert "the unit exponents (2, 0, 0) of its ordinate do not fit its data type 12" in found.notes
 
 
 @pytest.mark.parametrize(
@@ -173,18 +185,13 @@ def test_frequency_axis(read: Read, unit: str, factor: float) -> None:
     assert ("converted to Hz" in found.notes) == (unit != "Hz")
 
 
-def test_an_abscissa_of_an_unknown_unit_is_taken_as_hz_and_one_below_zero_is_refused(read: Read) -> None:
+def test_an_abscissa_of_an_unknown_unit_is_taken_as_hz(read: Read) -> None:
     found = read(set_58(ROW, points=1, start="5.00000e+00", abscissa=axis(18, "bins")))
     assert one(found).frequency.start == 5.0
     assert "the unit of the abscissa is 'bins'; Hz assumed" in found.notes
-    assert "its first frequency is -5, expected 0 or more" in read(set_58(ROW, points=1, start="-5.00000e+00")).reasons
 
 
-def test_an_ordinate_that_is_no_motion_and_one_too_large_for_si_are_refused(read: Read) -> None:
-    assert (
-        "its ordinate is of type 15, not an acceleration"
-        in read(set_58(ROW, points=1, ordinate=axis(15, "Pa"))).reasons
-    )
+def test_an_ordinate_too_large_for_si_is_refused(read: Read) -> None:
     large = ROW.replace("1.00000000000e+00", "1.0000000000e+308", 1)
     found = read(set_58(large, points=1, ordinate=axis(12, "g")))
     assert (found.outcomes, found.contents) == (["refused"], [])

@@ -1,7 +1,5 @@
 """What is written is read back, by our own reader and by pyuff: bit by bit where the format can hold the bits."""
 
-from __future__ import annotations
-
 import tempfile
 import warnings
 from dataclasses import replace
@@ -52,7 +50,7 @@ def read_back(contents: list, **options: object) -> tuple[list, list[dict]]:
     """Contents as our reader and as pyuff find them."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "out.uff"
-        write_file(path, contents, **options)  # type: ignore[arg-type]
+        write_file(path, contents, **options)
         found = load(path)
         assert set(found.outcomes) == {"read"}, found.reasons
         with warnings.catch_warnings():

@@ -1,0 +1,188 @@
+"""Whatever is cut off, dies, is purged or restored, no job is lost and none is done twice."""
+
+import signal
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from sqlalchemy import text
+
+from benchmarks import soak_backup, soak_kills
+from benchmarks.jobs_floor import Floor, floor
+from benchmarks.jobs_outage import outage
+from benchmarks.service import campaigns_of
+from benchmarks.soak_backup import RECIPE, Laboratory, hits_of_a_point, restored
+from service.app.demo import paper
+from service.app.kinds import KINDS
+from service.jobs.child import PURGED
+from service.jobs.tables import Job
+from tests.support.rest import finished, ok
+from tests.support.waiting import PATIENCE
+
+
+@pytest.mark.parametrize("others", [False, True], ids=["alone", "with another worker"])
+def test_worker_cut_off_from_the_database_comes_back(others: bool, database: str) -> None:
+    """Longer than its lease with another worker there, who takes over what the first one brings too late."""
+    it = outage(0.5 if others else 3, others=others, jobs=2, database_url=database)
+    assert it.same_worker
+    assert (it.succeeded, it.results, it.doubled) == (it.jobs, it.jobs, 0), it
+    assert it.back_seconds > 0  # it worked again
+    assert it.attempts == it.jobs + (1 if others else 0)  # nothing was done again but what was taken over
+
+
+def test_job_runs_although_the_api_was_killed_right_after_it_took_it(database: str) -> None:
+    with floor(database) as here:
+        with here.client("tester") as client:
+            (campaign,) = campaigns_of(client, "floor")
+            answer = client.post(f"campaigns/{campaign}/update-jobs", json={"seed": 50})
+            here.kill(here.processes[0])
+        assert answer.status_code == 202
+        worker = here.worker()
+        here.wait(1)
+        (job,) = here.jobs()
+        assert (str(job.id), job.state) == (answer.json()["id"], "succeeded")
+        assert here.results() == [job.id]
+        worker.send_signal(signal.SIGTERM)
+        assert worker.wait(PATIENCE) == 0
+
+
+def test_api_killed_while_it_takes_jobs_leaves_no_half_one(database: str) -> None:
+    """It is killed between the rows of the jobs and the tickets, where another transaction holds it up."""
+    with floor(database) as here:
+        with here.client("tester") as client:
+            (campaign,) = campaigns_of(client, "floor")
+            batch = {"jobs": [{"campaign_id": campaign}] * 200}
+            with ThreadPoolExecutor(1) as pool, here.engine.begin() as holding:
+                holding.exec_driver_sql("LOCK TABLE procrastinate_jobs IN SHARE MODE")
+                request = pool.submit(client.post, "update-jobs", json=batch)
+                here.until(lambda: sessions_of_api(here, "wait_event_type = 'Lock'"), "a request that is held up")
+                here.kill(here.processes[0])
+                assert isinstance(request.exception(), httpx.TransportError)
+        here.until(lambda: not sessions_of_api(here), "that the database notices")
+        with here.engine.connect() as connection:
+            counts = [
+                connection.exec_driver_sql(f"SELECT count(*) FROM {table}").scalar_one()
+                for table in ("jobs", "update_jobs", "procrastinate_jobs")
+            ]
+        assert counts == [0, 0, 0]
+
+
+def sessions_of_api(here: Floor, which: str = "true") -> int:
+    """How many connections the API has to the database, of those for which `which` holds."""
+    ours = "datname = current_database() AND application_name LIKE 'modalbase%%'"
+    query = f"SELECT count(*) FROM pg_stat_activity WHERE {ours} AND {which}"
+    with here.engine.connect() as connection:
+        return int(connection.exec_driver_sql(query).scalar_one())
+
+
+def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client) -> None:
+    """The same beam in three campaigns: the results of one batch equal that of a job alone, but for where they were made."""
+    project = ok(api.post("projects", json={"name": "many"}))["id"]
+    structure = ok(api.post(f"projects/{project}/structures", json=paper.STRUCTURE))["id"]
+    jobs = []
+    for _ in range(3):
+        campaign = ok(api.post(f"structures/{structure}/campaigns", json=paper.CAMPAIGN))["id"]
+        sent = api.post(f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=paper.uff_file())
+        finished(api, sent.headers["location"])
+        modes = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}))["id"]
+        jobs.append({"campaign_id": campaign, "recipe": {"mode_set": modes}})
+    (single,) = results(api, jobs[:1])
+    assert results(api, jobs[1:]) == [single, single]
+
+
+def results(api: httpx.Client, jobs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    made = ok(api.post("update-jobs", json={"jobs": jobs}))["items"]
+    found = [ok(api.get(f"update-jobs/{finished(api, 'update-jobs/' + job['id'])['id']}/result")) for job in made]
+    return [{name: value for name, value in one.items() if name != "provenance"} for one in found]
+
+
+# --- the service under kills, in short ----------------------------------------------------------------------------------
+
+
+def test_kills_of_every_process_lose_nothing_and_are_no_internal_error() -> None:
+    tally = soak_kills.soak(kills=4, workers=1)
+    assert tally.killed == {"worker": 1, "fork server": 1, "API": 1, "PostgreSQL": 1}
+    assert all(tally.acknowledged.values()), tally
+    assert tally.lost == []
+    assert tally.reasons == {}
+    assert tally.states.keys() == {"succeeded"}
+    assert tally.attempts == tally.states.total() + tally.losses  # nothing was computed again but what was lost
+
+
+# --- a purge while jobs wait and run ------------------------------------------------------------------------------------
+
+PRIOR = {"posterior": "mcmc"}  # takes long enough to be purged while it runs
+
+
+def busy_laboratory(here: Floor, lab: Laboratory) -> set[str]:
+    """Ids of jobs of a campaign of which one runs and the others wait."""
+    modes = lab.post(f"campaigns/{lab.campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
+    first = lab.send_file(lab.campaign)
+    here.until(lambda: lab.ended(first), "the import")
+    lab.post(f"campaigns/{lab.campaign}/records", hits_of_a_point())
+    long = lab.post(f"campaigns/{lab.campaign}/update-jobs", {**RECIPE, **PRIOR, "mode_set": modes})["id"]
+    here.until(lambda: job(here, long).state == "running", "an update that runs")
+    waiting = [
+        lab.post(f"campaigns/{lab.campaign}/{what}", body)["id"]
+        for what, body in (("update-jobs", {}), ("identifications", {}), ("processings", {}))
+    ]
+    both = [{"campaign_id": campaign} for campaign in (lab.campaign, lab.new_campaign())]
+    joint = lab.post("update-jobs", {"joint": True, "jobs": both})["joint"]["id"]
+    other = lab.post(f"campaigns/{lab.campaign}/imports", content=paper.uff_file())["id"]
+    return {long, *waiting, joint, other}
+
+
+def job(here: Floor, key: str) -> Job:
+    return next(job for job in here.jobs() if str(job.id) == key)
+
+
+def test_a_purge_ends_the_jobs_of_what_it_removes() -> None:
+    with floor() as here, here.client("soak") as client:
+        here.modalbase("worker", worker_concurrency=1)
+        kept = Laboratory(client)
+        lab = Laboratory(client)
+        jobs = busy_laboratory(here, lab)
+        client.delete(f"campaigns/{lab.campaign}").raise_for_status()
+        lab.post(f"campaigns/{lab.campaign}/purge")
+        here.until(lambda: all(job.finished_at for job in here.jobs()), "the end of every job")
+        ended = {str(job.id): (job.state, job.message, job.error) for job in here.jobs()}
+        assert {key: ended[key] for key in jobs} == dict.fromkeys(jobs, ("cancelled", PURGED.detail, None))
+
+        lab = Laboratory(client)
+        jobs = busy_laboratory(here, lab)
+        client.delete(f"projects/{lab.project}").raise_for_status()
+        lab.post(f"projects/{lab.project}/purge")
+        assert jobs.isdisjoint(str(job.id) for job in here.jobs())
+        file = kept.send_file(kept.campaign)
+        here.until(lambda: kept.ended(file), "another project's job, in the place of the purged one")
+        assert client.get(file).json()["status"] == "succeeded"
+        with here.sessions() as session:
+            assert session.scalar(text("SELECT count(*) FROM procrastinate_jobs")) == 0
+        log = here.log.read_text()
+        assert "Traceback" not in log
+        assert "internal" not in log
+
+
+# --- a backup of a service with jobs that wait, run and were cancelled, restored by the command. `make so ---------------
+
+EVERY_KIND = {kind.name for kind in KINDS}
+
+
+def test_jobs_of_every_kind_run_to_their_end_in_a_restored_service() -> None:
+    tally = soak_backup.soak()
+    assert tally.lost == []
+    assert {kind for kind, state in tally.before if state == "queued"} == EVERY_KIND
+    assert tally.before["update", "running"] == tally.before["update", "cancelling"] == 1
+    assert tally.after["update", "cancelled"] == 2
+
+
+def test_the_jobs_of_a_backup_of_0_2_0_run_to_their_end(short_folder: Path) -> None:
+    """`jobs-0.2.0.modalbase` was written by that version, of the service that `keep_waiting` leaves."""
+    file = Path(__file__).parents[1] / "integration" / "files" / "jobs-0.2.0.modalbase"
+    ended = Counter((job.kind, job.state) for job in restored(file, short_folder / "data"))
+    assert {kind for kind, _ in ended} == EVERY_KIND
+    assert ended.pop(("update", "cancelled")) == 2
+    assert {state for _, state in ended} == {"succeeded"}

@@ -1,0 +1,299 @@
+"""Updates over HTTP: what structure, campaign and recipe state; stepped strips; several tests of one material."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+from sqlalchemy import JSON, Engine, update
+
+import service.app.composition  # noqa: F401  imports every table
+from examples.plies import CARBON
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.profile import Piece
+from fecore.body.specimen import Specimen
+from fecore.body.supports import PointMass
+from fecore.updating.campaigns import Campaign
+from fecore.updating.forward import ForwardModel
+from fecore.updating.parameters import Parameter, parametrise
+from service.app.demo import paper
+from service.app.supervisor import LocalService
+from service.db.base import Base
+from service.errors import NotFinite
+from tests.support.cantilever import MEASURED_HZ
+from tests.support.rest import finished, mode_rows, ok, posted, result_of, session_client
+from tests.support.strips import NOMINAL, STRIP, measured
+
+A0, A1, TAU = 30.0, 1e-5, 0.5
+NO_DOUBT = {"length_sd_m": 0, "width_sd_m": 0, "density_sd_kg_m3": 0, "nu_xy_sd": 0, "fibre_angle_sd_deg": 0}
+
+
+def modes_under_a_window(api: httpx.Client, campaign: str) -> str:
+    """Typed modes of a Rayleigh body, whose decay an exponential window of 0.5 s has made faster."""
+    omega = 2 * np.pi * MEASURED_HZ
+    ratio = (A0 / omega + A1 * omega) / 2 + 1 / (TAU * omega)
+    rows = [
+        {"frequency_hz": hz, "damping_ratio": zeta}
+        for hz, zeta in zip(MEASURED_HZ.tolist(), ratio.tolist(), strict=True)
+    ]
+    return str(posted(api, f"campaigns/{campaign}/mode-sets", {"name": "typed", "modes": rows})["id"])
+
+
+def updated(api: httpx.Client, campaign: str, recipe: dict[str, Any]) -> dict[str, Any]:
+    answer = api.post(f"campaigns/{campaign}/update-jobs", json=recipe)
+    ok(answer, 202)
+    job = finished(api, answer.headers["Location"])
+    assert job["status"] == "succeeded", job
+    return result_of(api, answer.headers["Location"])
+
+
+def budget_of(result: dict[str, Any], name: str) -> dict[str, dict[str, Any]]:
+    (row,) = (row for row in result["parameters"] if row["name"] == name)
+    return {entry["source"]: entry for entry in row["budget"]}
+
+
+def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
+    api: httpx.Client, project: str, beam: dict[str, Any]
+) -> None:
+    """A campaign without FRFs is updated from its modes alone; the recipe has the last word."""
+    stated = {**beam, "inputs": {**NO_DOUBT, "thickness_sd_m": 0.3e-3}}
+    structure = posted(api, f"projects/{project}/structures", stated)
+    assert structure["inputs"] == {**stated["inputs"], "ply_angle_sd_deg": None}
+    body = {
+        "name": "typed",
+        "boundary": "cantilever",
+        "inputs": {"clamp_compliance_sd": 0, "window_time_constant_s": TAU},
+    }
+    campaign = posted(api, f"structures/{structure['id']}/campaigns", body)
+    assert campaign["inputs"]["window_time_constant_s"] == TAU
+    mode_set = modes_under_a_window(api, campaign["id"])
+
+    result = updated(api, campaign["id"], {"mode_set": mode_set})
+    assert [(o["stage"], o["status"]) for o in result["outcomes"]] == [
+        ("elastic", "succeeded"),
+        ("damping", "succeeded"),
+    ]
+    budget = budget_of(result, "Ex")
+    assert budget["thickness"]["provenance"] == "0.0003 m, stated"
+    assert not {"length", "density", "clamp_rotation", "fibre_angle"} & set(budget)
+    found = {row["name"]: row["estimate"] for row in result["parameters"]}
+    assert found["a0"] == pytest.approx(A0, rel=1e-6)  # the window's 2/τ is taken off exactly
+    assert found["a1"] == pytest.approx(A1, rel=1e-6)
+    assert result["provenance"]["inputs"]["thickness_sd_m"] == 0.3e-3
+
+    recipe = {"mode_set": mode_set, "inputs": {"thickness_sd_m": 0, "window_rate_per_s": 0}}
+    result = updated(api, campaign["id"], recipe)
+    assert "thickness" not in budget_of(result, "Ex")
+    found = {row["name"]: row["estimate"] for row in result["parameters"]}
+    assert found["a0"] == pytest.approx(A0 + 2 / TAU, rel=1e-6)
+
+
+def test_a_change_of_inputs_is_a_version(api: httpx.Client, structure: str) -> None:
+    address = f"structures/{structure}"
+    before = api.get(address)
+    assert ok(before)["inputs"] is None
+    patch = {"inputs": {"density_sd_kg_m3": 10.0}}
+    after = ok(api.patch(address, json=patch, headers={"If-Match": before.headers["ETag"]}))
+    assert (after["version"], after["inputs"]["density_sd_kg_m3"]) == (2, 10.0)
+
+
+def test_a_clamp_that_is_none_is_shown_as_an_earlier_version_took_it_and_refused_by_its_update(
+    api: httpx.Client, campaign: str, rows: Callable[..., list[dict[str, Any]]]
+) -> None:
+    rows("""UPDATE campaigns SET inputs = '{"clamp_compliance_sd": 100}' WHERE id = %s RETURNING id""", campaign)
+    assert ok(api.get(f"campaigns/{campaign}"))["inputs"]["clamp_compliance_sd"] == 100
+    begun = api.post(f"campaigns/{campaign}/update-jobs", json={"mode_set": modes_under_a_window(api, campaign)})
+    job = finished(api, begun.headers["Location"])
+    assert (job["status"], job["error"]["reason"]) == ("failed", "refused")
+    assert "expected at most 1: there the clamp turns as easily as the specimen bends" in job["message"]
+
+
+def test_a_result_that_json_cannot_hold_is_refused_by_its_place(
+    api: httpx.Client, campaign: str, imported: Callable[..., dict[str, Any]]
+) -> None:
+    """A sensor whose mass is known to within 1,000 t leaves the moduli open: their intervals end at infinity."""
+    assert imported(campaign, paper.uff_file())["status"] == "succeeded"
+    modes = posted(api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
+    recipe = {"mode_set": modes, "inputs": {"sensor_mass_sd_kg": 1e6}, "damping_models": ["rayleigh"]}
+    job = finished(api, api.post(f"campaigns/{campaign}/update-jobs", json=recipe).headers["Location"])
+    assert (job["status"], job["error"]["reason"], job["error"]["type"]) == ("failed", "refused", "NotFinite")
+    assert job["message"].startswith("the result has no finite number at /parameters/0/interval_95/1"), job["message"]
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_no_column_of_the_database_takes_a_number_that_json_lacks(engine: Engine, number: float) -> None:
+    """Whichever kind of job stores it: of every table the columns that hold documents."""
+    columns = [
+        column for table in Base.metadata.tables.values() for column in table.columns if isinstance(column.type, JSON)
+    ]
+    assert {column.table.name for column in columns} >= {
+        "update_results",
+        "joint_updates",
+        "processings",
+        "identifications",
+        "mode_sets",
+        "monitor_series",
+        "monitor_runs",
+    }
+    for column in columns:
+        with pytest.raises(NotFinite, match="no finite number at /a/1;"), engine.connect() as connection:
+            connection.execute(update(column.table).values({column: {"a": [1.0, float(number)]}}))
+
+
+# --- updates over REST of what is no plain strip ------------------------------------------------------------------------
+
+ANGLES = (45, -45, 45, -45)
+PLY = {
+    "E1_Pa": CARBON.Ex,
+    "E2_Pa": CARBON.Ey,
+    "G12_Pa": CARBON.Gxy,
+    "G13_Pa": CARBON.Gxz,
+    "G23_Pa": CARBON.Gyz,
+    "nu_12": CARBON.nu_xy,
+    "thickness_m": 0.001,
+}
+EXACT = {
+    f"{name}_sd{unit}": 0
+    for name, unit in (
+        ("length", "_m"),
+        ("width", "_m"),
+        ("thickness", "_m"),
+        ("density", "_kg_m3"),
+        ("nu_xy", ""),
+        ("fibre_angle", "_deg"),
+        ("ply_angle", "_deg"),
+    )
+}
+
+
+def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(api: httpx.Client, project: str) -> None:
+    nominal = OrthotropicMaterial(30e9, 30e9, 5e9, 5e9, 5e9, 0.15, 2000.0)
+    pieces, masses = (Piece(0.0, 0.12, 0.008, 0.006),), (PointMass(0.4, 0.0, 0.05, 4e-6, weighed=True),)
+    truth = Specimen(0.4, 0.04, 0.005, replace(nominal, Ex=33e9), divisions=(24, 4), pieces=pieces, masses=masses)
+    forward = ForwardModel(truth, parametrise(truth, (Parameter("Ex"),)), (), np.zeros((0, 2)), 4, reduced=False)
+    hz = forward.solve(np.array([33e9])).frequency_hz[:3]
+    described: dict[str, Any] = {
+        "name": "stepped",
+        "geometry": {"length_m": 0.4, "width_m": 0.04, "thickness_m": 0.005},
+        "density_kg_m3": 2000,
+        "material": {"Ex_Pa": 30e9, "Ey_Pa": 30e9, "Gxy_Pa": 5e9, "Gxz_Pa": 5e9, "Gyz_Pa": 5e9, "nu_xy": 0.15},
+        "pieces": [{"from_m": 0.0, "to_m": 0.12, "thickness_m": 0.008, "end_thickness_m": 0.006}],
+        "inputs": {name: sd for name, sd in EXACT.items() if name != "ply_angle_sd_deg"},
+    }
+    structures = f"projects/{project}/structures"
+    beyond = {**described, "pieces": [{"from_m": 0.3, "to_m": 0.5, "thickness_m": 0.008}]}
+    assert "beyond the length" in ok(api.post(structures, json=beyond), 422)["errors"][0]["detail"]
+    structure = ok(api.post(structures, json=described), 201)
+    assert structure["pieces"] == described["pieces"]
+    tip = {"x_m": 0.4, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
+    campaign = ok(
+        api.post(
+            f"structures/{structure['id']}/campaigns",
+            json={
+                "name": "tip mass",
+                "boundary": "cantilever",
+                "instruments": {"added_masses": [tip]},
+                "inputs": {"clamp_compliance_sd": 0},
+            },
+        ),
+        201,
+    )
+    assert campaign["instruments"]["added_masses"] == [tip]
+    rows = [{"frequency_hz": float(each), "frequency_sd_hz": 1e-4 * float(each)} for each in hz]
+    mode_set = ok(api.post(f"campaigns/{campaign['id']}/mode-sets", json={"name": "typed", "modes": rows}), 201)["id"]
+    recipe = {"mode_set": mode_set, "parameters": [{"name": "Ex"}]}
+    jobs = f"campaigns/{campaign['id']}/update-jobs"
+    assert ok(api.post(jobs, json={**recipe, "zones_m": [0.5]}), 422)["errors"][0]["pointer"] == "/zones_m"
+    begun = api.post(jobs, json={**recipe, "zones_m": [0.2]})
+    ok(begun, 202)
+    assert finished(api, begun.headers["Location"])["status"] == "succeeded"
+    result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
+    # 0.5 %: the frequencies' noise is 0.01 %, the prior of the model's own error 0.2 % of a frequency.
+    assert result["parameters"][0]["estimate"] == pytest.approx(33e9, rel=0.005)
+    # Without pieces the strip is of one thickness, in a new version.
+    address = f"structures/{structure['id']}"
+    seen = {"If-Match": api.get(address).headers["ETag"]}
+    changed = ok(api.patch(address, json={"pieces": []}, headers=seen), 200)
+    assert changed["version"] == 2
+    assert not changed["pieces"]
+
+
+# --- joint updates over HTTP --------------------------------------------------------------------------------------------
+
+PLY_OF_STRIPS = {
+    "E1_Pa": NOMINAL.Ex,
+    "E2_Pa": NOMINAL.Ey,
+    "G12_Pa": NOMINAL.Gxy,
+    "G13_Pa": NOMINAL.Gxz,
+    "G23_Pa": NOMINAL.Gyz,
+    "nu_12": NOMINAL.nu_xy,
+}
+
+
+def stored(api: httpx.Client, project: str, test: Campaign) -> dict[str, Any]:
+    """A structure, a campaign with its grid points and modes; the job of a joint update for it."""
+    body, modes = test.body, test.modes
+    angle = float(np.degrees(body.fibre_angle))
+    structure = ok(
+        api.post(
+            f"projects/{project}/structures",
+            json={
+                "name": test.specimen,
+                "geometry": {"length_m": body.length, "width_m": body.width, "thickness_m": body.thickness},
+                "density_kg_m3": NOMINAL.density,
+                "laminate": {"plies": [{**PLY_OF_STRIPS, "thickness_m": body.thickness, "angle_deg": angle}]},
+            },
+        ),
+        201,
+    )["id"]
+    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "tour", "boundary": body.boundary}), 201)[
+        "id"
+    ]
+    points = [{"label": label, "x_m": x, "y_m": y, "z_m": z} for label, (x, y, z) in test.points.items()]
+    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}))
+    rows = mode_rows(modes, 3e-4)
+    mode_set = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "measured", "modes": rows}), 201)["id"]
+    return {"campaign_id": campaign, "recipe": {"mode_set": mode_set}}
+
+
+@pytest.fixture
+def jobs(api: httpx.Client, project: str) -> list[dict[str, Any]]:
+    random = np.random.default_rng(3)
+    cuts = [("strip 0", 0.0), ("strip 90", 90.0), ("strip 45", 45.0)]
+    return [stored(api, project, measured(random, name, STRIP, angle)) for name, angle in cuts]
+
+
+def test_an_update_from_nine_modes_has_its_report_on_paper(api: httpx.Client, jobs: list[dict[str, Any]]) -> None:
+    """All nine pairs of shapes in one figure are higher than a page."""
+    begun = api.post(f"campaigns/{jobs[0]['campaign_id']}/update-jobs", json=jobs[0]["recipe"])
+    location = api.base_url.join(begun.headers["Location"])
+    assert finished(api, begun.headers["Location"])["status"] == "succeeded"
+    assert len(ok(api.get(f"{location}/result"))["modes"]) == 9
+    page = api.get(f"{location}/report").text
+    assert "Mode shapes, measured and updated: modes 1 to 5" in page
+    assert "Mode shapes, measured and updated: modes 6 to 9" in page
+    printed = api.get(f"{location}/report", params={"format": "pdf"})
+    assert (printed.status_code, printed.content[:4]) == (200, b"%PDF"), printed.text
+    assert printed.content.count(b"/Subtype /Image") == page.count("<img")
+
+
+def test_a_joint_update_without_frfs_says_whose_are_missing(
+    api: httpx.Client, campaign: str, new_campaign: Callable[..., str], service: LocalService
+) -> None:
+    one, two = {"campaign_id": campaign}, {"campaign_id": new_campaign(name="second")}
+    begun = api.post("update-jobs", json={"joint": True, "jobs": [one, two]})
+    ok(begun, 202)
+    ended = finished(api, begun.headers["Location"])
+    assert ended["status"] == "failed"
+    assert "has no FRFs" in str(ended["error"])
+    for path in ("/result", "/figures", "/figures/campaigns"):
+        ok(api.get(api.base_url.join(begun.headers["Location"] + path)), 409)
+    with session_client(api, base=service.url) as browser:
+        page = browser.get(f"/ui/joint-updates/{ended['id']}")
+        part = browser.get(f"/ui/joint-updates/{ended['id']}?part=true")
+    assert part.headers["HX-Refresh"] == "true"
+    assert "<html" not in part.text
+    assert page.status_code == 200
+    assert "has no FRFs" in page.text

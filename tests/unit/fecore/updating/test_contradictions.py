@@ -1,0 +1,79 @@
+"""Sources that contradict each other are named, with their likeliest cause, and the innocent are cleared."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
+from fecore.updating.contradictions import Conflict, conflicts
+from fecore.updating.elastic import fit
+from fecore.updating.layout import Coupon
+from fecore.updating.posterior import SCATTER
+from tests.support.strips import TRUTH, measured
+
+LONG, SHORT = (0.30, 0.03, 0.005), (0.25, 0.03, 0.005)
+
+
+def strips(seed: int) -> list[Campaign]:
+    random = np.random.default_rng([36, seed])
+    return [measured(random, "a", LONG, 0.0), measured(random, "b", SHORT, 0.0)]
+
+
+def coupons(factor: float = 1.0) -> list[Coupon]:
+    """Means of five specimens of 5 % scatter."""
+    return [Coupon(name, factor * TRUTH[name], 0.05 / 5**0.5 * TRUTH[name]) for name in ("Ex", "Gxy")]
+
+
+def found(campaigns: list[Campaign], batch: list[Coupon]) -> tuple[Conflict, ...]:
+    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, scatter=True), coupons=batch, scatter=SCATTER)
+    return conflicts(elastic, SCATTER)
+
+
+def shortened(campaign: Campaign, by: float) -> Campaign:
+    """The campaign with a length stated that is too short, its points placed by it."""
+    length = campaign.body.length - by
+    points = {k: (x * length / campaign.body.length, y, z) for k, (x, y, z) in campaign.points.items()}
+    return replace(campaign, body=replace(campaign.body, length=length), points=points)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sources_that_agree_are_not_said_to_conflict(seed: int) -> None:
+    assert found(strips(seed), coupons()) == ()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_coupons_that_are_off_are_named_and_the_strips_cleared(seed: int) -> None:
+    (conflict,) = found(strips(seed), coupons(1.3))
+    assert conflict.cause.name == "coupons"
+    assert conflict.rivals == ()
+    for said in conflict.cause.said:
+        assert abs(said.rest - TRUTH[said.constant]) < 3 * said.rest_sd, said
+        assert said.stated == pytest.approx(1.3 * TRUTH[said.constant], rel=1e-9)
+    assert conflict.moved > 2  # the estimate swallows half of it
+
+
+def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> None:
+    """18 mm of 250 mm, 36 standard deviations: what the specimens' thickness, density and scatter leave of them is 5."""
+    long, short = strips(1)
+    (conflict, *_) = found([long, shortened(short, 0.018)], coupons())
+    (cause,) = (each for each in (conflict.cause, *conflict.rivals) if each.name == "length of campaign b")
+    (said,) = cause.said
+    assert said.stated == pytest.approx(0.232, rel=1e-9)
+    assert abs(said.rest - 0.25) < 3 * said.rest_sd
+    assert all(each.owner in {"campaign b", "specimen b", ""} for each in (conflict.cause, *conflict.rivals))
+
+
+def test_a_check_agrees_with_a_fit_without_its_source() -> None:
+    """What the rest says of the coupons is what a fit without them says, up to the model's curvature."""
+    campaigns = strips(0)
+    layout = lay_out(campaigns, MATERIAL_PARAMETERS, scatter=False)
+    (conflict,) = conflicts(fit(layout, coupons=coupons(1.15)), 0.0)
+    without = fit(layout)
+    for said in conflict.cause.said:
+        place = layout.shared.index(said.constant)
+        sd = np.sqrt(without.mixture.total[place, place]) * said.rest
+        assert said.rest == pytest.approx(layout.material(without.x)[place], abs=0.3 * sd)
+        assert said.rest_sd == pytest.approx(sd, rel=0.2)

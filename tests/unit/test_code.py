@@ -1,0 +1,288 @@
+"""The code as a reader and a user find it: calls, words, examples, exported names, what is made from it, its contracts."""
+
+import ast
+import doctest
+import importlib
+import itertools
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import fecore
+import modalbase
+from modalbase.client.connection import Connection
+from modalbase.client.rest import Rest
+from modalbase.client.rest import routes as calls
+from tests.support.places import ROOT
+from tools import reference
+
+MOST_BY_PLACE = 6
+
+
+def long_calls(path: Path) -> Iterator[str]:
+    """Calls of classes and functions of ours; a command line's words are a list, and stay one."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.Call) or len(node.args) <= MOST_BY_PLACE or isinstance(node.args[0], ast.Constant):
+            continue
+        if not any(isinstance(value, ast.Starred) for value in node.args):
+            yield f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node.func)} with {len(node.args)} arguments by place"
+
+
+@pytest.mark.parametrize("package", ["fecore", "modalbase", "service"])
+def test_many_arguments_go_by_name(package: str) -> None:
+    found = [call for path in sorted((ROOT / package).rglob("*.py")) for call in long_calls(path)]
+    assert not found, "\n".join(found)
+
+
+# --- code, messages and documents use the glossary's words --------------------------------------------------------------
+
+PRIVATE = re.compile(
+    r"\b(tell|tells|told|telling|keepers?|postman|stewards?|rungs?|climb(s|ed|ing)?|disown(s|ed)?|what of it)\b"
+    r"(?!\(\))",  # `file.tell()` is Python's
+    re.IGNORECASE,
+)
+PLACES = (
+    *("fecore", "modalbase", "service", "migrations", "tests", "benchmarks", "examples"),
+    *("docs", "README.md", "CHANGELOG.md", "SECURITY.md"),
+)
+KINDS = (".py", ".md")
+
+
+def files(place: str) -> Iterator[Path]:
+    top = ROOT / place
+    for path in [top] if top.is_file() else sorted(top.rglob("*")):
+        if path.suffix in KINDS and path != Path(__file__):
+            yield path
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_the_words_are_the_glossarys(place: str) -> None:
+    found = [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+        for path in files(place)
+        for number, line in enumerate(path.read_text().splitlines(), start=1)
+        if PRIVATE.search(line)
+    ]
+    assert not found, "\n".join(found)
+
+
+# --- the examples in docstrings run and give what they show -------------------------------------------------------------
+
+PACKAGES = ("fecore", "modalbase", "service")
+MODULES = [
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+    for package in PACKAGES
+    for path in sorted(Path(ROOT / package).rglob("*.py"))
+    if ">>> " in path.read_text()
+]
+
+
+def test_there_are_examples() -> None:
+    assert len(MODULES) >= 5
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_examples(module: str) -> None:
+    failed, tried = doctest.testmod(importlib.import_module(module))
+    assert tried
+    assert not failed
+
+
+# --- what `import fecore` and `import modalbase` give a user, named one by one ------------------------------------------
+
+FECORE = """
+    BeamSpecimen Dof Edge FecoreError ForwardModel FrfSet HoldOut Identification IdentificationError InputError
+    MeasuredModes Measurement ModelError Options OrthotropicMaterial Parameter Ply PointMass Recipe Specimen Spring
+    UpdateResult UpdatingError __version__ csac csf frac homogenise identify mac sac section update
+"""
+MODALBASE = """
+    ClientError FormatError Frfs JobFailed Laboratory UffError __version__ connect read_machine_csv read_uff write_uff
+"""
+
+
+@pytest.mark.parametrize(("package", "names"), [(fecore, FECORE), (modalbase, MODALBASE)])
+def test_the_exported_members_are_these(package: ModuleType, names: str) -> None:
+    assert sorted(package.__all__) == sorted(names.split())
+    for name in package.__all__:
+        assert getattr(package, name) is not None
+    with pytest.raises(AttributeError, match="has no attribute 'nonsense'"):
+        _ = package.nonsense
+
+
+def test_both_packages_have_one_version() -> None:
+    assert fecore.__version__ == modalbase.__version__
+
+
+@pytest.mark.parametrize(
+    ("package", "heavy"),
+    [
+        ("fecore", "scipy"),
+        ("modalbase", "numpy"),
+        ("modalbase.formats", "fecore"),
+        ("modalbase.client", "numpy"),
+        ("modalbase.objects", "numpy"),
+    ],
+)
+def test_an_import_brings_no_more_than_it_needs(package: str, heavy: str) -> None:
+    code = f"import sys, {package}; print({heavy!r} in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+# --- what is made from code is what the code makes now ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", list(reference.MADE))
+def test_what_is_made_from_code_is_up_to_date(name: str) -> None:
+    assert (reference.ROOT / name).read_text() == reference.MADE[name](), "run python -m tools.reference"
+
+
+def constants() -> Iterator[tuple[str, bool]]:
+    """Every numeric constant of the core, and whether a comment or docstring beside it says what it means."""
+    for path in sorted((reference.ROOT / "fecore").rglob("*.py")):
+        lines, body = path.read_text().splitlines(), ast.parse(path.read_text()).body
+        for node, after in itertools.zip_longest(body, body[1:]):
+            target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+            if (
+                isinstance(target, ast.Name)
+                and re.fullmatch(r"_?[A-Z][A-Z0-9_]*", target.id)
+                and of_numbers(node.value)
+            ):
+                own, above = lines[node.lineno - 1 : node.end_lineno], lines[node.lineno - 2]
+                docstring = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
+                yield f"{path.name}: {target.id}", docstring or "#" in "".join(own) or above.startswith("#")
+
+
+def of_numbers(value: ast.expr) -> bool:
+    parts = list(ast.walk(value))
+    leaves = [part.value for part in parts if isinstance(part, ast.Constant)]
+    other = any(isinstance(part, ast.Call | ast.Subscript | ast.Attribute) for part in parts)
+    return bool(leaves) and all(isinstance(leaf, int | float) for leaf in leaves) and not other
+
+
+def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> None:
+    found = list(constants())
+    assert len(found) > 100
+    assert [name for name, stated in found if not stated] == []
+
+
+def test_every_route_of_the_openapi_document_is_a_method_of_the_client() -> None:
+    document = reference.document()
+    asked = [
+        given for path in document["paths"].values() for how in path.values() for given in how.get("parameters", ())
+    ]
+    assert {given["schema"]["default"] for given in asked if given["name"] == "limit"} == {
+        20,
+        100,
+    }  # 20 of what is long
+    found = {(one.method, one.path) for one in reference.described(document)}
+    assert found == {(route.method, route.path) for route in calls().values()}
+    assert len(found) == len(calls()) > 80
+    with Connection("http://127.0.0.1:1", "key") as nobody:
+        rest = Rest(nobody)
+        for name, route in calls().items():
+            assert route.summary in (getattr(rest, name).__doc__ or "")
+        assert set(calls()) <= set(dir(rest))
+        with pytest.raises(TypeError, match=r"takes campaign_id and got 0"):
+            rest.get_campaign()
+        with pytest.raises(TypeError, match=r"has no colour"):
+            rest.list_projects(colour="red")
+        with pytest.raises(AttributeError, match="no call 'nonsense'"):
+            _ = rest.nonsense
+
+
+def test_every_library_that_is_installed_has_its_licence_listed() -> None:
+    project = tomllib.loads((reference.ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [
+        *project["dependencies"],
+        *(one for name in ("server", "mat73") for one in project["optional-dependencies"][name]),
+    ]
+    page = (reference.ROOT / "docs" / "licences.md").read_text()
+    assert re.findall(r"^\| ([\w-]+) \| .+ \| `", page, flags=re.MULTILINE) == [
+        re.split(r"[^\w-]", one)[0] for one in wanted
+    ]
+
+
+# --- the import contracts hold, and they catch what they are there for --------------------------------------------------
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    for package in ("fecore", "modalbase", "service", "migrations", "tools"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+def lint(folder: Path) -> subprocess.CompletedProcess[str]:
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_contracts_hold() -> None:
+    done = lint(ROOT)
+    assert done.returncode == 0, done.stdout
+
+
+# A file, an import that is forbidden there, and the beginning of the contract's name.
+FAULTS = (
+    ("fecore/body/mesh.py", "import sqlalchemy", "fecore: pure"),
+    ("fecore/body/mesh.py", "import service.settings", "fecore: pure"),
+    ("fecore/body/laminate.py", "import fecore.body.model", "fecore.body:"),
+    ("fecore/body/laminate.py", "import fecore.dynamics.eigen", "fecore: data flows one way"),
+    ("fecore/dynamics/eigen.py", "import fecore.dynamics.reduction", "fecore.dynamics:"),
+    ("fecore/correlation.py", "import fecore.modal", "fecore: data flows one way"),
+    ("service/db/engine.py", "import service.access.tables", "service: imports run downwards only"),
+    (
+        "service/store/structures/schemas.py",
+        "import service.store.campaigns.schemas",
+        "service.store: a noun needs only",
+    ),
+    ("service/show/figures/marks.py", "import service.show.pages", "service.show: imports run downwards only"),
+    ("service/app/doctor.py", "import service.app.supervisor", "service.app: imports run downwards only"),
+    ("service/jobs/child.py", "import service.app.application", "service: imports run downwards only"),
+    ("service/monitoring/runs.py", "from service.store.modes.operations import ModeSet", "tables: only"),
+    ("service/store/frfs/data.py", "from service.store.structures.operations import Structure", "tables: only"),
+    ("service/store/campaigns/schemas.py", "import service.store.frfs.schemas", "service.store: a noun needs only"),
+    ("modalbase/client/jobs.py", "import service.settings", "modalbase: what a user imports"),
+    ("modalbase/client/jobs.py", "import numpy", "modalbase.client: HTTP alone"),
+    ("modalbase/formats/uff/scan.py", "import fecore.errors", "modalbase: what a user imports"),
+    ("modalbase/formats/uff/scan.py", "import httpx", "modalbase.formats: bytes to dataclasses"),
+    ("fecore/mesh.py", "import modalbase", "fecore: pure"),
+    ("service/compute/updating.py", "import sqlalchemy", "computations: neither database nor web"),
+)
+
+
+def test_contracts_catch_each_fault(copy: Path) -> None:
+    for file, fault, _ in FAULTS:
+        with (copy / file).open("a") as target:
+            target.write(f"\n{fault}\n")
+    done = lint(copy)
+    assert done.returncode == 1
+    headed = re.split(r"^(.+)\n-+\n", done.stdout.partition("Broken contracts")[2], flags=re.MULTILINE)
+    found = dict(zip(headed[1::2], headed[2::2], strict=True))
+    for file, fault, contract in FAULTS:
+        imported = fault.removeprefix("from ").replace(" import ", ".").removeprefix("import ")
+        edge = f"{file.removesuffix('.py').replace('/', '.')} -> {imported}"
+        (broken,) = (text for name, text in found.items() if name.startswith(contract))
+        assert f"{edge} (l." in " ".join(broken.split()), (edge, broken)  # lines are wrapped
+
+
+def test_the_service_starts_without_what_only_some_jobs_need() -> None:
+    """Each takes a good part of a second to import, in every process that starts."""
+    parts = ("linalg", "optimize", "sparse", "special", "stats")
+    heavy = (*(f"scipy.{part}" for part in parts), "alembic", "emcee", "h5py", "markdown_it", "matplotlib")
+    worker, web = "service.jobs.worker, service.app.kinds, service.monitoring.scheduler", ("fastapi", "starlette")
+    script = (
+        f"import sys, {worker}; print([m for m in {web} if m in sys.modules])\n"
+        f"import service.app.application; print([m for m in {heavy} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]", "[]"]
