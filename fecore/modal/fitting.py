@@ -119,7 +119,8 @@ class _Data:
         self, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None], rounds: int = ROUNDS
     ) -> Terms:
         """The poles with those, of the candidates and of what the residual shows, that the combinations need."""
-        return grow(self.few, self.few_noise, most, step, terms, pool=pool, rounds=rounds).terms
+        beside = len(self.arrangement.pairs) - len(self.few.pairs)
+        return grow(self.few, self.few_noise, most, step, terms, pool=pool, rounds=rounds, beside=beside).terms
 
     def fitted(self, terms: Terms) -> Level:
         """The series with all FRFs, without poles and residual terms that do not pay."""

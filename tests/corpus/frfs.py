@@ -264,5 +264,5 @@ FRFS: dict[str, Case] = {
     "plate, conjugated": of_draw("plate", 7, conjugated=True, says="the FRFs are conjugates"),
     **{f"open {kind}": of_open_set(kind) for kind in ("bridge", "plate", "aeroplane")},
     **{f"a measured bridge, {band or 'all lines'}": measured_bridge(*band)
-       for band in ((), (0.5, 6.5), (1.0, 6.0), (0.5, 12.0))},
+       for band in ((), (0.0, 6.0), (0.4, 6.0), (0.5, 6.5), (1.0, 6.0), (2.0, 8.0), (0.5, 12.0))},
 }
