@@ -18,7 +18,7 @@ from fecore.signal.blocks import FEWEST_SAMPLES
 LEAD = 256
 """Samples of a block before the force's peak: the channels' baselines are taken from them."""
 
-_HOP_S = 0.005
+_HOP_S = 0.005  # the recording is looked through in steps of it: a pulse of a hammer is no longer
 _BOUNCE_S = 0.25  # nobody hits twice on purpose within it: what follows is a bounce, and stays in the hit's block
 _PERIOD_S = 0.1  # energy is averaged over it, a period of the slowest mode that a hammer excites
 _OVER_PAUSES = 8.0  # times that a hit is higher than what the force channel has in the pauses

@@ -26,11 +26,11 @@ ORDER = [{"point": 4, "hits": 3}, {"point": 5, "hits": 3}]
 
 @pytest.fixture
 def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., dict[str, Any]]:
-    def send(told: Any, filename: str = "long.wav", **query: Any) -> dict[str, Any]:
+    def send(said: Any, filename: str = "long.wav", **query: Any) -> dict[str, Any]:
         whole = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
         file = io.BytesIO()
         wavfile.write(file, int(RATE), np.round(whole.T * 0.25 * 2**31).astype(np.int32))
-        query |= {"mapping": json.dumps({"channels": CHANNELS, "recording": told}), "filename": filename}
+        query |= {"mapping": json.dumps({"channels": CHANNELS, "recording": said}), "filename": filename}
         raw = {"Content-Type": "application/octet-stream"}
         answer = api.post(f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw)
         ok(answer, 202)
@@ -65,7 +65,7 @@ def test_the_name_of_a_file_is_its_point(api: httpx.Client, sent: Callable[..., 
 
 
 @pytest.mark.parametrize(
-    ("told", "pointer", "says"),
+    ("said", "pointer", "says"),
     [
         ({"order": [{"point": 4, "hits": 5}]}, "/mapping/recording/order", r"has 5 hits, and 6 were found, at 1\.00 s"),
         ({"order": [{"point": 4}]}, "/mapping/recording/order/0", r"is not \{point, hits\}"),
@@ -74,8 +74,8 @@ def test_the_name_of_a_file_is_its_point(api: httpx.Client, sent: Callable[..., 
         ({}, "/mapping/channels/0/point", "is missing"),
     ],
 )
-def test_what_does_not_fit_is_named(sent: Callable[..., dict[str, Any]], told: Any, pointer: str, says: str) -> None:
-    error = sent(told)["error"]
+def test_what_does_not_fit_is_named(sent: Callable[..., dict[str, Any]], said: Any, pointer: str, says: str) -> None:
+    error = sent(said)["error"]
     (fault,) = error["errors"]
     assert fault["pointer"] == pointer
     assert re.search(says, fault["detail"])
