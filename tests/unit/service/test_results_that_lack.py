@@ -15,9 +15,9 @@ from fecore.body.laminate import Ply as CorePly
 from fecore.errors import InputError, UpdatingError
 from fecore.frf import Dof
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import PosteriorSummary
+from fecore.updating.result import FrequencyEffects, PosteriorSummary
 from modalbase.formats.records import TimeBlock
-from service.compute.judging import _same_mode
+from service.compute.observations import same_mode
 from service.compute.result_arrays import as_npz
 from service.compute.updating import _measured, _within_force
 from service.errors import Conflict, Damaged, Invalid, NotFound
@@ -69,13 +69,23 @@ def test_predictions_are_assigned_where_the_frame_is_still_theirs(monkeypatch: p
 def test_arrays_and_document_of_a_result_without_prediction_shapes_and_samples() -> None:
     posterior = SimpleNamespace(samples=None)
     correlation = SimpleNamespace(initial=None, updated=None)
+    effects = FrequencyEffects({}, {}, sites=np.zeros((0, 3)), mass=np.zeros((0, 0)), frf_scale=None)
     bare: Any = SimpleNamespace(
-        prediction=None, shapes=None, posterior=posterior, correlation=correlation, band_hz=None
+        prediction=None, shapes=None, posterior=posterior, correlation=correlation, band_hz=None, effects=effects
     )
+    empty = (
+        "frequency_hz",
+        "responses",
+        "references",
+        "initial",
+        "updated",
+        "mass_sites_m",
+        "mass_effects",
+        "frf_scale",
+    )
+    of_nothing = ("stiffness_names", "stiffness_effects", "support_names", "support_effects")
     with np.load(io.BytesIO(as_npz(bare))) as found:
-        assert {name: values.size for name, values in found.items()} == dict.fromkeys(
-            ("frequency_hz", "responses", "references", "initial", "updated"), 0
-        )
+        assert {name: values.size for name, values in found.items()} == dict.fromkeys((*empty, *of_nothing), 0)
     posterior.samples = np.arange(5000.0)[:, None]
     with np.load(io.BytesIO(as_npz(bare))) as found:
         assert found["samples"].ravel()[:3].tolist() == [0.0, 3.0, 6.0]  # 2000 at most
@@ -236,11 +246,23 @@ def test_a_mode_is_followed_by_its_frequency() -> None:
     every: Any = [later, first, bare]
 
     def followed(number: int, one: Any) -> float | None:
-        found = _same_mode(number, one, every)
-        return None if found is None else found[0]
+        found = same_mode(number, one, every)
+        return None if found is None else one.values["modes"][found][0]
 
     assert [followed(1, one) for one in (first, later, bare)] == [10.0, 10.5, None]
     assert [followed(number, later) for number in (2, 3)] == [None, None]
+
+
+def test_bending_that_passes_torsion_stays_bending() -> None:
+    first, later = (
+        SimpleNamespace(performed_at=at, values={"modes": [[hz, None, None, None] for hz in modes], "kinds": kinds})
+        for at, modes, kinds in (
+            (1, (97.0, 99.0), ("torsion", "bending")),
+            (2, (96.5, 97.1), ("bending", "torsion")),
+        )
+    )
+    every: Any = [first, later]
+    assert [same_mode(number, every[1], every) for number in (1, 2)] == [1, 0]
 
 
 def test_a_laminate_is_one_layer_unless_its_plies_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -387,7 +409,7 @@ def test_a_monitors_values_and_notes_of_what_was_found_otherwise() -> None:
     row = {"name": "Ex", "comparable": {"estimate": 1.0, "standard_deviation": 0.1}}
     mode = {"number": 1, "measured_hz": 10.0, "measured_damping": 0.01}
     found = watched_values(None, {"parameters": [row], "provenance": {}, "modes": [mode]})
-    assert found == {"parameters": {"Ex": [1.0, 0.1]}, "modes": [[10.0, None, 0.01, None]]}
+    assert found == {"parameters": {"Ex": [1.0, 0.1]}, "modes": [[10.0, None, 0.01, None]], "kinds": [None]}
     pairs: Any = [
         (SimpleNamespace(campaign=SimpleNamespace(id=n)), SimpleNamespace(revision=1, software=software))
         for n, software in enumerate((None, "2", "3", "3"))
