@@ -72,6 +72,8 @@ def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
         raise row.error("names no dof; expected ENCASTRE, PINNED or the first and last dof")
     if fields[0].upper() in _NAMED:
         return _NAMED[fields[0].upper()]
+    if not fields[0].isdecimal():
+        raise row.error(f"holds {fields[0][:20]!r}, expected {', '.join(_NAMED)}, or the first and last dof")
     first = row.whole(fields[0], "the first dof")
     if first > 6:
         losses.add(row, "dofs above 6, such as temperature", changes=False)

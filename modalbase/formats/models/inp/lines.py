@@ -171,45 +171,70 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
         raise FormatError(
             "", "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as *NODE"
         )
-    found: list[Card] = []
-    for card in _of_file(content, "", included, ()):
-        found.append(card)
+    found = list(_Files(included).cards(content))
     if not found:
         raise FormatError("", "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX")
     return found
 
 
-def text_of(content: bytes) -> list[str]:
-    """Lines; each byte is one character, so that columns are bytes."""
-    lines = content.decode("latin-1").split("\n")
-    if len(lines) > MOST_LINES:
-        raise FormatError("", f"the file has {len(lines)} lines, at most {MOST_LINES} are read")
-    return lines
+class _Files:
+    """A deck and the files that it includes, which may be read several times, so that their lines are counted."""
+
+    def __init__(self, included: Mapping[str, bytes]) -> None:
+        self._included = included
+        self._lines = 0
+
+    def cards(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[Card]:
+        """Cards of a file and of those that it includes; `within` names the files that lead to it."""
+        file = within[-1] if within else ""
+        text = content.decode("latin-1").split("\n")  # a character is a byte, so that columns are too
+        self._lines += len(text)
+        if self._lines > MOST_LINES:
+            raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")
+        for card in _of_lines(text, file):
+            if card.name == "INCLUDE":
+                name = self._named(card, within)
+                yield from self.cards(self._included[name], (*within, name))
+            else:
+                yield card
+
+    def _named(self, card: Card, within: tuple[str, ...]) -> str:
+        """The included file that a card means, by its path or the last part of it."""
+        name = card.needs("INPUT").strip('"')
+        last = PurePosixPath(name.replace("\\", "/")).name
+        found = next((each for each in self._included if each in (name, last)), None)
+        if found is None:
+            raise card.error(f"names {name!r}, which was not handed in; give that file too")
+        if found in within:
+            raise card.error(f"of {name!r} goes in a circle: {' → '.join((*within, found))}")
+        if len(within) >= DEEPEST_INCLUDE:
+            raise card.error(f"of {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that is read")
+        return found
 
 
-def _of_file(content: bytes, file: str, included: Mapping[str, bytes], within: tuple[str, ...]) -> Iterator[Card]:
-    """Cards of a file and of those that it includes."""
-    lines = iter(enumerate(text_of(content), start=1))
+def _of_lines(text: list[str], file: str) -> Iterator[Card]:
+    """Cards of a file's lines."""
+    lines = iter(enumerate(text, start=1))
     card: Card | None = None
     blank = False
-    for number, line in lines:
-        text = line.rstrip()
-        if text.startswith("**") or not text:
-            blank = not text
-            continue
-        if not text.lstrip().startswith("*"):
-            if card is None:
-                raise fault(file, number, "the data line", f"{text[:40]!r} stands before any card")
-            card.rows.append(Row(card.label, text, number, file, blank))
+    for number, raw in lines:
+        line = raw.rstrip()
+        if line.startswith("**") or not line:
+            blank = not line
+        elif line.lstrip().startswith("*"):
+            if card is not None:
+                yield card
+            while line.endswith(","):
+                line += next(lines, (0, ""))[1].strip() or " "
+            card = _card(line.strip(), number, file)
             blank = False
-            continue
-        if card is not None:
-            yield from _opened(card, included, within)
-        while text.endswith(","):
-            text += next(lines, (0, ""))[1].strip() or " "
-        card = _card(text.strip(), number, file)
+        elif card is None:
+            raise fault(file, number, "the data line", f"{line[:40]!r} stands before any card")
+        else:
+            card.rows.append(Row(card.label, line, number, file, blank))
+            blank = False
     if card is not None:
-        yield from _opened(card, included, within)
+        yield card
 
 
 def _card(text: str, line: int, file: str) -> Card:
@@ -221,22 +246,3 @@ def _card(text: str, line: int, file: str) -> Card:
         if name.strip():
             parameters[squeezed(name)] = value.strip()
     return Card(squeezed(label[1:]), label.strip(), parameters, line, file)
-
-
-def _opened(card: Card, included: Mapping[str, bytes], within: tuple[str, ...]) -> Iterator[Card]:
-    """The card itself, or those of the file that it includes."""
-    if card.name != "INCLUDE":
-        yield card
-        return
-    name = card.needs("INPUT").strip('"')
-    last = PurePosixPath(name.replace("\\", "/")).name
-    found = next((each for each in included if each in (name, last)), None)
-    if found is None:
-        raise card.error(f"names {name!r}, which was not handed in; give that file too")
-    if found in within:
-        raise card.error(f"of {name!r} goes in a circle: {' → '.join((*within, found))}")
-    if len(within) >= DEEPEST_INCLUDE:
-        raise card.error(
-            f"of {name!r} is the {DEEPEST_INCLUDE + 1}th inside another, at most {DEEPEST_INCLUDE} are read"
-        )
-    yield from _of_file(included[found], found, included, (*within, found))

@@ -17,6 +17,8 @@ from modalbase.formats.models.model import BeamSection, Elements, Floats, Intege
 SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
 BEAMS = ("BEAMSECTION", "BEAMGENERALSECTION")
 MOST_PLIES = 1000
+ROUNDING = 1e-9
+"""A centroid this close to the nodes, by the root of the section's area, lies on them."""
 ALIKE_DEG = 0.05
 """Angles of a ply may differ so much between elements where they are read from orientations, for rounding."""
 
@@ -172,7 +174,7 @@ class Sections:
                 raise card.error(
                     "has SHELL THICKNESS from a distribution; give the thickness by sets or by NODAL THICKNESS"
                 )
-            row = card.rows[0] if card.rows or not by_nodes else Row(card.label, "1", card.line, card.file)
+            row = Row(card.label, "1", card.line, card.file) if by_nodes and not card.rows else card.first
             return [
                 (row, self._thickness(row, row.fields[0] if row.fields else "", by_nodes), card.needs("MATERIAL"), "")
             ]
@@ -240,7 +242,7 @@ class Sections:
                 self._places, [self._mesh.elements[at] for at in chosen], first @ part.move.turn.T
             )
             offsets = None
-            if any(centroid):
+            if np.hypot(*centroid) > ROUNDING * section.area**0.5:
                 arm = centroid[0] * axes + centroid[1] * second
                 offsets = np.repeat(arm[:, None], nodes.shape[1], axis=1)
             self._add(name, kind, np.array(chosen), nodes, axes, offsets=offsets)
