@@ -219,7 +219,7 @@ def _of_lines(text: list[str], file: str) -> Iterator[Card]:
     blank = False
     for number, raw in lines:
         line = raw.rstrip()
-        if line.startswith("**") or not line:
+        if line.lstrip().startswith("**") or not line:
             blank = not line
         elif line.lstrip().startswith("*"):
             if card is not None:
