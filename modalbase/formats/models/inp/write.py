@@ -192,8 +192,8 @@ class _Writing:
 def fitted(value: float, width: int) -> str:
     """A number in 9 digits, as wide as the one before it where that is enough.
 
-    >>> fitted(2.41e10, 7), fitted(1850.0, 7), fitted(0.00612345678, 12)
-    ('2.41e+10', '   1850', ' 0.006123456')
+    >>> fitted(2.41e10, 7), fitted(1850.0, 7), fitted(0.0061234567891, 4)
+    ('2.41e+10', '   1850', '0.00612345679')
     """
     return f"{value:.9g}".rjust(width)
 
