@@ -38,7 +38,7 @@ class Changes:
         """New constants and the sets that have them; the first keep the material, those that do not change before others."""
         found: dict[tuple[tuple[str, float], ...], list[str]] = {}
         for name in self.model.sets:
-            if material.name in materials_of(self.model, name):
+            if material.name in self.model.sections[name].materials:
                 values = tuple(self.materials.get((name, material.name), {}).items())
                 found.setdefault(tuple(sorted(values)), []).append(name)
         return sorted(found.items(), key=lambda each: bool(each[0]))
@@ -51,14 +51,6 @@ class Changes:
 def said(what: str, before: float, now: float) -> str:
     """A comment on a number that was updated."""
     return f"updated: {what} was {before:.9g}, is {now:.9g}"
-
-
-def materials_of(model: FiniteElementModel, name: str) -> tuple[str, ...]:
-    """Names of the materials of a set, from the bottom of a laminate."""
-    section = model.sections[name]
-    if isinstance(section, BeamSection):
-        return (section.material,)
-    return tuple(dict.fromkeys(ply.material for ply in section.plies))
 
 
 def changes_of(model: FiniteElementModel, updated: Mapping[tuple[str, str], float]) -> Changes:
@@ -110,7 +102,7 @@ def _numbered(key: str) -> int:
 def _alike(model: FiniteElementModel, name: str) -> list[list[str]]:
     """A set's materials from the bottom; those that differ in density alone are one, with constants in common."""
     found: dict[tuple[tuple[str, float], ...], list[str]] = {}
-    for each in materials_of(model, name):
+    for each in model.sections[name].materials:
         constants = model.materials[each].constants
         found.setdefault(tuple(sorted((k, v) for k, v in constants.items() if k != "density")), []).append(each)
     return list(found.values())
