@@ -78,42 +78,47 @@ class Springs:
             row, dofs = self.grids.row(card, at, f"G{at // 2}"), card.dofs(component, f"C{at // 2}")
             if len(dofs) != 1:
                 raise card.wrong(component, f"C{at // 2}", "one component of 1 … 6")
-            found.append((row, dofs[0], self._axis(row, dofs[0])))
-        yield from self._spring(card, stiffness, found)
-
-    def _spring(self, card: Card, stiffness: float, ends: list[tuple[int, int, Vector | None]]) -> Iterator[Spring]:
+            found.append((row, dofs[0]))
         if stiffness < 0:
             raise card.error(f"the stiffness is {stiffness:g}, expected not below zero")
         if stiffness > 0:
-            (row, dof, axis), *rest = ends
-            second, second_dof, second_axis = rest[0] if rest else (None, None, None)
-            yield Spring(row, dof, stiffness, card.line, second, second_dof, axis, second_axis)
+            yield self._spring(card, stiffness, *found)
 
-    def _axis(self, row: int, dof: int) -> Vector | None:
-        """The direction of a dof in the model's frame; None where it is that of the frame."""
-        if row not in self.grids.displacement:
-            return None
+    def _spring(
+        self, card: Card, stiffness: float, first: tuple[int, int], second: tuple[int, int] | None = None
+    ) -> Spring:
+        """Between dofs of the grids' own axes; a single direction must do for both ends."""
+        row, dof = first
         axis = self.grids.axes(row)[dof % 3]
-        return None if np.array_equal(axis, np.eye(3)[dof % 3]) else _vector(axis)
+        other, other_dof = second or (None, None)
+        if other is not None and other_dof is not None:
+            apart = self.grids.axes(other)[other_dof % 3]
+            if not np.allclose(axis, apart, atol=1e-9) and {row, other} & set(self.grids.displacement):
+                self.notes.add(card, f"{card.name} askew", "its second end acts along the first one's direction", True)
+        if np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12):
+            return Spring(row, dof, stiffness, card.line, other, other_dof)
+        far = None if other_dof is None else 3 * (other_dof // 3)
+        return Spring(row, 3 * (dof // 3), stiffness, card.line, other, far, _vector(axis))
 
     def bush(self, card: Card) -> Iterator[Spring]:
         """CBUSH: up to six springs between two grids, as bodies that reach to where it lies, or to the ground."""
         number = card.integer(0, "EID")
-        own = card.integer(1, "PID", number)
-        if own not in self.bushes:
-            raise card.wrong(1, "PID", f"a property of it; there is no PBUSH {own}")
+        property_number = card.integer(1, "PID", number)
+        if property_number not in self.bushes:
+            raise card.wrong(1, "PID", f"a property of it; there is no PBUSH {property_number}")
         a = self.grids.row(card, 2, "GA")
         b = self.grids.row(card, 3, "GB") if card.text(3) else None
-        stiffness = _bush_stiffness(self.bushes[own])
+        stiffness = _bush_stiffness(self.bushes[property_number])
         axes = self._bush_axes(card, a, b, set(stiffness))
         arms = self._arms(card, a, b)
         for dof, value in stiffness.items():
             if value < 0:
-                raise self.bushes[own].error(f"K{dof + 1} is {value:g}, expected not below zero")
+                raise self.bushes[property_number].error(f"K{dof + 1} is {value:g}, expected not below zero")
             axis = axes[dof % 3]
-            along = None if np.array_equal(axis, np.eye(3)[dof % 3]) else _vector(axis)
-            second = {} if b is None else {"second": b, "second_dof": dof}
-            yield Spring(a, dof, value, card.line, **second, axis=along, second_axis=along, arms=arms)
+            plain = np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12)
+            own = dof if plain else 3 * (dof // 3)
+            far = None if b is None else own
+            yield Spring(a, own, value, card.line, b, far, None if plain else _vector(axis), arms)
 
     def _bush_axes(self, card: Card, a: int, b: int | None, dofs: set[int]) -> Floats:
         if card.text(7):

@@ -60,7 +60,7 @@ class Materials:
             for name, index in FIELDS[card.name].items()
             if name in constants and card.text(index)
         }
-        return Material(str(card.integer(0, "MID")), constants, card.line, places)
+        return Material(str(card.integer(0, "MID")), constants, card.line, places, card.rows[0].file)
 
 
 def by_number(cards: Iterable[Card]) -> dict[int, Card]:

@@ -14,7 +14,7 @@ from modalbase.formats.models.bdf.frames import Grids, read_grids
 from modalbase.formats.models.bdf.labels import Labels
 from modalbase.formats.models.bdf.lines import Line, cards_of, split_deck
 from modalbase.formats.models.bdf.unused import Notes, note_params, note_unused, refuse_solids
-from modalbase.formats.models.checks import check_joined
+from modalbase.formats.models.check import check
 from modalbase.formats.models.model import FiniteElementModel, Spring
 
 _FRAMES = tuple(f"CORD{number}{kind}" for number in "12" for kind in "RCS")
@@ -89,8 +89,6 @@ class _Reader:
             [*of_shells.blocks(self._elements(*shells.LAYOUTS)), *of_beams.blocks(self._elements(*beams.ELEMENTS))],
             key=lambda block: int(block.lines[0]),
         )
-        if not elements:
-            raise FormatError("", "the deck has no shell or beam elements that are read")
         masses = carried.read_masses(self._elements("CONM2"), self.grids, self.mass_factor)
         links = held.read_links(self._elements("RBE2", "RBE3", "RBAR"), self.grids, self.notes)
         constraints = {name: self.cards.pop(name, []) for name in ("SPC", "SPC1", "SPCADD")}
@@ -110,7 +108,7 @@ class _Reader:
             supports=tuple(supports),
         )
         self._note_rest()
-        check_joined(model)
+        check(model)
         return replace(model, ignored=self.notes.ignored())
 
     def _elements(self, *names: str) -> list[Card]:

@@ -89,7 +89,8 @@ class Sections:
         if not material.is_isotropic:
             raise card.wrong(mid, what, f"a MAT1; {material.name} is not isotropic")
         mass = extra * self.materials.mass_factor
-        return BeamSection(material.name, area, (second, first, mixed), torsion, card.line, shear, mass)
+        inertia, file = (second, first, mixed), card.rows[0].file
+        return BeamSection(material.name, area, inertia, torsion, card.line, shear, mass, file=file)
 
     def _resisting(self, card: Card, section: BeamSection) -> BeamSection:
         """With a little of what a rod has none of."""

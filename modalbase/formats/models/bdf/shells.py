@@ -267,7 +267,7 @@ class Shells:
         plies = section.plies
         if section.thickness is None and thickness is not None and section.set not in self.sections:
             plies = (Ply(plies[0].material, float(thickness.mean())),)
-        found = ShellSection(plies, section.card.line, section.offset, section.extra_mass)
+        found = ShellSection(plies, section.card.line, section.offset, section.extra_mass, section.card.rows[0].file)
         self.sections.setdefault(section.set, found)
 
 
@@ -291,12 +291,16 @@ def _frames(places: Floats, cards: list[Card]) -> tuple[Floats, Floats]:
     """
     corners = places[:, : 4 if places.shape[1] in (4, 8) else 3]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    length = np.linalg.norm(ahead, axis=-1)
+    pointed = np.flatnonzero(~(length.min(axis=1) > 1e-9 * length.max(axis=1)))
+    if pointed.size:
+        raise cards[pointed[0]].error("two of its corners are in one place; a corner less makes a CTRIA3")
     across = np.cross(ahead, behind)
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
     if corners.shape[1] == 3:
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normals, axis=1)
-    scale = np.max(np.linalg.norm(ahead, axis=-1), axis=1) ** 2
+    scale = length.max(axis=1) ** 2
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         none = np.flatnonzero(~(size > 1e-9 * scale))
         normals = normals / size[:, None]

@@ -103,8 +103,8 @@ def refuse_solids(cards: Mapping[str, Sequence[Card]]) -> None:
 def _loss(name: str) -> tuple[str, bool]:
     for pattern, loss, changes in _TABLE:
         if pattern.fullmatch(name):
-            return (f"{loss} are not used" if loss.endswith("s") else f"{loss} is not used") if loss else "", changes
-    return "a card that is not known here, with all that it says", True
+            return f"not used: {loss}" if loss else "", changes
+    return "not used: a card that is not known here", True
 
 
 def note_params(cards: Iterable[Card], notes: Notes) -> None:

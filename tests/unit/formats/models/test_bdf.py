@@ -160,7 +160,7 @@ def test_supports_and_springs_in_the_systems_of_their_grids() -> None:
     (skew,) = [one for one in model.supports if one.axes is not None]
     assert skew.nodes.tolist() == [2]
     assert skew.axes[0] == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
-    assert model.springs[0].axis == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
+    assert model.springs[0].direction == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
     assert [one.axes for one in read(deck + "SPC1,1,123,1,3\n").supports] == [None]
 
 
@@ -301,9 +301,9 @@ def test_springs_between_grids_and_to_the_ground() -> None:
     assert (between.node, between.dof, between.stiffness, between.second, between.second_dof) == (0, 2, 50, 1, 2)
     assert (ground.stiffness, ground.second) == (60, None)
     assert (along.dof, along.stiffness, turn.dof, turn.stiffness) == (0, 100, 3, 200)
-    assert along.axis == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
+    assert along.direction == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
     assert np.array(along.arms) == pytest.approx(np.array([[0.5, 0.5, 0], [-0.5, -0.5, 0]]))
-    assert (lifted.dof, lifted.stiffness, lifted.axis, lifted.arms) == (2, 300, None, None)
+    assert (lifted.dof, lifted.stiffness, lifted.direction, lifted.arms) == (2, 300, None, None)
 
 
 def test_rigid_elements() -> None:
