@@ -119,7 +119,14 @@ class Springs:
             own = dof if plain else 3 * (dof // 3)
             far = None if b is None else own
             yield Spring(
-                a, own, value, card.line, second=b, second_dof=far, axis=None if plain else _vector(axis), arms=arms
+                a,
+                own,
+                value,
+                card.line,
+                second=b,
+                second_dof=far,
+                direction=None if plain else _vector(axis),
+                arms=arms,
             )
 
     def _bush_axes(self, card: Card, a: int, b: int | None, dofs: set[int]) -> Floats:
