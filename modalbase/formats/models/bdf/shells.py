@@ -143,7 +143,12 @@ class Shells:
         whole = group.section.thickness
         relative = card.integer(layout.flag, "TFLAG", 0) == 1
         default = 1.0 if relative else whole
-        own = [card.positive(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)]
+        own = [card.real(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)]
+        for k, value in enumerate(own):
+            if value < 0 or not any(own):  # an edge may taper to nothing
+                raise card.wrong(
+                    layout.thickness[k], f"T{k + 1}", "a thickness that is not negative, and not zero all round"
+                )
         if relative and whole is None:
             raise card.error("TFLAG is 1, but the property states no thickness", layout.flag)
         group.own_thickness[at] = [value * (whole or 1.0) for value in own] if relative else own
