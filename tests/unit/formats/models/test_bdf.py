@@ -279,10 +279,17 @@ def test_nonstructural_mass_of_the_set_that_is_selected() -> None:
      ("$ Femap with NX Nastran Property 1 : web", "web"),
      ("$ANSA_NAME_COMMENT;1;PSHELL;rib 3;;NO;NO", "rib_3"),
      ("$*  NX Property: spar", "spar"),
+     ("$* Property: 1 name: rib 3", "rib_3"), ('$ Pset: "shell" will be imported as: "pshell.1"', "shell"),
      ("$ nothing of note: here", "pshell_1")],
 )  # fmt: skip
 def test_sets_are_named_as_the_pre_processor_does(comment, name) -> None:
     assert read(PLATE.replace("PSHELL", f"{comment}\nPSHELL")).sets == (name,)
+
+
+def test_a_name_in_an_old_encoding() -> None:
+    assert read_bdf(PLATE.replace("PSHELL", "$ Femap Property 1 : Träger\nPSHELL").encode("latin-1")).sets == (
+        "Träger",
+    )
 
 
 def test_two_properties_of_one_name_stay_two_sets() -> None:
