@@ -88,7 +88,7 @@ class Sections:
             raise card.wrong(mid, what, f"a MAT1; {material.name} is not isotropic")
         mass = extra * self.materials.mass_factor
         inertia, file = (second, first, mixed), card.rows[0].file
-        return BeamSection(material.name, area, inertia, torsion, card.line, shear, mass, file=file)
+        return BeamSection(material.name, area, inertia, torsion, card.line, shear=shear, extra_mass=mass, file=file)
 
     def _resisting(self, card: Card, section: BeamSection) -> BeamSection:
         """With a little of what a rod has none of."""

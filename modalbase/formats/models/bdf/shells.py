@@ -233,7 +233,9 @@ class Shells:
         thickness = self._thicknesses(group)
         self._store(section, thickness)
         numbers, lines = np.array(group.numbers, dtype=np.int64), np.array(group.lines, dtype=np.int64)
-        return Elements(group.layout.kind, numbers, nodes, section.set, axes, lines, offsets, thickness)
+        return Elements(
+            group.layout.kind, numbers, nodes, section.set, axes, lines, offsets=offsets, thickness=thickness
+        )
 
     def _projected(
         self, card: Card, number: int, nodes: Floats, normal: Floats, section: _Property
