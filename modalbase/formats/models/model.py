@@ -114,6 +114,11 @@ class ShellSection:
     extra_mass: float = 0.0
     file: str = ""
 
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Names of the plies' materials from the bottom, each once."""
+        return tuple(dict.fromkeys(ply.material for ply in self.plies))
+
 
 @dataclass(frozen=True)
 class BeamSection:
@@ -140,6 +145,11 @@ class BeamSection:
     extra_mass: float = 0.0
     places: Mapping[str, Place] = field(default_factory=dict)
     file: str = ""
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Its material's name, alone."""
+        return (self.material,)
 
 
 @dataclass(frozen=True)

@@ -178,6 +178,9 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
     found = list(_cards(_Files(included).lines(content)))
     if not found:
         raise FormatError("", "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX")
+    for card in found:
+        if card.get("INPUT"):
+            raise card.error(f"reads its lines from {card.get('INPUT')}; put them there by *INCLUDE")
     return found
 
 
