@@ -12,6 +12,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.bdf.card import number
 from modalbase.formats.models.bdf.edit import fitted
+from modalbase.formats.models.model import FiniteElementModel, ShellSection
 from modalbase.formats.models.write_bdf import write_bdf
 
 DECK = """\
@@ -179,3 +180,43 @@ def test_a_number_fits_its_field(value, sign, width) -> None:
     assert len(text) <= width
     assert "." in text
     assert number(text) == pytest.approx(sign * value, rel=10.0 ** (5 + 1 - width + (1 if sign < 0 else 0)))
+
+
+def stated(model: FiniteElementModel) -> dict[str, float]:
+    """Every number of every set that can be updated."""
+    found = {}
+    for name in model.sets:
+        section = model.sections[name]
+        if isinstance(section, ShellSection):
+            found[f"{name}.t"] = sum(ply.thickness for ply in section.plies)
+            materials = list(dict.fromkeys(ply.material for ply in section.plies))
+        else:
+            found |= {
+                f"{name}.{c}": v for c, v in zip(("I1", "I2"), section.inertia, strict=False) if c in section.places
+            }
+            materials = [section.material]
+        for k, material in enumerate(materials, start=1):
+            for constant, value in model.materials[material].constants.items():
+                if constant != "density":
+                    found[f"{name}.{constant}{f'_{k}' if k > 1 else ''}"] = value
+    return found
+
+
+NUMBERS_OF_DECK = sorted(stated(read_bdf(DECK.encode())))
+
+
+@pytest.mark.parametrize("name", NUMBERS_OF_DECK)
+def test_each_number_changes_alone(name) -> None:
+    model = read_bdf(DECK.encode())
+    before = stated(model)
+    set_name, constant = name.split(".")
+    after = stated(read_bdf(write_bdf(DECK.encode(), model, {set_name: {constant: 1.037 * before[name]}})))
+    tied = {f"{set_name}.G"} if constant in ("E", "nu") else set()
+    assert after[name] == pytest.approx(1.037 * before[name], rel=2e-4)
+    if constant == "G12_2":  # the card leaves G1Z and G2Z to the solver, and still does
+        tied = {f"{set_name}.G13_2", f"{set_name}.G23_2"}
+    if constant == "G":  # E, G and ν of an isotropic material cannot change one alone
+        tied = {f"{set_name}.nu", f"{set_name}.E"}
+    assert {n: v for n, v in after.items() if n not in (name, *tied)} == {
+        n: v for n, v in before.items() if n not in (name, *tied)
+    }
