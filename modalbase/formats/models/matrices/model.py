@@ -44,7 +44,7 @@ class Entries:
         rows, columns: from 0, or codes of `code` where `is_labelled`.
         values: of them.
         is_labelled: whether they are known by node and dof.
-        is_half: whether one triangle stands for both; None where what is there must tell.
+        is_half: whether one triangle stands for both; None where the entries themselves must show it.
         size: of a matrix whose rows are numbered.
     """
 

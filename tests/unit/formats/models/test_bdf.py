@@ -327,7 +327,7 @@ def test_rigid_elements() -> None:
     assert (bar.node, bar.leaders, bar.dofs) == (6, (1,), (0, 1, 2, 3, 4, 5))
 
 
-def test_what_is_lost_is_told_and_stops_where_modes_change() -> None:
+def test_what_is_lost_is_named_and_stops_where_modes_change() -> None:
     harmless = (
         "CAERO1,1\nSPLINE1,2\nFLFACT,3\nPLOAD4,1,1,5.\nEIGRL,1\nCVISC,5,1,1,2\nPARAM,K6ROT,100.\nSUPORT,1,123456\n"
     )
