@@ -84,8 +84,9 @@ class Carried:
         if not length > 0:
             raise element.row.error(f"puts both nodes of the spring {element.number} at one place; use SPRING2")
         x, y, z = ((b - a) / length).tolist()
-        return Spring(element.nodes[0], 0, _stiffness(card.rows[-1] if card.rows else card.first), card.line,
-                      element.nodes[1], 0, (x, y, z))  # fmt: skip
+        stiffness = _stiffness(card.rows[-1] if card.rows else card.first)
+        first, second = element.nodes
+        return Spring(first, 0, stiffness, card.line, second=second, second_dof=0, direction=(x, y, z))
 
     def complete(self) -> None:
         """Raise where an element of a mass or spring has no value."""
@@ -115,7 +116,8 @@ def _between(element: Element, dofs: list[int], k: float, line: int, turned: Flo
         )
     x, y, z = turned[first % 3].tolist()
     kind = first - first % 3
-    return Spring(element.nodes[0], kind, k, line, second, None if second is None else kind, (x, y, z))
+    last = None if second is None else kind
+    return Spring(element.nodes[0], kind, k, line, second=second, second_dof=last, direction=(x, y, z))
 
 
 def spread_mass(

@@ -13,6 +13,8 @@ from modalbase.formats.models.model import Place
 
 MOST_LINES = 10_000_000
 DEEPEST_INCLUDE = 20
+LARGEST = 1e25
+"""No number of a deck in any units reaches it, and products of several stay finite."""
 
 _SPACE = re.compile(r"\s+")
 _FORTRAN = re.compile(r"([0-9.])[dD]([-+]?[0-9])")
@@ -77,8 +79,8 @@ class Row:
             found = float(_FORTRAN.sub(r"\1e\2", text))
         except ValueError:
             found = math.nan
-        if not math.isfinite(found) or "_" in text:
-            raise self.error(f"{what} is {text!r}, expected a number")
+        if not abs(found) < LARGEST or "_" in text:
+            raise self.error(f"{what} is {text[:40]!r}, expected a number below {LARGEST:g}")
         return found
 
     def whole(self, text: str, what: str) -> int:
@@ -219,7 +221,7 @@ def _of_lines(text: list[str], file: str) -> Iterator[Card]:
     blank = False
     for number, raw in lines:
         line = raw.rstrip()
-        if line.startswith("**") or not line:
+        if line.lstrip().startswith("**") or not line:
             blank = not line
         elif line.lstrip().startswith("*"):
             if card is not None:

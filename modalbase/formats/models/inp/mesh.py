@@ -49,14 +49,22 @@ class Move(NamedTuple):
 AT_REST = Move(np.eye(3), np.zeros(3))
 
 
+class Source(NamedTuple):
+    """What puts members into a set: a card with the scope of the names in it, or one that has them itself."""
+
+    card: Card
+    scope: str
+    own: set[int] | None = None
+
+
 @dataclass
 class Scope:
     """What one instance, or the deck itself, has."""
 
     nodes: dict[int, int] = field(default_factory=dict)
     elements: dict[int, int] = field(default_factory=dict)
-    node_sets: dict[str, list[tuple[Card, str]]] = field(default_factory=dict)
-    element_sets: dict[str, list[tuple[Card, str]]] = field(default_factory=dict)
+    node_sets: dict[str, list[Source]] = field(default_factory=dict)
+    element_sets: dict[str, list[Source]] = field(default_factory=dict)
     members: dict[tuple[str, str], set[int]] = field(default_factory=dict)
 
 
@@ -88,20 +96,20 @@ class Mesh:
             if card.name == "SYSTEM":
                 self._system = system_of(card)
             elif card.name == "NODE":
-                self._nodes(card, own, move)
-                _name(own.node_sets, card.get("NSET"), card, "given")
+                _name(own.node_sets, card.get("NSET"), Source(card, scope, self._nodes(card, own, move)))
         for card in cards:
             if card.name == "ELEMENT":
-                self._elements(card, own, scope)
-                _name(own.element_sets, card.get("ELSET"), card, "given")
+                _name(own.element_sets, card.get("ELSET"), Source(card, scope, self._elements(card, own, scope)))
             elif card.name in ("NSET", "ELSET"):
                 inside = folded(card.get("INSTANCE")) or scope
                 if inside not in self.scopes:
                     raise card.error(f"names the instance {card.get('INSTANCE')!r}, which is not there")
                 sets = own.node_sets if card.name == "NSET" else own.element_sets
-                _name(sets, card.needs(card.name), card, inside)
+                _name(sets, card.needs(card.name), Source(card, inside))
 
-    def _nodes(self, card: Card, own: Scope, move: Move) -> None:
+    def _nodes(self, card: Card, own: Scope, move: Move) -> set[int]:
+        """Take nodes; their rows."""
+        taken = set()
         system = card.get("SYSTEM").upper()[:1] or "R"
         still = self._system is None and move is AT_REST and system == "R"
         for row in card.rows:
@@ -116,6 +124,7 @@ class Mesh:
             if max(abs(x), abs(y), abs(z)) > 1e12:
                 raise row.error(f"puts node {number} at ({x:g}, {y:g}, {z:g}), expected coordinates below 1e12")
             at = own.nodes.get(number)
+            taken.add(len(self.places) if at is None else at)
             if at is None:
                 own.nodes[number] = len(self.places)
                 self.places.append((x, y, z))
@@ -129,6 +138,8 @@ class Mesh:
                     f"puts node {number} at ({x:g}, {y:g}, {z:g}), and line {before.line} at "
                     f"({', '.join(f'{v:g}' for v in self.places[at])}); take one of the two out"
                 )
+
+        return taken
 
     def _placed(self, x: tuple[float, ...], system: str, move: Move, row: Row) -> tuple[float, float, float]:
         """A node's place in the deck's frame."""
@@ -144,10 +155,12 @@ class Mesh:
         a, b, c = (move.turn @ point + move.shift).tolist()
         return a, b, c
 
-    def _elements(self, card: Card, own: Scope, scope: str) -> None:
+    def _elements(self, card: Card, own: Scope, scope: str) -> set[int]:
+        """Take elements; their places."""
         kind = type_of(card)
+        begun = len(self.elements)
         for row, fields in joined(card, kind.most):
-            number = row.whole(fields[0], "the element's number")
+            number = row.whole(fields[0] if fields else "", "the element's number")
             nodes = tuple(self._node(text, scope, row, number) for text in fields[1:])
             if not kind.least <= len(nodes) <= kind.most:
                 wanted = f"{kind.least}" if kind.least == kind.most else f"{kind.least} to {kind.most}"
@@ -161,6 +174,8 @@ class Mesh:
             self.elements.append(Element(kind, number, nodes, row))
             if len(self.elements) > MOST_ELEMENTS:
                 raise row.error(f"is element {MOST_ELEMENTS + 1}; at most {MOST_ELEMENTS} are read")
+
+        return set(range(begun, len(self.elements)))
 
     def _node(self, text: str, scope: str, row: Row, number: int) -> int:
         own = self.scopes[scope].nodes
@@ -219,19 +234,16 @@ class Mesh:
                 f"leads to sets within sets, more than {DEEPEST_SET} deep; do they name one another in a circle?"
             )
         members: set[int] = set()
-        for card, place in defined[last]:
-            members |= self._of_card(card, inside if place == "given" else place, what, place == "given", depth)
+        for source in defined[last]:
+            members |= self._of_card(source.card, source.scope, what, depth) if source.own is None else source.own
         own.members[what, last] = members
         return members
 
-    def _of_card(self, card: Card, scope: str, what: str, given: bool, depth: int) -> set[int]:
-        """What a card of a set, or one whose NSET= or ELSET= names it, puts there."""
+    def _of_card(self, card: Card, scope: str, what: str, depth: int) -> set[int]:
+        """What a card of a set puts there."""
         own = self.scopes[scope]
         table = own.nodes if what == "node" else own.elements
-        if given:
-            rows = (row for row, _ in joined(card, type_of(card).most)) if what == "element" else iter(card.rows)
-            found = {table[int(row.fields[0])] for row in rows}
-        elif card.says("GENERATE") or "GENERATE" in card.parameters:
+        if "GENERATE" in card.parameters:
             found = {at for row in card.rows for at in self._generated(row, table)}
         elif what == "node" and card.get("ELSET"):
             chosen = self._members(folded(card.get("ELSET")), scope, card, "element", depth + 1)
@@ -281,13 +293,13 @@ def joined(card: Card, most: int) -> Iterator[tuple[Row, list[str]]]:
         yield row, fields
 
 
-def _sets(scope: Scope, what: str) -> dict[str, list[tuple[Card, str]]]:
+def _sets(scope: Scope, what: str) -> dict[str, list[Source]]:
     return scope.node_sets if what == "node" else scope.element_sets
 
 
-def _name(sets: dict[str, list[tuple[Card, str]]], name: str, card: Card, how: str) -> None:
+def _name(sets: dict[str, list[Source]], name: str, source: Source) -> None:
     if name:
-        sets.setdefault(folded(name), []).append((card, how))
+        sets.setdefault(folded(name), []).append(source)
 
 
 def system_of(card: Card) -> tuple[Floats, Floats]:

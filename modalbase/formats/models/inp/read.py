@@ -303,5 +303,5 @@ class _Reading:
                 full = (
                     f"{scope}.{name}" if scope and not (alone and name not in self._mesh.scopes[""].node_sets) else name
                 )
-                found[full] = self._mesh.select_nodes(name, scope, defined[0][0])
+                found[full] = self._mesh.select_nodes(name, scope, defined[0].card)
         return found

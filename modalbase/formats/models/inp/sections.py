@@ -265,7 +265,16 @@ class Sections:
         elements = [self._mesh.elements[at] for at in chosen.tolist()]
         numbers = np.array([element.number for element in elements], dtype=np.int64)
         lines = np.array([element.row.line for element in elements], dtype=np.int64)
-        block = Elements(kind, numbers, nodes, name, axes, lines, offsets, thickness)
+        block = Elements(
+            kind=kind,
+            numbers=numbers,
+            nodes=nodes,
+            set=name,
+            axes=axes,
+            lines=lines,
+            offsets=offsets,
+            thickness=thickness,
+        )
         self.blocks.setdefault((name, kind), []).append(block)
 
     def joined(self) -> tuple[Elements, ...]:
@@ -293,14 +302,14 @@ def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> El
         total = sum(ply.thickness for ply in section.plies)
         thickness = [np.full(b.nodes.shape, total) if b.thickness is None else b.thickness for b in blocks]
     return Elements(
-        first.kind,
-        np.concatenate([b.numbers for b in blocks]),
-        np.concatenate([b.nodes for b in blocks]),
-        first.set,
-        np.concatenate([b.axes for b in blocks]),
-        np.concatenate([b.lines for b in blocks]),
-        np.concatenate(offsets) if offsets else None,
-        np.concatenate(thickness) if thickness else None,
+        kind=first.kind,
+        numbers=np.concatenate([b.numbers for b in blocks]),
+        nodes=np.concatenate([b.nodes for b in blocks]),
+        set=first.set,
+        axes=np.concatenate([b.axes for b in blocks]),
+        lines=np.concatenate([b.lines for b in blocks]),
+        offsets=np.concatenate(offsets) if offsets else None,
+        thickness=np.concatenate(thickness) if thickness else None,
     )
 
 

@@ -67,7 +67,7 @@ TYPES: dict[str, ElementType] = {
     **_special("other", 1, 2, "CONN3D2", "connectors between nodes", True),
     **_special("other", 1, 1, "DCOUP3D"),
 }
-"""By name; SPRINGA and the like are told apart by their names."""
+"""By name."""
 
 SLENDER = ("B33", "B33H")
 """Beams that are rigid in shear."""

@@ -104,7 +104,7 @@ def test_damaged_decks(whole: str, data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 4))):
         at = data.draw(st.integers(0, len(rows) - 1))
         match data.draw(st.sampled_from(["cut", "double", "swap", "field", "end"])):
-            case "cut":
+            case "cut" if len(rows) > 1:
                 del rows[at]
             case "double":
                 rows.insert(at, rows[data.draw(st.integers(0, len(rows) - 1))])
