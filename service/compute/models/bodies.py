@@ -36,13 +36,12 @@ RIGID_SHEAR = 1e3
 """Shear factor of a beam that its deck has rigid in shear."""
 
 
-def body_of_model(model: FiniteElementModel, boundary: str = "free", masses: tuple[Mass, ...] = ()) -> Structure:
+def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structure:
     """The core's body.
 
     Args:
         model: in SI.
         boundary: `free`, or `as_modelled` with the model's own supports and springs to the ground.
-        masses: what the body carried in a test besides the model's own.
 
     Raises:
         InputError: the boundary is another, or a support lies along axes of its own.
@@ -63,7 +62,7 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free", masses: tup
         {name: section_of(model, name) for name in model.sets},
         tuple(Support(name, _held_dofs(s.dofs, s.axes, s.line)) for name, s in supports.items()),
         _springs(model, held=held),
-        (*(Mass(m.mass, m.node, m.inertia, m.offset) for m in model.masses), *masses),
+        tuple(Mass(m.mass, m.node, m.inertia, m.offset) for m in model.masses),
         tuple(Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links),
     )
 
@@ -115,8 +114,15 @@ def orthotropic(material: Material) -> OrthotropicMaterial:
     if "density" not in c:
         raise InputError(f"materials.{material.name}", f"of line {material.line} has no density: nothing would vibrate")
     if material.is_isotropic:
-        return OrthotropicMaterial(c["E"], c["E"], c["G"], c["G"], c["G"], c["nu"], c["density"])
-    return OrthotropicMaterial(c["E1"], c["E2"], c["G12"], c["G13"], c["G23"], c["nu12"], c["density"])
+        c = {
+            **c,
+            "nu12": c["nu"],
+            **dict.fromkeys(("E1", "E2"), c["E"]),
+            **dict.fromkeys(("G12", "G13", "G23"), c["G"]),
+        }
+    return OrthotropicMaterial(
+        Ex=c["E1"], Ey=c["E2"], Gxy=c["G12"], Gxz=c["G13"], Gyz=c["G23"], nu_xy=c["nu12"], density=c["density"]
+    )
 
 
 def _block(elements: Elements, model: FiniteElementModel) -> Block:

@@ -115,7 +115,7 @@ def test_a_coupon_s_curve_has_what_its_standard_could_read_off(
 def test_points_of_which_none_was_held_out_have_one_symbol() -> None:
     one = np.array([0.9])
     for held, symbols in ((False, ["circle", "circle"]), (True, ["diamond", "diamond"])):
-        figure = screen(points_figure(PointValues([3], one, one, one, one, [held]), 1.0, 0.1))
+        figure = screen(points_figure(PointValues([3], one, one, one, one, [held]), (0.0, 1.0), (-0.05, 0.05)))
         assert [trace["marker"]["symbol"] for trace in figure["data"]] == symbols
 
 
@@ -315,7 +315,7 @@ def test_points_are_shown_without_held_out_ones() -> None:
     for held, shown in ((None, [[1], [1]]), (found, [[1], [2], [1], [2]])):
         data = a_result(arrays, correlation=found | {"held_out": {"frfs": held}})
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
+            patch.setattr(UpdateFigures, "plan", ((0.0, 1.0), (-0.05, 0.05)))
             figure = FIGURES["sac"].draw(data, Wanted())
         assert [trace["customdata"] for trace in screen(figure)["data"]] == shown
 

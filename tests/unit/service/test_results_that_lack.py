@@ -1,7 +1,7 @@
 """Results, campaigns and time blocks that lack something: what is left out, and what is said where nothing remains."""
 
 import io
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 from uuid import UUID
@@ -109,6 +109,7 @@ def a_campaign(**known: Any) -> Any:
         added_masses: tuple[Any, ...] = ()
         points: Any = None
         frf_sets: tuple[Any, ...] = ()
+        structure: Any = field(default_factory=lambda: SimpleNamespace(shape=None, model=None))
 
     return Campaign(**known)
 
