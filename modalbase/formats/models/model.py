@@ -114,6 +114,11 @@ class ShellSection:
     extra_mass: float = 0.0
     file: str = ""
 
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Names of the plies' materials from the bottom, each once."""
+        return tuple(dict.fromkeys(ply.material for ply in self.plies))
+
 
 @dataclass(frozen=True)
 class BeamSection:
@@ -141,6 +146,11 @@ class BeamSection:
     places: Mapping[str, Place] = field(default_factory=dict)
     file: str = ""
 
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Its material's name, alone."""
+        return (self.material,)
+
 
 @dataclass(frozen=True)
 class PointMass:
@@ -158,7 +168,8 @@ class Spring:
     """A spring from a node's dof (0 … 5, in the model's frame) to the ground, or to the dof of a second node.
 
     Where it lies askew, `direction` is a unit vector in the model's frame: `dof` and `second_dof` are then 0 for displacements
-    along it and 3 for turns about it.
+    along it and 3 for turns about it. `arms` reach from its nodes, as rigid bodies, to where it acts; None where it acts at the
+    nodes.
     """
 
     node: int
@@ -168,6 +179,7 @@ class Spring:
     second: int | None = None
     second_dof: int | None = None
     direction: tuple[float, float, float] | None = None
+    arms: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
+from typing import NamedTuple
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import Place
@@ -17,6 +18,7 @@ LARGEST = 1e25
 """No number of a deck in any units reaches it, and products of several stay finite."""
 
 _SPACE = re.compile(r"\s+")
+_INCLUDE = re.compile(r"\s*\*\s*INCLUDE\s*(,|$)", re.IGNORECASE)
 _FORTRAN = re.compile(r"([0-9.])[dD]([-+]?[0-9])")
 _PARAMETER = re.compile(r'((?:[^,"]|"[^"]*"?)*)(?:,|$)')
 
@@ -173,10 +175,21 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
         raise FormatError(
             "", "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as *NODE"
         )
-    found = list(_Files(included).cards(content))
+    found = list(_cards(_Files(included).lines(content)))
     if not found:
         raise FormatError("", "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX")
+    for card in found:
+        if card.get("INPUT"):
+            raise card.error(f"reads its lines from {card.get('INPUT')}; put them there by *INCLUDE")
     return found
+
+
+class _Line(NamedTuple):
+    """A line of a file, without the blanks at its end."""
+
+    file: str
+    number: int
+    text: str
 
 
 class _Files:
@@ -186,19 +199,20 @@ class _Files:
         self._included = included
         self._lines = 0
 
-    def cards(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[Card]:
-        """Cards of a file and of those that it includes; `within` names the files that lead to it."""
+    def lines(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[_Line]:
+        """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
         file = within[-1] if within else ""
         text = content.decode("latin-1").split("\n")  # a character is a byte, so that columns are too
         self._lines += len(text)
         if self._lines > MOST_LINES:
             raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")
-        for card in _of_lines(text, file):
-            if card.name == "INCLUDE":
-                name = self._named(card, within)
-                yield from self.cards(self._included[name], (*within, name))
+        lines = (_Line(file, number, raw.rstrip()) for number, raw in enumerate(text, start=1))
+        for line in lines:
+            if _INCLUDE.match(line.text):
+                name = self._named(_card(line, lines), within)
+                yield from self.lines(self._included[name], (*within, name))
             else:
-                yield card
+                yield line
 
     def _named(self, card: Card, within: tuple[str, ...]) -> str:
         """The included file that a card means, by its path or the last part of it."""
@@ -214,37 +228,37 @@ class _Files:
         return found
 
 
-def _of_lines(text: list[str], file: str) -> Iterator[Card]:
-    """Cards of a file's lines."""
-    lines = iter(enumerate(text, start=1))
+def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
+    """Cards of lines."""
     card: Card | None = None
     blank = False
-    for number, raw in lines:
-        line = raw.rstrip()
-        if line.lstrip().startswith("**") or not line:
-            blank = not line
-        elif line.lstrip().startswith("*"):
+    for line in lines:
+        text = line.text.lstrip()
+        if text.startswith("**") or not text:
+            blank = not text
+            continue
+        if text.startswith("*"):
             if card is not None:
                 yield card
-            while line.endswith(","):
-                line += next(lines, (0, ""))[1].strip() or " "
-            card = _card(line.strip(), number, file)
-            blank = False
+            card = _card(line, lines)
         elif card is None:
-            raise fault(file, number, "the data line", f"{line[:40]!r} stands before any card")
+            raise fault(line.file, line.number, "the data line", f"{line.text[:40]!r} stands before any card")
         else:
-            card.rows.append(Row(card.label, line, number, file, blank))
-            blank = False
+            card.rows.append(Row(card.label, line.text, line.number, line.file, blank))
+        blank = False
     if card is not None:
         yield card
 
 
-def _card(text: str, line: int, file: str) -> Card:
-    """A card of its line and those that continue it."""
+def _card(line: _Line, following: Iterator[_Line]) -> Card:
+    """A card of its line and those that continue it, which are taken."""
+    text = line.text.strip()
+    while text.endswith(","):
+        text += next(following, _Line("", 0, "")).text.strip() or " "
     label, *parts = (match.group(1) for match in _PARAMETER.finditer(text))
     parameters = {}
     for part in parts:
         name, _, value = part.partition("=")
         if name.strip():
             parameters[squeezed(name)] = value.strip()
-    return Card(squeezed(label[1:]), label.strip(), parameters, line, file)
+    return Card(squeezed(label[1:]), label.strip(), parameters, line.number, line.file)

@@ -11,7 +11,7 @@ from modalbase.formats.models.check import check
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
 from modalbase.formats.models.inp.constraints import NAMES, Constraints
 from modalbase.formats.models.inp.held import note_prestress, supports
-from modalbase.formats.models.inp.lines import Card, card_names, folded, read_cards
+from modalbase.formats.models.inp.lines import Card, card_names, folded, read_cards, squeezed
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move
@@ -200,8 +200,7 @@ class _Reading:
         held = supports(initial, deck.steps, mesh, axes, self._losses)
         note_prestress(deck.steps, self._losses)
         self._note_unused()
-        used = {ply.material for s in self._sections.found.values() if not hasattr(s, "material") for ply in s.plies}
-        used |= {s.material for s in self._sections.found.values() if hasattr(s, "material")}
+        used = {name for section in self._sections.found.values() for name in section.materials}
         found = FiniteElementModel(
             "inp",
             self._title(),
@@ -241,13 +240,20 @@ class _Reading:
     def _properties(self, part: Part, cards: list[Card], axes: dict[int, Floats]) -> None:
         thickness = self._thickness(part, cards)
         for card in cards:
-            if card.get("SECTION").upper() == "CIRC" and card.rows and len(card.first.fields) == 1 and not part.scope:
-                loss = "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as CalculiX does"
-                self._losses.add(card, loss, changes=True)
             if card.name in SHELLS or card.name in BEAMS:
                 self._sections.read(card, part, thickness)
+                self._note_section(card, part)
             elif card.name in PROPERTIES.values():
                 self._carried.read(card, part, axes)
+
+    def _note_section(self, card: Card, part: Part) -> None:
+        """Note what a section says beyond what is read, or in two ways."""
+        for parameter in ("DENSITY", "BENDING ONLY", "MEMBRANE ONLY", "STIFFNESS MODIFIER"):
+            if card.name in SHELLS and squeezed(parameter) in card.parameters:
+                self._losses.add(card, f"the parameter {parameter} of a section", changes=True)
+        if card.get("SECTION").upper() == "CIRC" and len(card.first.fields) == 1 and not part.scope:
+            loss = "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as CalculiX does"
+            self._losses.add(card, loss, changes=True)
 
     def _thickness(self, part: Part, cards: list[Card]) -> dict[int, float]:
         """Of the nodes that *NODAL THICKNESS names, by row."""

@@ -104,6 +104,13 @@ def test_include_continuation_and_fortran_numbers() -> None:
     assert MATERIAL.splitlines()[2][place.start : place.end] == " 3.0e9"
 
 
+def test_data_lines_of_an_included_file_belong_to_the_card_before() -> None:
+    text = PLATE.replace("*STEP", "*BOUNDARY\n1, 1, 6\n*INCLUDE, INPUT=more.inp\n3, 2\n*STEP", 1)
+    model = read(text, more_inp="4, 3\n*NSET, NSET=A\n")
+    assert [(s.nodes.tolist(), s.dofs) for s in model.supports] == [([0], (0, 1, 2, 3, 4, 5)), ([3], (2,))]
+    assert "a" in model.node_sets
+
+
 def test_nested_and_generated_sets() -> None:
     text = PLATE.replace(
         "*SHELL SECTION, ELSET=PLATE",
