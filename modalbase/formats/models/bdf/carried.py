@@ -98,7 +98,7 @@ class Springs:
         if np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12):
             return Spring(row, dof, stiffness, card.line, other, other_dof)
         far = None if other_dof is None else 3 * (other_dof // 3)
-        return Spring(row, 3 * (dof // 3), stiffness, card.line, other, far, _vector(axis))
+        return Spring(row, 3 * (dof // 3), stiffness, card.line, second=other, second_dof=far, direction=_vector(axis))
 
     def bush(self, card: Card) -> Iterator[Spring]:
         """CBUSH: up to six springs between two grids, as bodies that reach to where it lies, or to the ground."""
@@ -118,7 +118,16 @@ class Springs:
             plain = np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12)
             own = dof if plain else 3 * (dof // 3)
             far = None if b is None else own
-            yield Spring(a, own, value, card.line, b, far, None if plain else _vector(axis), arms)
+            yield Spring(
+                a,
+                own,
+                value,
+                card.line,
+                second=b,
+                second_dof=far,
+                direction=None if plain else _vector(axis),
+                arms=arms,
+            )
 
     def _bush_axes(self, card: Card, a: int, b: int | None, dofs: set[int]) -> Floats:
         if card.text(7):

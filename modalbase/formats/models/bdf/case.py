@@ -40,7 +40,7 @@ def read_case(lines: Sequence[Line]) -> Case:
     """The case control of the lines before BEGIN BULK.
 
     Orders above the first subcase hold in all. Of several subcases the first with a METHOD of its own is taken, else the
-    first; what others select in its place is kept to be told.
+    first; what others select instead is noted.
     """
     found = Case(is_stated=bool(lines))
     common: dict[str, tuple[str, int]] = {}

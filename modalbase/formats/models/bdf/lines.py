@@ -33,8 +33,10 @@ class Sections:
     bulk: list[Line] = field(default_factory=list)
 
 
-def split_deck(content: bytes, included: Mapping[str, bytes]) -> Sections:
+def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections:
     """The lines of a deck by section; a deck that has neither CEND nor BEGIN BULK is bulk data alone.
+
+    INCLUDE files are left out where `included` is None.
 
     Raises:
         FormatError: the deck is not text, is cut, or an INCLUDE file is missing.
@@ -49,9 +51,10 @@ def split_deck(content: bytes, included: Mapping[str, bytes]) -> Sections:
         if word == ["ENDDATA"]:
             ended = True
             break
-        if word == ["BEGIN"] and current is found.control:
+        begins = bool(word) and word[0].startswith("BEGI")
+        if begins and current is found.control:
             current, controlled = found.bulk, True
-        elif word == ["BEGIN"]:
+        elif begins:
             raise FormatError(
                 where(line.number, line.file), "a second BEGIN: superelements are not read; send the whole as one model"
             )
@@ -74,7 +77,7 @@ def _last(lines: list[Line]) -> str:
     return where(lines[-1].number, lines[-1].file) if lines else ""
 
 
-def _lines(content: bytes, file: str, included: Mapping[str, bytes], above: tuple[str, ...]) -> Iterator[Line]:
+def _lines(content: bytes, file: str, included: Mapping[str, bytes] | None, above: tuple[str, ...]) -> Iterator[Line]:
     raws = content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     texts = content.upper().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     number = 0
@@ -89,6 +92,8 @@ def _lines(content: bytes, file: str, included: Mapping[str, bytes], above: tupl
         while name.count("'") == 1 and number < len(raws) and number < first + 10:  # a long path goes on
             name += raws[number].strip()
             number += 1
+        if included is None:
+            continue
         name = name.strip(" \t'\",=")
         inner = _find(name, included)
         if inner is None:

@@ -45,7 +45,7 @@ class Sections:
     labels: Labels
     notes: Notes
     extra: dict[int, float]
-    _read: dict[tuple[str, int], Property] = field(default_factory=dict)
+    _read: dict[tuple[str | int, ...], Property] = field(default_factory=dict)
 
     def get(self, element: Card, number: int) -> Property:
         """The property of an element."""
@@ -59,14 +59,12 @@ class Sections:
         return self._read[key]
 
     def rod(self, card: Card) -> Property:
-        """The section of a CONROD, which states it itself."""
-        name = f"conrod_{card.text(3)}_{card.text(4)}_{card.text(5)}_{card.text(7)}"
-        set_name = "".join(letter if letter.isalnum() else "_" for letter in name).strip("_")
-        key = (set_name, 0)
+        """The section of a CONROD, which states it itself; the set has the number of the first of its kind."""
+        key: tuple[str | int, ...] = ("CONROD", *rod_key(card))
         if key not in self._read:
             values = [card.real(4, "A"), 0.0, 0.0, 0.0, card.real(5, "J", 0.0), card.real(7, "NSM", 0.0)]
             section = self._section(card, 3, "MID", values, None)
-            self._read[key] = Property(set_name, self._resisting(card, section))
+            self._read[key] = Property(f"conrod_{card.text(0)}", self._resisting(card, section))
         return self._read[key]
 
     def _of(self, card: Card, number: int) -> Property:
@@ -90,7 +88,7 @@ class Sections:
             raise card.wrong(mid, what, f"a MAT1; {material.name} is not isotropic")
         mass = extra * self.materials.mass_factor
         inertia, file = (second, first, mixed), card.rows[0].file
-        return BeamSection(material.name, area, inertia, torsion, card.line, shear, mass, file=file)
+        return BeamSection(material.name, area, inertia, torsion, card.line, shear=shear, extra_mass=mass, file=file)
 
     def _resisting(self, card: Card, section: BeamSection) -> BeamSection:
         """With a little of what a rod has none of."""
@@ -210,6 +208,11 @@ class Sections:
         fields = (("area", 2), ("I2", 3), ("I1", 4), ("J", 6)) if values is start else ()
         places = {name: card.place(index) for name, index in fields if card.text(index)}
         return replace(section, places=places), centroid
+
+
+def rod_key(card: Card) -> tuple[str, ...]:
+    """What CONROD of one set have in common: material, area, torsion, extra mass."""
+    return tuple(card.text(index) for index in (3, 4, 5, 7))
 
 
 def _mean(stations: list[tuple[float, list[float]]]) -> list[float]:

@@ -143,7 +143,12 @@ class Shells:
         whole = group.section.thickness
         relative = card.integer(layout.flag, "TFLAG", 0) == 1
         default = 1.0 if relative else whole
-        own = [card.positive(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)]
+        own = [card.real(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)]
+        for k, value in enumerate(own):
+            if value < 0 or not any(own):  # an edge may taper to nothing
+                raise card.wrong(
+                    layout.thickness[k], f"T{k + 1}", "a thickness that is not negative, and not zero all round"
+                )
         if relative and whole is None:
             raise card.error("TFLAG is 1, but the property states no thickness", layout.flag)
         group.own_thickness[at] = [value * (whole or 1.0) for value in own] if relative else own
@@ -228,7 +233,9 @@ class Shells:
         thickness = self._thicknesses(group)
         self._store(section, thickness)
         numbers, lines = np.array(group.numbers, dtype=np.int64), np.array(group.lines, dtype=np.int64)
-        return Elements(group.layout.kind, numbers, nodes, section.set, axes, lines, offsets, thickness)
+        return Elements(
+            group.layout.kind, numbers, nodes, section.set, axes, lines, offsets=offsets, thickness=thickness
+        )
 
     def _projected(
         self, card: Card, number: int, nodes: Floats, normal: Floats, section: _Property

@@ -94,7 +94,7 @@ def test_continuations_automatic_named_and_apart() -> None:
 
 def test_control_selects_what_holds() -> None:
     holds = "SPC1,1,123456,1\nSPC1,2,3,2,THRU,9\nSPC,3,4,12,0.\nSPCADD,9,1,3\n"
-    deck = "SOL 103\nCEND\nTITLE = A plate\n{}\nBEGIN BULK\n" + PLATE + holds + "ENDDATA\nnothing,counts\n"
+    deck = "SOL 103\nCEND\nTITLE = A plate\n{}  $ remark\nBEGIN,BULK\n" + PLATE + holds + "ENDDATA\nnothing,counts\n"
     model = read(deck.format("SPC = 2"))
     assert model.title == "A plate"
     assert [(one.nodes.tolist(), one.dofs) for one in model.supports] == [([1, 2, 3], (2,))]
@@ -197,6 +197,11 @@ def test_offsets_and_thicknesses_of_elements() -> None:
     assert relative.elements[0].thickness[0].tolist() == [0.02, 0.01, 0.01, 0.01]
     own = read(PLATE.replace(".01,1,,1", ",1,,1").replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,.01,.01,.03,.03\nPSHELL"))
     assert shell(own).plies[0].thickness == pytest.approx(0.02)
+
+
+def test_an_edge_may_taper_to_nothing() -> None:
+    sharp = read(PLATE.replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,0.,0.,.01,.01\nPSHELL"))
+    assert sharp.elements[0].thickness[0].tolist() == [0, 0, 0.01, 0.01]
 
 
 def test_quadratic_elements_and_triangles() -> None:

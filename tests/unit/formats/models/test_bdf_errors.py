@@ -55,6 +55,8 @@ BAD = {
     "material twice": (PLATE + "MAT1,1,1.,,.1\n", "line 8", "MAT1 1: the material is there twice, first in line 7"),
     "zero thickness": (of_plate(",.01,", ",0.,"), "line 6", "PSHELL 1: T (field 4) is '0.', expected a number above zero"),
     "no thickness": (of_plate(",.01,", ",,"), "line 5", "CQUAD4 1: neither it nor PSHELL 1 (line 6) states a thickness"),
+    "no thickness all round": (of_plate("1,2,3,4\n", "1,2,3,4\n,,,0.,0.,0.,0.\n"), "line 6", "CQUAD4 1: T1 (field 4) is '0.', expected a thickness that is not negative, and not zero all round"),
+    "negative thickness": (of_plate("1,2,3,4\n", "1,2,3,4\n,,,1.,-1.\n"), "line 6", "CQUAD4 1: T2 (field 5) is '-1.'"),
     "zero modulus": (of_plate("7.+10", "0."), "line 7", "MAT1 1: E (field 3) is '0.', expected a number above zero"),
     "Poisson's ratio": (of_plate(",.3,", ",1.3,"), "line 7", "MAT1 1: NU (field 5) is '1.3', expected a Poisson's ratio"),
     "density": (of_plate("2700.", "-1."), "line 7", "MAT1 1: RHO (field 6) is '-1.', expected a density"),
