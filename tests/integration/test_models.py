@@ -5,6 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
+from modalbase.formats.models.inp import read_inp
 from tests.integration.test_bodies import updated
 from tests.support.places import shared_file
 from tests.support.profiles import TRUTH, deck, measured
@@ -105,9 +106,28 @@ def test_an_update_of_a_deck_finds_the_constants_of_its_sets(api: httpx.Client, 
         low, high = found[name]["interval_95"]
         assert low < value < high, name
     report = api.get(f"{api.base_url.join(address)}/report").text
-    assert "model angle.inp" in report
+    assert "model angle.inp: flange 4 mm, web 4 mm" in report
+    handed_back(api, address, found)
     for name in ("frf", "shapes", "sac"):
         assert ok(api.get(f"{api.base_url.join(address)}/figures/{name}"), 200)["data"]
+
+
+def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
+    """The updated deck is the one that was sent, but for the numbers that were updated, and reads back."""
+    answer = api.get(f"{api.base_url.join(address)}/deck")
+    assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.inp"'
+    lines, before = answer.content.splitlines(), deck().splitlines()
+    nodes = slice(before.index(b"*NODE, NSET=ALL"), before.index(b"*ORIENTATION, NAME=O"))
+    assert b"\n".join(before[nodes]) in answer.content
+    head = [line for line in lines if line.startswith(b"**")]
+    assert any(b"with joints" in line for line in head)
+    assert sum(b"mode " in line and b"% from" in line for line in head) >= 6
+    model = read_inp(answer.content)
+    for name in ("flange", "web"):
+        (material,) = (model.materials[each] for each in model.sections[name].materials)
+        for constant in ("E1", "E2", "G12", "G13", "G23"):
+            assert material.constants[constant] == pytest.approx(found[f"{name}.{constant}"]["estimate"], rel=1e-6)
+    assert model.sections["flange"].materials != model.sections["web"].materials  # the one that both had was parted
 
 
 def test_a_model_has_no_edges_to_clamp(api: httpx.Client, bare: str) -> None:

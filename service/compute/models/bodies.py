@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -182,17 +181,19 @@ def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]
 
 
 def _stretch(spring: Spring) -> FloatArray:
-    """(2, 6) what stretches a spring, by the motions of its ends."""
+    """(2, 6) what stretches or turns a spring, by the motions of its ends.
+
+    At an arm r it stretches by n · (u + θ × r) = n · u + θ · (r × n).
+    """
     rows = np.zeros((2, 6))
     for row, dof, sign in ((0, spring.dof, 1.0), (1, spring.second_dof, -1.0)):
         if dof is None:
             continue
-        first = 3 * (dof // 3)
-        rows[row, first : first + 3] = sign * (
-            np.eye(3)[dof % 3] if spring.direction is None else _vector(spring.direction)
-        )
+        n = sign * (np.eye(3)[dof % 3] if spring.direction is None else np.array(spring.direction))
+        if dof >= 3:
+            rows[row, 3:] = n
+            continue
+        rows[row, :3] = n
+        if spring.arms is not None:
+            rows[row, 3:] = np.cross(spring.arms[row], n)
     return rows
-
-
-def _vector(direction: Any) -> FloatArray:
-    return np.array(direction, dtype=float)

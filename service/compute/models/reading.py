@@ -12,6 +12,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
 from modalbase.formats.errors import FormatError
+from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.measures import sizes
 from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection
@@ -23,7 +24,10 @@ from service.errors import Fault, Invalid
 if TYPE_CHECKING:
     from service.jobs.kinds import Report
 
-READERS: Mapping[str, Callable[[bytes], FiniteElementModel]] = {".inp": read_inp}
+READERS: Mapping[str, Callable[[bytes], FiniteElementModel]] = {
+    ".inp": read_inp,
+    **dict.fromkeys((".bdf", ".dat", ".nas"), read_bdf),
+}
 """By the end of a file's name."""
 
 MOST_LISTED = 1000
@@ -84,10 +88,10 @@ def parsed(content: bytes, filename: str) -> FiniteElementModel:
     reader = READERS.get(PurePosixPath(filename).suffix.lower())
     if reader is None:
         raise Invalid("filename", f"{filename!r} ends in none of {', '.join(READERS)}: which kind of deck is it?")
-    return _faults(lambda: reader(content))
+    return faults_of(lambda: reader(content))
 
 
-def _faults(read: Callable[[], Read]) -> Read:
+def faults_of(read: Callable[[], Read]) -> Read:
     """What a reader returns; its faults name lines of the file."""
     try:
         return read()
@@ -103,7 +107,7 @@ def _require_units(model: FiniteElementModel, units: str | None) -> None:
     if massless:
         raise Invalid("file", f"the material {massless[0].name} (line {massless[0].line}) has no density")
     if units is not None:
-        _faults(lambda: check(model, units))
+        faults_of(lambda: check(model, units))
         return
     found = guess(model)
     hint = "; no usual units give its materials and size" if found is None else f"; units={found.units}? {found.reason}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from hashlib import sha256
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -18,7 +19,7 @@ from service.errors import Conflict, Damaged, Invalid
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.resource import JobNoun
 from service.store.storage import book
-from service.store.storage.originals import keep_original, original_sizes, write_original
+from service.store.storage.originals import copy_original, keep_original, original_sizes, write_original
 from service.store.structures.operations import (
     Structure,
     StructureModel,
@@ -103,6 +104,19 @@ def load_model(session: Session, key: UUID) -> FiniteElementModel:
     if sha256(row.arrays).digest() != row.arrays_sha256:
         raise Damaged("model", row.arrays_sha256)
     return model_of(row.arrays)
+
+
+def deck_of(session: Session, key: UUID) -> tuple[str, str, bytes]:
+    """Name, units and bytes of a model's deck, whoever asks.
+
+    Raises:
+        Damaged: what was stored is not what was sent.
+    """
+    row = session.get_one(StructureModel, key)
+    assert row.units is not None, "a model that was read has units"
+    buffer = BytesIO()
+    copy_original(session, row.sha256, buffer)
+    return row.filename, row.units, buffer.getvalue()
 
 
 def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
