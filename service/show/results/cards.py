@@ -95,7 +95,8 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     masses = (*sensor, *(Mass(each.x_m, each.y_m, each.mass_kg) for each in added))
     rayleigh = _rayleigh(document)
     axes = "SI units: m, kg, s, N, Pa; x along the length from the first edge, z out of plane"
-    remarks = [*origin(job, document), axes, *([] if remark is None else [remark])]
+    job_line, digest, *verdict = origin(job, document)
+    remarks = [job_line, digest, axes, *verdict, *([] if remark is None else [remark])]
     if any(each.rotary_inertia_kg_m2 for each in added):
         remarks.append("the added masses are points: their rotary inertia is not in the deck")
     if rayleigh is None:
