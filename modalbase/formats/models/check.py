@@ -99,8 +99,14 @@ def _hangs_together(model: FiniteElementModel) -> None:
         raise FormatError(
             "",
             f"the model falls into {len(roots)} parts that nothing joins, and nothing holds {len(free)} of them: {named}. "
-            "Give them common nodes, or join them by a constraint",
+            f"Give them common nodes, or join them by a constraint{_not_used(model)}",
         )
+
+
+def _not_used(model: FiniteElementModel) -> str:
+    """Cards that were not used and may have joined parts."""
+    cards = [f"{each.card} of line {each.lines[0]}: {each.loss}" for each in model.ignored if each.changes]
+    return f". Not used was {'; '.join(cards[:NAMED])}" if cards else ""
 
 
 def _described(model: FiniteElementModel, part: Integers, root: int) -> str:

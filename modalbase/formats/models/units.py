@@ -177,7 +177,12 @@ def _mass(mass: PointMass, u: Units) -> PointMass:
 def _spring(spring: Spring, u: Units) -> Spring:
     """N/m between displacements, N·m between turns, N between the two."""
     turns = [dof >= 3 for dof in (spring.dof, spring.dof if spring.second_dof is None else spring.second_dof)]
-    return replace(spring, stiffness=spring.stiffness * u.force * u.length ** (sum(turns) - 1))
+    arms = None
+    if spring.arms is not None:
+        (a, b, c), (x, y, z) = (np.multiply(arm, u.length).tolist() for arm in spring.arms)
+        arms = (a, b, c), (x, y, z)
+    stiffness = spring.stiffness * u.force * u.length ** (sum(turns) - 1)
+    return replace(spring, stiffness=stiffness, arms=arms)
 
 
 def guess(model: FiniteElementModel) -> Guess | None:

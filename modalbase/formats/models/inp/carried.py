@@ -10,6 +10,7 @@ import numpy as np
 from modalbase.formats.models.inp.lines import Card, Row
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.mesh import Element, Mesh
+from modalbase.formats.models.inp.orientations import System
 from modalbase.formats.models.inp.sections import Part, Sections
 from modalbase.formats.models.measures import sizes
 from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring
@@ -54,11 +55,16 @@ class Carried:
         tensor = np.array([[a, ab, ac], [ab, b, bc], [ac, bc, c]])
         if np.linalg.eigvalsh(tensor).min() < -1e-9 * np.abs(tensor).max():
             raise card.first.error("is an inertia below 0 about some axis")
-        if (system := part.system(card.get("ORIENTATION"), card)) is not None:
-            turn = system.axes
-            tensor = turn.T @ tensor @ turn
-        rows = tuple(tuple(row) for row in tensor.tolist())
-        self.masses += [PointMass(element.nodes[0], 0.0, card.line, rows) for element in elements]
+        system = part.system(card.get("ORIENTATION"), card)
+        for element in elements:
+            turn = np.eye(3) if system is None else self._axes(system, element)
+            rows = tuple(tuple(row) for row in (turn.T @ tensor @ turn).tolist())
+            self.masses.append(PointMass(element.nodes[0], 0.0, card.line, rows))
+
+    def _axes(self, system: System, element: Element) -> Floats:
+        """(3, 3) of a system at an element's first node."""
+        axes: Floats = system.at(np.array([self._mesh.places[element.nodes[0]]]))[0]
+        return axes
 
     def _spring(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
         if "NONLINEAR" in card.parameters:
@@ -75,7 +81,7 @@ class Carried:
             if len(dofs) < len(element.nodes) or any(not 1 <= dof <= 6 for dof in dofs):
                 raise card.first.error(f"expected {len(element.nodes)} dof(s) from 1 to 6")
             k = _stiffness(card.rows[1])
-            turned = system.axes if system is not None else axes.get(element.nodes[0])
+            turned = axes.get(element.nodes[0]) if system is None else self._axes(system, element)
             self.springs.append(_between(element, dofs, k, card.line, turned))
 
     def _axial(self, card: Card, element: Element) -> Spring:

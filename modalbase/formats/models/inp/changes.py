@@ -45,7 +45,8 @@ class Changes:
 
     def comment(self, sets: Sequence[str], constant: str, material: Material, value: float) -> str:
         """What is said of a new constant."""
-        return said(f"{constant} of {', '.join(sets)}", material.constants[constant], value)
+        before = material.constants[ISOTROPIC[constant] if constant not in material.constants else constant]
+        return said(f"{constant} of {', '.join(sets)}", before, value)
 
 
 def said(what: str, before: float, now: float) -> str:
@@ -141,8 +142,12 @@ def _beam(name: str, section: BeamSection, values: Mapping[str, float]) -> Itera
             yield Number(section.places[constant], value, said(f"{constant} of {name}", stated[constant], value))
 
 
-_ISOTROPIC = {"E1": "E", "E2": "E", "G12": "G", "G13": "G", "G23": "G", "nu12": "nu"}
+ISOTROPIC = {"E1": "E", "E2": "E", "G12": "G", "G13": "G", "G23": "G", "nu12": "nu"}
+"""Constants of an isotropic material by the names that an orthotropic one has for them."""
+
 _ORTHOTROPIC = {"E": "E1", "G": "G12", "nu": "nu12"}
+_SAME = 1e-6
+"""Constants of an isotropic material that differ by less, relative, are one."""
 
 
 def _as_stated(
@@ -150,32 +155,45 @@ def _as_stated(
 ) -> dict[str, float]:
     """Constants as the deck states them, those alone that differ.
 
+    They are those of an orthotropic material where it is isotropic no longer.
+
     Raises:
-        FormatError: an isotropic material would be so no longer, or a constant is none of its.
+        FormatError: a constant is none of the material's.
     """
-    names = _ISOTROPIC if material.is_isotropic else _ORTHOTROPIC
-    wanted: dict[str, float] = {}
-    for key, value in values.items():
-        own = names.get(key, key)
-        if own not in material.constants:
+    names = ISOTROPIC if material.is_isotropic else _ORTHOTROPIC
+    for key in values:
+        if key.startswith("angle"):
+            raise FormatError(f"{name}.{key}", "angles are not written back; turn the deck's orientations or plies")
+        if names.get(key, key) not in material.constants:
             raise FormatError(f"{name}.{key}", f"{material.name} of line {material.line} has no such constant")
-        if abs(wanted.setdefault(own, value) - value) > 1e-6 * abs(value):
-            raise FormatError(
-                f"{name}.{key}",
-                f"differs from another {own} of {material.name}, which the deck states as isotropic (line {material.line}); "
-                "state ENGINEERING CONSTANTS there to update them apart",
-            )
-    now = {**material.constants, **wanted}
+    now = _isotropic(material, values) if material.is_isotropic else None
+    if now is None:
+        stated = (
+            {key: material.constants.get(own, 0.0) for key, own in ISOTROPIC.items()} if material.is_isotropic else {}
+        )
+        now = {**(stated or material.constants), **{_ORTHOTROPIC.get(key, key): value for key, value in values.items()}}
     now |= {key: value * factor for key, value in now.items() if key[0] in "EG"}
-    now["density"] *= share
-    if material.is_isotropic and "G" not in material.places:
-        if "G" in wanted:
-            now["nu"] = now["E"] / (2 * now["G"]) - 1
-        del now["G"]
-    changed = {key: value for key, value in now.items() if value != material.constants[key]}
+    now["density"] = material.constants["density"] * share
+    changed = {key: value for key, value in now.items() if value != material.constants.get(key)}
     for key in changed:
-        if key not in material.places:
+        if key not in material.places and key in material.constants:
             raise FormatError(
                 f"{name}.{key}", f"does not stand as a number of its own in {material.name} of line {material.line}"
             )
     return changed
+
+
+def _isotropic(material: Material, values: Mapping[str, float]) -> dict[str, float] | None:
+    """E and ν, and G where the deck states it; None where the values are those of no isotropic material."""
+    wanted: dict[str, float] = {}
+    for key, value in values.items():
+        own = ISOTROPIC.get(key, key)
+        if abs(wanted.setdefault(own, value) - value) > _SAME * abs(value):
+            return None
+    now = {key: wanted.get(key, value) for key, value in material.constants.items()}
+    if "G" in material.places:
+        return now
+    G = now.pop("G")
+    if "G" in wanted:
+        now["nu"] = now["E"] / (2 * G) - 1
+    return now if -1 < now["nu"] <= 0.5 and abs(now["nu"] - wanted.get("nu", now["nu"])) < _SAME else None

@@ -7,6 +7,7 @@ import numpy as np
 from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.mesh import Mesh
+from modalbase.formats.models.inp.orientations import System
 from modalbase.formats.models.inp.sections import Part
 from modalbase.formats.models.model import Floats, Integers, Link, Support
 
@@ -66,9 +67,13 @@ class Constraints:
         return int(found[0])
 
     def _rigid(
-        self, nodes: Integers, leader: int, dofs: tuple[int, ...], line: int, axes: Floats | None = None
+        self, nodes: Integers, leader: int, dofs: tuple[int, ...], line: int, system: System | None = None
     ) -> None:
-        self.links += [Link(node, (leader,), dofs, line, axes=axes) for node in nodes.tolist() if node != leader]
+        led = nodes[nodes != leader]
+        axes = [None] * len(led) if system is None or dofs == ALL else system.at(self._places[led])
+        self.links += [
+            Link(node, (leader,), dofs, line, axes=own) for node, own in zip(led.tolist(), axes, strict=True)
+        ]
 
     def _mpc(self, card: Card, part: Part) -> None:
         for row in card.rows:
@@ -117,12 +122,12 @@ class Constraints:
             raise coupling.error("couples no node")
         system = part.system(coupling.get("ORIENTATION"), coupling)
         dofs = self._dofs(card)
-        axes = None if system is None or dofs == ALL else system.axes
         if card.name == "KINEMATIC":
-            self._rigid(nodes, leader, dofs, coupling.line, axes)
+            self._rigid(nodes, leader, dofs, coupling.line, system)
             return
         if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
             self._losses.add(card, "weights that fall with the distance: all are taken alike", changes=True)
+        axes = None if system is None or dofs == ALL else system.at(self._places[[leader]])[0]
         self.links.append(Link(leader, tuple(nodes.tolist()), dofs, coupling.line, axes=axes))
 
     def _dofs(self, card: Card) -> tuple[int, ...]:
@@ -141,7 +146,7 @@ class Constraints:
             name, *rest = row.fields
             nodes = self._mesh.select_nodes(name, part.scope, row)
             dofs = tuple(dof_range(rest, row)) if rest else ALL
-            self._rigid(nodes, leader, dofs, row.line, None if system is None or dofs == ALL else system.axes)
+            self._rigid(nodes, leader, dofs, row.line, system)
 
     def _distributing_coupling(self, card: Card, part: Part) -> None:
         chosen = self._mesh.select_elements(card.needs("ELSET"), part.scope, card).tolist()

@@ -6,12 +6,14 @@ from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
 from modalbase.formats.models.model import Material, Place
 
 _LAMINA = ("E1", "E2", "nu12", "G12", "G13", "G23")
-_ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
+ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
+"""Engineering constants in the order of the card, the last on a second line."""
+
 _KINDS = {
     "ISO": ("E", "nu"),
     "ISOTROPIC": ("E", "nu"),
     "LAMINA": _LAMINA,
-    "ENGINEERINGCONSTANTS": _ENGINEERING,
+    "ENGINEERINGCONSTANTS": ENGINEERING,
 }
 
 SUBORDINATE = card_names(

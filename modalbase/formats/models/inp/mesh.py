@@ -203,11 +203,6 @@ class Mesh:
     def _selected(self, name: str, scope: str, row: Row | Card, what: str) -> Integers:
         return np.array(sorted(self._members(folded(name), scope, row, what, 0)), dtype=np.int64)
 
-    def has_set(self, name: str, scope: str, what: str) -> bool:
-        """Whether a set of nodes (`node`) or elements (`element`) has a name."""
-        inside, last = self._inside(folded(name), scope)
-        return last in _sets(self.scopes[inside], what)
-
     def _inside(self, name: str, scope: str) -> tuple[str, str]:
         """The scope and the name there of a name that may begin with that of an instance."""
         for at, letter in enumerate(name):

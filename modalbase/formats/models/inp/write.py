@@ -10,9 +10,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from modalbase.formats.models.inp.changes import Changes, changes_of
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.inp.changes import ISOTROPIC, Changes, changes_of
 from modalbase.formats.models.inp.lines import Card, folded, read_cards
-from modalbase.formats.models.inp.materials import SUBORDINATE
+from modalbase.formats.models.inp.materials import ENGINEERING, SUBORDINATE
 from modalbase.formats.models.model import FiniteElementModel, Material, Place
 
 _MATERIAL = re.compile(r'(\bMATERIAL\s*=\s*)("[^"]*"|[^,\r]*?)(?=\s*(?:,|$))', re.IGNORECASE)
@@ -121,8 +122,57 @@ class _Writing:
         for values, sets in groups[1:]:
             self._copy(material, dict(values), sets, changes)
         values, sets = groups[0]
-        for constant, value in values:
-            self.put(material.places[constant], value, changes.comment(sets, constant, material, value))
+        if values:
+            lines = self._files[material.file]
+            for line, edits in self._edits(material, dict(values)).items():
+                lines.edits.setdefault(line, []).extend(edits)
+            first = min(material.places[constant].line for constant in material.places)
+            for constant, value in values:
+                line = material.places[constant].line if constant in material.places else first
+                lines.comments.setdefault(line, []).append(changes.comment(sets, constant, material, value))
+
+    def _edits(self, material: Material, values: Mapping[str, float]) -> dict[int, list[tuple[int, int, str]]]:
+        """What changes in a material's lines, by line.
+
+        Raises:
+            FormatError: its constants stand in another file than the material.
+        """
+        found: dict[int, list[tuple[int, int, str]]] = {}
+        for constant, value in values.items():
+            if (place := material.places.get(constant)) is not None:
+                if place.file != material.file:
+                    raise FormatError(
+                        material.name, f"has its {constant} in {place.file or 'the deck'}; put it behind its *MATERIAL"
+                    )
+                edit = (place.start, place.end, fitted(value, place.end - place.start))
+                found.setdefault(place.line, []).append(edit)
+        if any(constant not in material.places for constant in values):
+            found |= self._orthotropic(material, values)
+        return found
+
+    def _orthotropic(self, material: Material, values: Mapping[str, float]) -> dict[int, list[tuple[int, int, str]]]:
+        """An isotropic material's card as one of engineering constants, out of the plane those of axis 2."""
+        place = material.places["E"]
+        texts = self._files[material.file].texts
+        cards = [
+            each for each in self._cards if each.name == "ELASTIC" and each.rows and each.rows[0].line == place.line
+        ]
+        if len(cards) != 1 or len(cards[0].rows) > 1 or texts[cards[0].line - 1].rstrip().endswith(","):
+            raise FormatError(
+                material.name,
+                f"line {place.line}: is isotropic no longer; state ENGINEERING CONSTANTS there to update it so",
+            )
+        card = cards[0]
+        c = {key: values.get(key, material.constants[own]) for key, own in ISOTROPIC.items()}
+        c |= {"E3": c["E2"], "nu13": c["nu12"], "nu23": material.constants["nu"]}
+        written = [f"{c[name]:.9g}" for name in ENGINEERING]
+        end = "\r" if texts[place.line - 1].endswith("\r") else ""
+        row = f"{','.join(written[:8])}{end}\n{written[8]}"
+        heading = texts[card.line - 1].rstrip("\r")
+        return {
+            card.line: [(0, len(heading), "*ELASTIC, TYPE=ENGINEERING CONSTANTS")],
+            place.line: [(0, len(texts[place.line - 1].rstrip("\r")), row)],
+        }
 
     def _copy(self, material: Material, values: Mapping[str, float], sets: Sequence[str], changes: Changes) -> None:
         """Append a copy behind the material, and let the sets' sections name it."""
@@ -132,14 +182,12 @@ class _Writing:
         comments = [f"copy of {material.name} for {', '.join(sets)}"]
         comments += [changes.comment(sets, constant, material, value) for constant, value in values.items()]
         copied = lines.commented(card.line, comments)
-        edits: dict[int, list[tuple[int, int, str]]] = {}
-        for constant, value in values.items():
-            place = material.places[constant]
-            edits.setdefault(place.line, []).append((place.start, place.end, fitted(value, place.end - place.start)))
+        edits = self._edits(material, values)
+        renamed = 0
         for number in range(card.line, last + 1):
             text = lines.line(number, edits.get(number, ()))
-            if number == card.line:
-                text = _NAME.sub(lambda match: f"{match.group(1)}{_quoted(name)}", text, count=1)
+            if not renamed:
+                text, renamed = _NAME.subn(lambda match: f"{match.group(1)}{_quoted(name)}", text, count=1)
             copied.append(text)
         lines.after.setdefault(last, []).extend(copied)
         for each in sets:
