@@ -74,7 +74,7 @@ TERMS: dict[str, str] = {
     "nu_12": "Poisson's ratio of contraction along 2 under tension along 1, without unit",
     "angle_deg": "from x to the fibre, towards y, degrees",
     # campaigns
-    "boundary": "how the specimen is held; a cantilever is clamped at x = 0",
+    "boundary": "how the specimen is held; a cantilever is clamped at x = 0; as_modelled: by the deck's supports",
     "performed_at": "when the test was performed, UTC; null where nobody knows",
     "temperature_c": "air temperature, °C; null where nobody knows",
     "humidity_percent": "relative humidity, %; null where nobody knows",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,37 @@ def measured(seed: int = 0, boundary: str = "free") -> bytes:
     """A UFF file: 14 hits along z and −y, two accelerometers, 1 % noise."""
     body = nominal_body(StructureIn.model_validate(ANGLE), boundary)
     return uff(body, TRUTH, points(), seed)
+
+
+def deck(length: float = 1.0) -> bytes:
+    """The angle as an engineer's deck for CalculiX: S8R on middle surfaces, both walls of one material, one end clamped.
+
+    Args:
+        length: unit of length in m; stresses are in N by its square, densities so that equations agree.
+    """
+    mesh = nominal_body(StructureIn.model_validate(ANGLE), "free").mesh
+    stress, density = 1 / length**2, 1 / length**4
+    lines = ["*HEADING", "angle of two walls", "*NODE, NSET=ALL"]
+    lines += [f"{n}, {', '.join(f'{x / length:.12g}' for x in xyz)}" for n, xyz in enumerate(mesh.nodes, start=1)]
+    numbers = count(1)
+    for block in mesh.blocks:
+        lines.append(f"*ELEMENT, TYPE=S8R, ELSET={block.set.upper()}")
+        lines += [f"{next(numbers)}, {', '.join(map(str, nodes))}" for nodes in block.nodes + 1]
+    moduli = [f"{value / stress:.9g}" for value in (23e9, 8.5e9, 8.5e9, 3e9, 3e9, 2.4e9)]
+    lines += [
+        "*ORIENTATION, NAME=O",
+        "1, 0, 0, 0, 1, 0",
+        "*MATERIAL, NAME=GFRP",
+        "*ELASTIC, TYPE=ENGINEERING CONSTANTS",
+    ]
+    lines += [f"{', '.join(moduli[:3])}, 0.27, 0.3, 0.35, {', '.join(moduli[3:5])},", f"{moduli[5]}, 293"]
+    lines += ["*DENSITY", f"{1850 / density:.9g}"]
+    for name in mesh.sets:
+        lines += [f"*SHELL SECTION, ELSET={name.upper()}, MATERIAL=GFRP, ORIENTATION=O", f"{0.004 / length:g}"]
+    root = (mesh.node_sets["start"] + 1).tolist()
+    lines += ["*NSET, NSET=ROOT", *(", ".join(map(str, root[k : k + 8])) for k in range(0, len(root), 8))]
+    lines += ["*BOUNDARY", "ROOT, 1, 6", "*STEP", "*FREQUENCY", "12", "*END STEP", ""]
+    return "\n".join(lines).encode()
 
 
 def uff(body: Structure, truth: dict[str, float], places: dict[int, tuple[float, float, float]], seed: int) -> bytes:

@@ -101,6 +101,8 @@ def _specimen(facts: UpdateFacts) -> list[tuple[str, str]]:
 
 
 def _size(structure: Mapping[str, Any]) -> str:
+    if structure["model"] is not None:
+        return ""
     body = structure["geometry"] or structure["shape"]
     last = "thickness" if structure["geometry"] else "height"
     size = " × ".join(f"{1e3 * body[f'{name}_m']:.5g}" for name in ("length", "width", last) if body[f"{name}_m"])
@@ -110,6 +112,8 @@ def _size(structure: Mapping[str, Any]) -> str:
 
 
 def _section(structure: Mapping[str, Any]) -> str:
+    if structure["model"] is not None:
+        return f"model {structure['model']['filename']}: {', '.join(_set(each) for each in structure['model']['sets'])}"
     if (shape := structure["shape"]) is not None:
         walls = (f"{name} {_wall(wall)}" for name, wall in shape["walls"].items())
         return f"{shape['kind']}: {', '.join(walls)}"
@@ -118,6 +122,11 @@ def _section(structure: Mapping[str, Any]) -> str:
         shown = "/".join(angles[:16]) + ("/…" if len(angles) > 16 else "")
         return f"laminate of {counted(len(angles), 'ply', 'plies')} [{shown}]"
     return "equivalent orthotropic plate"
+
+
+def _set(found: Mapping[str, Any]) -> str:
+    thickness = found.get("thickness_m")
+    return f"{found['name']}" if thickness is None else f"{found['name']} {1e3 * thickness:.4g} mm"
 
 
 def _wall(wall: Mapping[str, Any]) -> str:

@@ -94,7 +94,9 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     added = Instruments.model_validate(campaign.instruments).added_masses
     masses = (*sensor, *(Mass(each.x_m, each.y_m, each.mass_kg) for each in added))
     rayleigh = _rayleigh(document)
-    remarks = [*_origin(job, document), *([] if remark is None else [remark])]
+    axes = "SI units: m, kg, s, N, Pa; x along the length from the first edge, z out of plane"
+    job_line, digest, *verdict = origin(job, document)
+    remarks = [job_line, digest, axes, *verdict, *([] if remark is None else [remark])]
     if any(each.rotary_inertia_kg_m2 for each in added):
         remarks.append("the added masses are points: their rotary inertia is not in the deck")
     if rayleigh is None:
@@ -114,13 +116,13 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     )
 
 
-def _origin(job: UpdateJob, document: dict[str, Any]) -> list[str]:
+def origin(job: UpdateJob, document: dict[str, Any]) -> list[str]:
+    """Where a deck comes from, and what is said of its result."""
     digest = sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
     verdict = document.get("verdict") or {}
     return [
         f"modalbase {__version__}: the updated model of update job {job.id}",
         f"result SHA-256 {digest}",
-        "SI units: m, kg, s, N, Pa; x along the length from the first edge, z out of plane",
         *([str(verdict["sentence"])] if "sentence" in verdict else []),
     ]
 

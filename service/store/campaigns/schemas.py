@@ -17,7 +17,7 @@ from service.store.structures.schemas import Deviation
 from service.web import Name, StrictModel, Text, Time, example, not_null
 from service.web.quantities import SENSOR_MASS
 
-Boundary = Literal["cantilever", "free", "simply_supported"]
+Boundary = Literal["cantilever", "free", "simply_supported", "as_modelled"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, description="m")]
 Vector = tuple[Coordinate, Coordinate, Coordinate]

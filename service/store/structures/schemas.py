@@ -145,11 +145,20 @@ class StructureIn(StrictModel):
         None, description="a profile, a panel or a strip by its dimensions; instead of a geometry"
     )
 
+    model: UUID | None = Field(
+        None,
+        description="id of a model that was sent to the structure: the body that it is; instead of a geometry or shape",
+    )
+
     @model_validator(mode="after")
     def _one_body(self) -> Self:
-        others = [name for name in ("geometry", "laminate", "material", "pieces") if getattr(self, name)]
-        if self.shape is not None and others:
-            raise PydanticCustomError("one_body", "a shape has its own {others}", {"others": " and ".join(others)})
+        named = [
+            name for name in ("shape", "model", "geometry", "laminate", "material", "pieces") if getattr(self, name)
+        ]
+        if len(named) > 1 and named[0] in ("shape", "model"):
+            raise PydanticCustomError(
+                "one_body", "a {body} has its own {others}", {"body": named[0], "others": " and ".join(named[1:])}
+            )
         return self
 
     @model_validator(mode="after")
@@ -192,6 +201,7 @@ class StructurePatch(StrictModel):
     inputs: StructureInputs | None = Field(None, description="takes the place of the former; {} clears it")
     pieces: Pieces | None = None
     shape: Shape | None = None
+    model: UUID | None = Field(None, description="an earlier model of the structure, to go back to it")
 
 
 class StructureOut(StrictModel):
@@ -210,5 +220,6 @@ class StructureOut(StrictModel):
     inputs: StructureInputs | None
     pieces: Pieces | None
     shape: Shape | None
+    model: UUID | None = Field(description="id of the model that it is; null where it is none")
     created_at: datetime
     updated_at: datetime
