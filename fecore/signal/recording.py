@@ -25,7 +25,7 @@ _OVER_PAUSES = 8.0  # times that a hit is higher than what the force channel has
 _OVER_LARGEST = 0.05  # share of the largest hit below which a pulse is none
 _FLOOR = 2.0  # times the energy of the quietest pauses, at which a response has decayed
 _CLIPPED = 0.999  # of full scale
-_SAME = 1e-6  # relative difference of two channels' extremes in all hops, up to which rounding alone tells them apart
+_SAME = 1e-6  # relative, of the extremes in all hops: two channels that differ less are copies but for rounding
 
 
 @dataclass(frozen=True)
