@@ -1,12 +1,13 @@
 """An exponential window that an analyser has applied and nobody stated, seen where the noise decays with it.
 
-Behind its pulse the force channel holds noise alone. The mean size s of the second differences of its samples, which hum and
-drift hardly reach, is taken in equal parts of a block; under exp(-r t)
+Behind its pulse the force channel holds noise alone. The root mean square s of the steps from sample to sample, which hum
+and drift hardly reach, is taken in equal parts of a block; under exp(-r t)
 
     ln s(t) = c - r t.
 
-r is the median of the hits' slopes. It counts where it stands out of their scatter, and where ln s bends far less than it
-falls: what else rings in a hammer dies away into a floor, and a window has none.
+r is the mean of the hits' slopes, without those of double hits and the like that lie far from their median. It counts where it
+stands out of their scatter, and where ln s bends far less than it falls: what else rings in a hammer dies away into a floor,
+and a window has none.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from fecore.signal.spectra import Source
 _PARTS = 12  # of a block's noise
 _FEWEST_SAMPLES = 64  # of a part
 _FEWEST_HITS = 4
-_LOOKED_AT = 36  # hits, spread over the points
+_NEAR = 2.5  # standard deviations about the median, up to which a slope is no outlier
+_LOOKED_AT = 72  # hits, spread over the points
 _CERTAIN = 5.0  # standard deviations that the rate is above none
 _BENT = 0.25  # of the fall, that ln s may bend over the block
 
@@ -82,11 +84,14 @@ def seen_rate(hits: Sequence[Hit]) -> SeenRate | None:
     found = np.array([row for hit in hits if (row := _decay(hit)) is not None])
     if len(found) < _FEWEST_HITS:
         return None
-    rate, bend = np.median(found, axis=0)
-    spread = 1.4826 * np.median(np.abs(found - [rate, bend]), axis=0)
+    off = np.abs(found - np.median(found, axis=0))
+    near = found[(off <= _NEAR * 1.4826 * np.median(off, axis=0)).all(axis=1)]
+    if len(near) < _FEWEST_HITS:
+        return None
+    rate, bend = near.mean(axis=0)
     block = hits[0].samples / hits[0].sample_rate_hz
     least = np.sqrt(6 / hits[0].samples) * np.array([1 / block, 1.0])  # what white noise leaves open, of a few hits too
-    sd, bend_sd = 1.2533 * np.maximum(spread, least) / np.sqrt(len(found))  # of a median
+    sd, bend_sd = np.maximum(near.std(axis=0), least) / np.sqrt(len(near))
     if rate < _CERTAIN * sd or abs(bend) > _BENT * rate * block + _CERTAIN * bend_sd:
         return None
     return SeenRate(float(rate), float(sd))
@@ -99,10 +104,10 @@ def _decay(hit: Hit) -> tuple[float, float] | None:
     size = noise.size // _PARTS
     if size < _FEWEST_SAMPLES:
         return None
-    steps = np.abs(np.diff(noise[: size * _PARTS].astype(float), 2, append=(0.0, 0.0)))
-    means = steps.reshape(_PARTS, size)[:, :-2].mean(axis=1)
-    if not means.min() > 0:
+    steps = np.diff(noise[: size * _PARTS].astype(float).reshape(_PARTS, size), axis=1)
+    power = (steps**2).mean(axis=1)
+    if not power.min() > 0:
         return None
-    bend, slope, _ = np.polyfit(np.linspace(-1, 1, _PARTS), np.log(means), 2)
+    bend, slope, _ = np.polyfit(np.linspace(-1, 1, _PARTS), np.log(power) / 2, 2)
     half_s = 0.5 * (_PARTS - 1) * size / hit.sample_rate_hz
     return -float(slope) / half_s, float(bend)
