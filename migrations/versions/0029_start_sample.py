@@ -6,7 +6,7 @@ import sqlalchemy as sa
 from alembic import op
 
 revision = "0029_start_sample"
-down_revision = "0027_hit_decisions"
+down_revision = "0028_shapes"
 branch_labels = None
 depends_on = None
 
