@@ -23,7 +23,7 @@ from fecore.signal.spectra import Source
 
 _PARTS = 12  # of a block's noise
 _FEWEST_SAMPLES = 64  # of a part
-_FEWEST_HITS = 4
+_FEWEST_HITS = 4  # whose scatter says what stands out of it
 _NEAR = 2.5  # standard deviations about the median, up to which a slope is no outlier
 _LOOKED_AT = 72  # hits, spread over the points
 _CERTAIN = 5.0  # standard deviations that the rate is above none

@@ -40,13 +40,13 @@ def test_noise_without_a_window_shows_none(seed: int) -> None:
 
 
 def test_a_hammer_that_rings_into_its_noise_shows_no_window() -> None:
-    rung = []
+    ringing = []
     for hit in hits(0.0):
         x = hit.force.samples.copy()
         late = np.arange(x.size - np.argmax(x)) / hit.sample_rate_hz
         x[np.argmax(x) :] += 0.02 * x.max() * np.exp(-8 * late) * np.sin(0.3 * hit.sample_rate_hz * late)
-        rung.append(replace(hit, force=replace(hit.force, samples=x)))
-    assert seen_rate(rung) is None
+        ringing.append(replace(hit, force=replace(hit.force, samples=x)))
+    assert seen_rate(ringing) is None
 
 
 def test_a_force_without_noise_and_few_hits_show_none() -> None:
