@@ -5,8 +5,8 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0029_start_sample"
-down_revision = "0028_shapes"
+revision = "0030_start_sample"
+down_revision = "0029_models"
 branch_labels = None
 depends_on = None
 
