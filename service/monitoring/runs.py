@@ -35,7 +35,8 @@ from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_of
 from service.store.modes.operations import modes_of
 from service.store.structures.operations import describe_version, structure_for, structure_of, version_of
-from service.store.updating.bodies import body_of
+from service.store.updating.bodies import usual_boundary
+from service.store.updating.loading import body_for
 from service.store.updating.operations import arrays_of, result_documents, start_update
 from service.store.updating.schemas import ParameterIn, RecipeIn
 
@@ -308,7 +309,8 @@ def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: d
     """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows down on the past."""
     version = version_of(session, monitor.structure_version_id)
     structure = structure_of(session, monitor.structure_id)
-    specimen = body_of(describe_version(version, structure.name), monitor.boundary or "cantilever", recipe)
+    described = describe_version(version, structure.name)
+    specimen = body_for(session, described, monitor.boundary or usual_boundary(described), recipe)
     core = recipe.parameters_of(specimen)
     free = parametrise(specimen, core)
     widths = dict(zip(free.names, free.prior_sd.tolist(), strict=True))

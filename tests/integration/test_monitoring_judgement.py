@@ -40,7 +40,7 @@ from service.store.campaigns.operations import create_campaign
 from service.store.campaigns.schemas import CampaignIn
 from service.store.frfs.operations import Frf
 from service.store.imports.operations import IMPORT, Import
-from service.store.imports.originals import Original
+from service.store.storage.originals import Original
 from service.store.structures.operations import Structure, create_structure
 from service.store.structures.schemas import StructureIn
 
