@@ -34,6 +34,7 @@ from service.store.storage.routes import router as storage
 from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
 from service.store.structures.routes import router as structures
+from service.store.updating.alignment import router as alignment
 from service.store.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -45,6 +46,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     imports,
     purging,
     grid_points,
+    alignment,
     scripts,
     frfs,
     records,

@@ -15,12 +15,13 @@ import pyuff
 
 import modalbase
 from modalbase.client.place import find_place, profile_file, save_profile
+from modalbase.formats.models.inp import read_inp
 from modalbase.formats.records import Place
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.store.updating.result_schemas import ResultOut
 from tests.support.laboratory import BEAM
-from tests.support.profiles import ANGLE, TRUTH, measured
+from tests.support.profiles import ANGLE, TRUTH, deck, measured
 from tests.support.rest import finished
 
 BODY = {**BEAM["geometry"], **BEAM["material"], "density_kg_m3": 2012.0}
@@ -356,3 +357,26 @@ def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory, tmp_path: P
     campaign.import_file(file)
     found = campaign.update(damping_models=["rayleigh"]).result().parameters["web.E1"]
     assert found["interval_95"][0] < TRUTH["web.E1"] < found["interval_95"][1]
+
+
+def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path) -> None:
+    file, back = tmp_path / "angle.inp", tmp_path / "updated.inp"
+    file.write_bytes(deck(1e-3))
+    bracket = lab.new_project("decks").new_structure("bracket")
+    assert bracket.model is None
+    with pytest.raises(modalbase.JobFailed, match="units=mm-N-t"):
+        bracket.import_model(file)
+    model = bracket.import_model(file, units="mm-N-t")
+    assert bracket.version == 2
+    assert bracket.model == model
+    assert model.sets["web"]["thickness_m"] == 0.004
+    assert "flange" in model.summary()
+    assert model.save(tmp_path / "copy.inp").read_bytes() == file.read_bytes()
+    uff = tmp_path / "angle.uff"
+    uff.write_bytes(measured())
+    campaign = bracket.new_campaign("free", "free", window_rate_per_s=0)
+    campaign.import_file(uff)
+    result = campaign.update(damping_models=["rayleigh"]).result()
+    updated = read_inp(result.deck(back).read_bytes())
+    (name,) = updated.sections["web"].materials
+    assert updated.materials[name].constants["E1"] == pytest.approx(result.parameters["web.E1"]["estimate"] / 1e6)
