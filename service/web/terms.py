@@ -121,6 +121,7 @@ TERMS: dict[str, str] = {
     "sensitivity": "factor that made the file's values SI",
     "window_rate_per_s": "rate 1/τ of an exponential window that the data carry, 1/s; 0: none",
     "full_scale": "largest value that the channel can show, in its SI unit; null where nobody says",
+    "start_sample": "first sample of the block in the recording that it was cut from, from 0; null: recorded alone",
     "accepted": "whether the hit is used",
     "findings": "what each criterion says of the hit",
     "criterion": "name of the criterion",

@@ -8,7 +8,7 @@ from math import isclose, isfinite
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, number, whole
-from modalbase.formats.models.bdf.edit import Edits, fitted
+from modalbase.formats.models.bdf.edit import Edits, fitted, has_field
 from modalbase.formats.models.bdf.lines import cards_of, split_deck
 from modalbase.formats.models.bdf.sections import rod_key
 from modalbase.formats.models.model import BeamSection, FiniteElementModel, Material, ShellSection
@@ -17,6 +17,7 @@ Constants = dict[str, float]
 
 _ISOTROPIC = ("E", "nu", "G")
 _ORTHOTROPIC = ("E1", "E2", "nu12", "G12", "G13", "G23")
+_MODULI = ("E", "G", "E1", "E2", "G12", "G13", "G23")
 _OF_BEAM = ("area", "I1", "I2", "J")
 _FIELDS = {
     "MAT1": {"E": 1, "G": 2, "nu": 3, "density": 4},
@@ -27,9 +28,14 @@ _SAME = 1e-9
 
 
 def write_bdf(
-    content: bytes, model: FiniteElementModel, updated: Mapping[str, Mapping[str, float]], notes: Sequence[str] = ()
-) -> bytes:
-    """The deck that a model was read from, with updated constants.
+    content: bytes,
+    model: FiniteElementModel,
+    updated: Mapping[tuple[str, str], float],
+    *,
+    included: Mapping[str, bytes] | None = None,
+    remarks: Sequence[str] = (),
+) -> dict[str, bytes]:
+    """The files of a deck that change by an update, by name; the deck's own is empty.
 
     A field changes in place and in its own width, with a comment before its card. Where sets shared a material that now
     differs, copies of the material with free numbers stand before ENDDATA, and the properties of the sets point to them. All
@@ -39,14 +45,18 @@ def write_bdf(
         content: the deck.
         model: what `read_bdf` made of it.
         updated: new values by set and constant, in the model's units: `E1`, `E2`, `G12`, `G13`, `G23`, `nu12`, or `E`,
-            `nu`, `G`; of a second material of the stack `E1_2` and so on; `density` of the set, `t` of its whole thickness; of
-            beams also `area`, `I1`, `I2`, `J`.
-        notes: comments for the deck's top.
+            `nu`, `G`; of a second material of the stack `E1_2` and so on; `density` of the set, `t` of its whole thickness,
+            `factor` of all moduli; of beams also `area`, `I1`, `I2`, `J`.
+        included: files that the deck includes, by name.
+        remarks: comments for the deck's top.
 
     Raises:
-        FormatError: a set or constant is not there, a value is not a number, or the card stands in an INCLUDE file.
+        FormatError: a set or constant is not there, a value is not a number, or the card stands in a file that is not here.
     """
-    return _Writer(content, model).write(updated, notes)
+    by_set: dict[str, Constants] = {}
+    for (set_name, constant), value in updated.items():
+        by_set.setdefault(set_name, {})[constant] = value
+    return _Writer(content, model, included or {}).write(by_set, remarks)
 
 
 @dataclass
@@ -61,38 +71,53 @@ class _Use:
 class _Writer:
     content: bytes
     model: FiniteElementModel
+    included: Mapping[str, bytes]
     appended: list[str] = field(default_factory=list)
+    edits: dict[str, Edits] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        lines = split_deck(self.content, None)
+        lines = split_deck(self.content, self.included or None)
         self.cards = [card for card in cards_of(lines.bulk) if isinstance(card, Card)]
-        self.by_line = {card.line: card for card in self.cards}
-        self.edits = Edits.of(self.content)
-        self.end = _line_of_end(self.content)
+        self.by_place = {(card.rows[0].file, card.line): card for card in self.cards}
         numbers = [whole(card.text(0)) or 0 for card in self.cards if card.name.startswith("MAT")]
         named = [int(name) for name in self.model.materials]
         self.next_number = max([*numbers, *named], default=0) + 1
 
-    def write(self, updated: Mapping[str, Mapping[str, float]], notes: Sequence[str]) -> bytes:
+    def write(self, updated: Mapping[str, Constants], remarks: Sequence[str]) -> dict[str, bytes]:
         """All of it."""
         self._check(updated)
         uses: dict[str, list[_Use]] = {name: [] for name in self.model.materials}
         for set_name in self.model.sets:
-            own = dict(updated.get(set_name, {}))
+            own = updated.get(set_name, {})
             for material, constants in self._materials(set_name, own).items():
                 uses[material].append(_Use(set_name, constants))
             self._thickness(set_name, own)
             self._beam(set_name, own)
         for name, users in uses.items():
             self._material(self.model.materials[name], users)
-        return self.edits.result([f"$ {note}" for note in notes], self.appended, self.end)
+        header = [f"$ {line}" for remark in remarks for line in remark.splitlines()]
+        if header or self.appended:
+            self.edits.setdefault("", Edits.of(self.content))
+        return {
+            file: edits.result(*((header, self.appended, _line_of_end(self.content)) if not file else ((), (), None)))
+            for file, edits in self.edits.items()
+        }
+
+    def _edits(self, card: Card) -> Edits:
+        """Those of the file that a card stands in."""
+        file = card.rows[0].file
+        return self.edits.setdefault(file, Edits.of(self.included[file] if file else self.content))
 
     def _check(self, updated: Mapping[str, Mapping[str, float]]) -> None:
         for set_name, constants in updated.items():
             section = self.model.sections.get(set_name)
             if section is None:
                 raise FormatError(set_name, f"is no set of the deck; there are {', '.join(self.model.sets)}")
-            allowed = {*_OF_BEAM, *_ISOTROPIC, "density"} if isinstance(section, BeamSection) else _of_shell(section)
+            allowed = (
+                {*_OF_BEAM, *_ISOTROPIC, "density", "factor"}
+                if isinstance(section, BeamSection)
+                else _of_shell(section)
+            )
             for name, value in constants.items():
                 if name not in allowed:
                     raise FormatError(
@@ -111,6 +136,8 @@ class _Writer:
             suffix = "" if k == 1 else f"_{k}"
             stated = {c: own[c + suffix] for c in (*_ISOTROPIC, *_ORTHOTROPIC) if c + suffix in own}
             constants = _updated(dict(self.model.materials[name].constants), stated)
+            for modulus in {*_MODULI} & {*constants}:
+                constants[modulus] *= own.get("factor", 1.0)
             if "density" in constants:
                 constants["density"] *= share
             found[name] = constants
@@ -128,11 +155,11 @@ class _Writer:
             return
         places = {ply.place: ply.thickness for ply in section.plies if ply.place is not None}
         fields = {(place.line, place.start): thickness for place, thickness in places.items()}
-        self.edits.remark(card, f"updated: {set_name}.t = {own['t']:.6g}, before {own['t'] / ratio:.6g}")
+        self._edits(card).remark(card, f"updated: {set_name}.t = {own['t']:.6g}, before {own['t'] / ratio:.6g}")
         for index in range(len(card)):
             place = card.place(index)
             if (place.line, place.start) in fields and card.text(index):
-                self.edits.real(card, index, fields[place.line, place.start] * ratio)
+                self._edits(card).real(card, index, fields[place.line, place.start] * ratio)
 
     def _beam(self, set_name: str, own: Constants) -> None:
         section = self.model.sections[set_name]
@@ -147,8 +174,8 @@ class _Writer:
             card = self._card(section.line, section.file, set_name)
             index = next(k for k in range(len(card)) if card.place(k) == place)
             before = card.text(index)
-            self.edits.remark(card, f"updated: {set_name}.{name} = {own[name]:.6g}, before {before}")
-            self.edits.real(card, index, own[name])
+            self._edits(card).remark(card, f"updated: {set_name}.{name} = {own[name]:.6g}, before {before}")
+            self._edits(card).real(card, index, own[name])
 
     def _material(self, material: Material, users: list[_Use]) -> None:
         """Change a material for the sets that agree, and copy it for the others."""
@@ -167,11 +194,13 @@ class _Writer:
             card = self._card(material.line, material.file, group[0].set)
             sets = ", ".join(use.set for use in group)
             values = _fields_of(card, material, constants)
-            if k == 0 and values is not None and all(self.edits.has_field(card, index) for index in values):
+            if k == 0 and values is not None and all(has_field(card, index) for index in values):
                 for index, value in values.items():
                     before = card.text(index) or "empty"
-                    text = self.edits.real(card, index, value)
-                    self.edits.remark(card, f"updated: {_name_of(card, index)} of {sets} = {text}, before {before}")
+                    text = self._edits(card).real(card, index, value)
+                    self._edits(card).remark(
+                        card, f"updated: {_name_of(card, index)} of {sets} = {text}, before {before}"
+                    )
             else:
                 self._copy(card, material, constants, group)
 
@@ -196,9 +225,9 @@ class _Writer:
         for use in group:
             for owner, indices in self._owners(use.set):
                 pointing = [index for index in indices if owner.text(index) == card.text(0)]
-                self.edits.remark(owner, f"updated: material {new} by {material.name}")
+                self._edits(owner).remark(owner, f"updated: material {new} by {material.name}")
                 for index in pointing:
-                    self.edits.integer(owner, index, new)
+                    self._edits(owner).integer(owner, index, new)
 
     def _owners(self, set_name: str) -> Iterable[tuple[Card, Sequence[int]]]:
         """Cards that name the materials of a set, with the fields where they do."""
@@ -214,16 +243,17 @@ class _Writer:
         return [(card, (1,))]
 
     def _card(self, line: int, file: str, set_name: str) -> Card:
-        if file:
-            raise FormatError(set_name, f"cannot be written: its card stands in line {line} of the INCLUDE file {file}")
-        card = self.by_line.get(line)
+        card = self.by_place.get((file, line))
         if card is None:
-            raise FormatError(set_name, f"cannot be written: line {line} of this deck is not the card that was read")
+            name = file or "this deck"
+            raise FormatError(
+                set_name, f"cannot be written: line {line} of {name} is not here, or not the card that was read"
+            )
         return card
 
 
 def _of_shell(section: ShellSection) -> set[str]:
-    found = {"t", "density"}
+    found = {"t", "density", "factor"}
     for k in range(1, len(_names(section)) + 1):
         found |= {name if k == 1 else f"{name}_{k}" for name in (*_ISOTROPIC, *_ORTHOTROPIC)}
     return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,9 +17,6 @@ from modalbase.formats.models.units import Units, in_si, units_of
 from modalbase.formats.models.write_bdf import write_bdf
 from service.compute.models.bodies import body_of_model
 from service.compute.models.reading import faults_of, parsed
-
-Values = Mapping[str, Mapping[str, float]]
-"""By set and constant."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +42,7 @@ class DeckOrder:
     remarks: tuple[str, ...]
 
 
-def _write_inp(content: bytes, model: FiniteElementModel, updated: Values, remarks: Sequence[str]) -> bytes:
-    flat = {(name, constant): value for name, values in updated.items() for constant, value in values.items()}
-    return write_inp(content, model, flat, remarks=remarks)[""]
-
-
-WRITERS: Mapping[str, Callable[[bytes, FiniteElementModel, Values, Sequence[str]], bytes]] = {
-    "inp": _write_inp,
-    "bdf": write_bdf,
-}
+WRITERS = {"inp": write_inp, "bdf": write_bdf}
 """By format of a model."""
 
 
@@ -66,25 +55,22 @@ def updated_deck(order: DeckOrder) -> bytes:
     model = parsed(order.content, order.filename)
     remarks = [*order.remarks, *_joints(in_si(model, order.units), order)]
     updated = _in_deck(model, order.constants, units_of(order.units))
-    return faults_of(lambda: WRITERS[model.format](order.content, model, updated, remarks))
+    return faults_of(lambda: WRITERS[model.format](order.content, model, updated, remarks=remarks)[""])
 
 
-def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: Units) -> Values:
-    """Constants in the deck's units and by its own names: of an isotropic material E, and of its beams G."""
-    found: dict[str, dict[str, float]] = {}
+def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: Units) -> dict[tuple[str, str], float]:
+    """Constants in the deck's units by set and name; no G of a beam whose isotropic material states none."""
+    found = {}
     for full, value in constants.items():
         name, _, constant = full.rpartition(".")
-        if name not in model.sections:
+        section = model.sections.get(name)
+        if section is None:
             continue
-        section = model.sections[name]
         first = model.materials[section.materials[0]]
-        stated = constant
-        if first.is_isotropic and not isinstance(section, BeamSection):
-            stated = {"E1": "E", "nu12": "nu", "E2": "", "G12": "", "G13": "", "G23": ""}.get(constant, constant)
-        if first.is_isotropic and isinstance(section, BeamSection) and constant == "G":
-            stated = "G" if "G" in first.places else ""
-        if stated:
-            found.setdefault(name, {})[stated] = value / _unit(kind_of(stated), units)
+        if not (
+            isinstance(section, BeamSection) and first.is_isotropic and constant == "G" and "G" not in first.places
+        ):
+            found[name, constant] = value / _unit(kind_of(constant), units)
     return found
 
 

@@ -238,10 +238,16 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one_or_none()
-    if size is None:
+    found = arrays_of(session, row.id)
+    if found is None:
         raise UPDATES.no_result(session, row)
-    return StoredArrays(session, row.id, size)
+    return found
+
+
+def arrays_of(session: Session, key: UUID) -> StoredArrays | None:
+    """The same of an update job by its key; None where it has no result."""
+    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=key)).one_or_none()
+    return None if size is None else StoredArrays(session, key, size)
 
 
 def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[str, Any]]:

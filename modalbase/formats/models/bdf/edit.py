@@ -36,6 +36,12 @@ def _candidates(value: float, width: int) -> list[str]:
     return fixed + exponential
 
 
+def has_field(card: Card, index: int) -> bool:
+    """Whether a line of the card has room for a field."""
+    row = max((row for row in card.rows if row.start <= index), key=lambda row: row.start)
+    return index - row.start < (4 if row.is_large else 8)
+
+
 @dataclass
 class Edits:
     """Changes of a deck, line by line.
@@ -52,11 +58,6 @@ class Edits:
     def of(cls, content: bytes) -> Edits:
         """Of a deck without any changes."""
         return cls([line.decode("latin-1") for line in content.splitlines(keepends=True)])
-
-    def has_field(self, card: Card, index: int) -> bool:
-        """Whether a line of the card has room for a field."""
-        row = max((row for row in card.rows if row.start <= index), key=lambda row: row.start)
-        return index - row.start < (4 if row.is_large else 8)
 
     def real(self, card: Card, index: int, value: float) -> str:
         """Put a real into a field; gives its text."""
@@ -99,7 +100,7 @@ class Edits:
             if found and not found[-1].endswith(("\n", "\r")):
                 found[-1] += newline
             found += [f"{line}{newline}" for line in appended]
-        return "".join(found).encode("latin-1")
+        return "".join(found).encode("latin-1", "replace")
 
     def _line(self, raw: str, fields: Sequence[tuple[int, str, bool]]) -> str:
         body = raw.rstrip("\r\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.card import Card
@@ -10,10 +11,12 @@ from modalbase.formats.models.bdf.card import Card
 _NUMBERED = (
     re.compile(r"\$\s*HMNAME\s+PROP\s+(\d{1,12})\s*\"([^\"]*)\""),
     re.compile(r"\$\s*ANSA_NAME(?:_COMMENT)?;(\d{1,12});P[A-Z]+;([^;]*)"),
+    re.compile(r"\$\*?\s*Property\s*:\s*(\d{1,12})\s+name\s*:\s*(.*)", re.IGNORECASE),
     re.compile(r"\$\*?\s*Femap.*\bProperty\s+(\d{1,12})\s*:\s*(.*)", re.IGNORECASE),
 )
 _NEXT = (
     re.compile(r"\$\s*Elements and Element Properties for region\s*:\s*(.*)", re.IGNORECASE),
+    re.compile(r"\$\s*Pset:\s*\"([^\"]*)\""),
     re.compile(r"\$\*?\s.*\bProperty\s*:\s*(.*)", re.IGNORECASE),
 )
 _PROPERTIES = frozenset(("PSHELL", "PCOMP", "PCOMPG", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE"))
@@ -58,5 +61,6 @@ class Labels:
 
 def _plain(name: str) -> str:
     """A name of letters, digits and _ alone; empty where nothing is left."""
-    text = name.encode("latin-1", "replace").decode("utf-8", "replace")
-    return re.sub(r"\W+", "_", text).strip("_")[:_LONGEST]
+    with suppress(UnicodeDecodeError):
+        name = name.encode("latin-1").decode("utf-8")
+    return re.sub(r"\W+", "_", name).strip("_")[:_LONGEST]

@@ -9,8 +9,6 @@ from pathlib import PureWindowsPath
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, Row, where
 
-MOST_LINES = 20_000_000
-_DEEPEST = 20
 _SMALL = tuple(range(8, 72, 8))
 _LARGE = tuple(range(8, 72, 16))
 
@@ -46,7 +44,7 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
     found = Sections()
     current = found.control
     controlled = ended = False
-    for line in _lines(content, "", included, ()):
+    for line in _lines(content, "", included, set()):
         word = line.text.replace(",", " ").split(None, 1)[:1]
         if word == ["ENDDATA"]:
             ended = True
@@ -77,7 +75,7 @@ def _last(lines: list[Line]) -> str:
     return where(lines[-1].number, lines[-1].file) if lines else ""
 
 
-def _lines(content: bytes, file: str, included: Mapping[str, bytes] | None, above: tuple[str, ...]) -> Iterator[Line]:
+def _lines(content: bytes, file: str, included: Mapping[str, bytes] | None, seen: set[str]) -> Iterator[Line]:
     raws = content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     texts = content.upper().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
     number = 0
@@ -98,9 +96,12 @@ def _lines(content: bytes, file: str, included: Mapping[str, bytes] | None, abov
         inner = _find(name, included)
         if inner is None:
             raise FormatError(where(first, file), f"INCLUDE {name!r} is not here; send that file with the deck")
-        if inner in above or len(above) > _DEEPEST:
-            raise FormatError(where(first, file), f"INCLUDE {name!r} includes itself")
-        yield from _lines(included[inner], inner, included, (*above, inner))
+        if inner in seen:
+            raise FormatError(
+                where(first, file), f"INCLUDE {name!r} stands for the second time; its cards would be there twice"
+            )
+        seen.add(inner)
+        yield from _lines(included[inner], inner, included, seen)
 
 
 def _find(name: str, included: Mapping[str, bytes]) -> str | None:

@@ -103,22 +103,24 @@ def directions(places: Floats, elements: list[Element], first: Floats) -> tuple[
     Raises:
         FormatError: a beam has no length, or n1 lies along it.
     """
-    axes, seconds = [], []
-    for element in elements:
-        order = element.type.order
-        ends = places[[element.nodes[order[0]], element.nodes[order[1]]]]
-        t = ends[1] - ends[0]
-        length = float(np.linalg.norm(t))
-        if not length > 0:
-            raise element.row.error(f"gives element {element.number} no length")
-        t = t / length
-        n1 = places[element.nodes[-1]] - ends[0] if len(element.nodes) > len(order) else first
-        n2 = np.cross(t, n1)
-        if not np.linalg.norm(n2) > 1e-6 * np.linalg.norm(n1):
-            raise element.row.error(
-                f"has element {element.number}, along which its direction n1 lies; give the section's second line another"
-            )
-        n2 = n2 / np.linalg.norm(n2)
-        axes.append(np.cross(n2, t))
-        seconds.append(n2)
-    return np.array(axes), np.array(seconds)
+    ends = places[[[element.nodes[element.type.order[k]] for k in (0, 1)] for element in elements]]
+    t = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(t, axis=1, keepdims=True)
+    if not np.all(length > 0):
+        element = elements[int(np.argmin(length))]
+        raise element.row.error(f"gives element {element.number} no length")
+    t = t / length
+    n1 = np.tile(first, (len(elements), 1))
+    for k, element in enumerate(elements):
+        if len(element.nodes) > len(element.type.order):
+            n1[k] = places[element.nodes[-1]] - ends[k, 0]
+    n2 = np.cross(t, n1)
+    size = np.linalg.norm(n2, axis=1, keepdims=True)
+    along = ~(size > 1e-6 * np.linalg.norm(n1, axis=1, keepdims=True))
+    if along.any():
+        element = elements[int(np.argmax(along))]
+        raise element.row.error(
+            f"has element {element.number}, along which its direction n1 lies; give the section's second line another"
+        )
+    n2 = n2 / size
+    return np.cross(n2, t), n2

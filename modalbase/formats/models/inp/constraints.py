@@ -220,22 +220,22 @@ class Constraints:
                 )
 
     def _coincident(self, led: Integers, leading: Integers) -> list[tuple[int, int]]:
-        """Pairs of nodes at one place, each led one once."""
-        step = max(self._near, 1e-300)
-        at: dict[tuple[int, ...], int] = {}
-        for node in leading.tolist():
-            at.setdefault(tuple(np.round(self._places[node] / step / 4).astype(np.int64).tolist()), node)
-        found = []
-        for node in led.tolist():
-            corner = np.floor(self._places[node] / step / 4 + 0.5).astype(np.int64)
-            near = (at.get(tuple((corner + shift).tolist())) for shift in _AROUND)
-            leader = next((n for n in near if n is not None and n != node and self._is_near(n, node)), None)
-            if leader is not None:
-                found.append((node, leader))
-        return found
+        """Pairs of nodes at one place, each led one once.
 
-    def _is_near(self, a: int, b: int) -> bool:
-        return float(np.linalg.norm(self._places[a] - self._places[b])) <= self._near
+        Nodes at one place are so along any line; one that lies askew to all walls leaves few others to compare.
+        """
+        along = self._places @ _ASKEW
+        leading = leading[np.argsort(along[leading])]
+        first = np.searchsorted(along[leading], along[led] - self._near)
+        last = np.searchsorted(along[leading], along[led] + self._near, side="right")
+        found = []
+        for k in np.flatnonzero(last > first).tolist():
+            near = leading[first[k] : last[k]]
+            apart = np.linalg.norm(self._places[near] - self._places[led[k]], axis=1)
+            others = near[(apart <= self._near) & (near != led[k])]
+            if others.size:
+                found.append((int(led[k]), int(others[0])))
+        return found
 
     def _surface(self, name: str, part: Part, where: Card | Row) -> Integers:
         """Nodes of a surface, or of a set of nodes."""
@@ -268,7 +268,7 @@ class Constraints:
         return (nodes[k], nodes[(k + 1) % corners], *nodes[corners + k : corners + k + 1])
 
 
-_AROUND = [np.array([x, y, z]) for x in (0, -1, 1) for y in (0, -1, 1) for z in (0, -1, 1)]
+_ASKEW = np.array([0.5405, 0.6214, 0.5671])
 
 
 def dof_range(fields: list[str], row: Row) -> range:

@@ -12,8 +12,8 @@ from typing import NamedTuple
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import Place
 
-MOST_LINES = 10_000_000
-DEEPEST_INCLUDE = 20
+MOST_LINES = 2_000_000
+DEEPEST_INCLUDE = 10
 LARGEST = 1e25
 """No number of a deck in any units reaches it, and products of several stay finite."""
 

@@ -16,10 +16,11 @@ from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.types import ElementType, type_of
 from modalbase.formats.models.model import Floats, Integers
 
-MOST_NODES = 1_000_000
-MOST_ELEMENTS = 1_000_000
-MOST_MEMBERS = 20_000_000
-"""Of all sets together, since a line of GENERATE names as many as it likes."""
+MOST_NODES = 300_000
+MOST_ELEMENTS = 300_000
+"""Three times what the core solves; a deck of 250 000 of each takes 0.5 GB to read."""
+MOST_MEMBERS = 3_000_000
+"""Of all sets together, as often as cards name them, since a line names as many as it likes."""
 DEEPEST_SET = 50
 
 
@@ -201,7 +202,19 @@ class Mesh:
         return self._selected(name, scope, row, "element")
 
     def _selected(self, name: str, scope: str, row: Row | Card, what: str) -> Integers:
-        return np.array(sorted(self._members(folded(name), scope, row, what, 0)), dtype=np.int64)
+        members = self._members(folded(name), scope, row, what, 0)
+        self._spend(len(members), row)
+        return np.array(sorted(members), dtype=np.int64)
+
+    def _spend(self, members: int, where: Row | Card) -> None:
+        """Count members of sets.
+
+        Raises:
+            FormatError: there are too many.
+        """
+        self._spent += members
+        if self._spent > MOST_MEMBERS:
+            raise where.error(f"takes the members of all sets above {MOST_MEMBERS}, which is the most that is read")
 
     def _inside(self, name: str, scope: str) -> tuple[str, str]:
         """The scope and the name there of a name that may begin with that of an instance."""
@@ -249,9 +262,7 @@ class Mesh:
                 for text in row.fields:
                     if text:
                         found |= self._members(folded(text), scope, row, what, depth + 1)
-        self._spent += len(found)
-        if self._spent > MOST_MEMBERS:
-            raise card.error(f"takes the members of all sets above {MOST_MEMBERS}, which is the most that is read")
+        self._spend(len(found), card)
         return found
 
     def _generated(self, row: Row, table: dict[int, int]) -> Iterator[int]:
@@ -262,9 +273,7 @@ class Mesh:
         first, last, step = (row.whole(text, "of first, last and step one") for text in [*fields, "1"][:3])
         if step < 1 or last < first:
             raise row.error(f"generates {first} to {last} by {step}, expected first ≤ last and a step of at least 1")
-        self._spent += min((last - first) // step + 1, len(table))
-        if self._spent > MOST_MEMBERS:
-            raise row.error(f"takes the members of all sets above {MOST_MEMBERS}, which is the most that is read")
+        self._spend(min((last - first) // step + 1, len(table)), row)
         if (last - first) // step < len(table):
             return (table[n] for n in range(first, last + 1, step) if n in table)
         return (at for n, at in table.items() if first <= n <= last and (n - first) % step == 0)

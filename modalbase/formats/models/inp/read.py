@@ -20,8 +20,8 @@ from modalbase.formats.models.inp.sections import BEAMS, SHELLS, Part, Sections
 from modalbase.formats.models.model import FiniteElementModel, Floats
 
 MOST_INSTANCES = 1000
-MOST_CARDS = 1_000_000
-"""Of all instances together, each of which reads its part's cards again."""
+MOST_LINES = 2_000_000
+"""Of all instances together, each of which reads its part's lines again."""
 
 _GENERATORS = frozenset(["NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"])
 _USED = card_names(
@@ -137,9 +137,9 @@ def _meshed(deck: Deck, mesh: Mesh) -> Scopes:
         if name in mesh.scopes:
             raise card.error(f"{name} is there already; give it another name")
         every = deck.parts[part] + cards
-        read += len(every)
-        if read > MOST_CARDS:
-            raise card.error(f"takes the cards of all instances above {MOST_CARDS}, which is the most that is read")
+        read += sum(1 + len(each.rows) for each in every)
+        if read > MOST_LINES:
+            raise card.error(f"takes the lines of all instances above {MOST_LINES}, which is the most that is read")
         move = _move(card)
         mesh.read(every, name, move)
         scopes.append((Part(name, part, move, {}), every, move))

@@ -279,10 +279,17 @@ def test_nonstructural_mass_of_the_set_that_is_selected() -> None:
      ("$ Femap with NX Nastran Property 1 : web", "web"),
      ("$ANSA_NAME_COMMENT;1;PSHELL;rib 3;;NO;NO", "rib_3"),
      ("$*  NX Property: spar", "spar"),
+     ("$* Property: 1 name: rib 3", "rib_3"), ('$ Pset: "shell" will be imported as: "pshell.1"', "shell"),
      ("$ nothing of note: here", "pshell_1")],
 )  # fmt: skip
 def test_sets_are_named_as_the_pre_processor_does(comment, name) -> None:
     assert read(PLATE.replace("PSHELL", f"{comment}\nPSHELL")).sets == (name,)
+
+
+def test_a_name_in_an_old_encoding() -> None:
+    assert read_bdf(PLATE.replace("PSHELL", "$ Femap Property 1 : Träger\nPSHELL").encode("latin-1")).sets == (
+        "Träger",
+    )
 
 
 def test_two_properties_of_one_name_stay_two_sets() -> None:
@@ -320,7 +327,7 @@ def test_rigid_elements() -> None:
     assert (bar.node, bar.leaders, bar.dofs) == (6, (1,), (0, 1, 2, 3, 4, 5))
 
 
-def test_what_is_lost_is_told_and_stops_where_modes_change() -> None:
+def test_what_is_lost_is_named_and_stops_where_modes_change() -> None:
     harmless = (
         "CAERO1,1\nSPLINE1,2\nFLFACT,3\nPLOAD4,1,1,5.\nEIGRL,1\nCVISC,5,1,1,2\nPARAM,K6ROT,100.\nSUPORT,1,123456\n"
     )
