@@ -2,8 +2,10 @@
 
 import csv
 import io
+import json
 from collections.abc import Callable
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import httpx
@@ -12,9 +14,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import modalbase
+from modalbase.client.errors import ClientError
 from service.app import composition
+from service.app.supervisor import LocalService
 from service.db.base import Base
 from service.store.search.nouns import NOUNS, SEARCHED
+from tests.support.command import modalbase_here
+from tests.support.furnished import frfs
 from tests.support.laboratory import BEAM
 from tests.support.rest import ok
 
@@ -251,3 +258,49 @@ _FILTERS = st.recursive(
 )
 def test_no_filter_is_an_error_of_the_service(api: httpx.Client, noun: str, text: str) -> None:
     assert api.get(f"search/{noun}", params={"filter": text, "limit": 1}).status_code in (200, 422)
+
+
+def test_the_library_fetches_what_is_asked_for(
+    service: LocalService, api: httpx.Client, bridge: dict[str, str]
+) -> None:
+    key = api.headers["Authorization"].removeprefix("Bearer ")
+    for name in ("warm", "cold"):
+        ok(api.post(f"campaigns/{bridge[name]}/frfs", json=frfs(12)), 201)
+    with modalbase.connect(service.url, key) as lab:
+        found = lab.find("campaigns", f"project.id = '{bridge['project']}'", sort="-temperature_c")
+        assert (found.count, found.more, found.facets["boundary"]) == (4, False, {"cantilever": 2, "free": 2})
+        assert [row["name"] for row in found] == ["late", "warm", "cold", "unknown"]
+        assert found.head(1)[0]["name"] == "late"
+        assert "4 campaigns" in repr(found)
+        table = found.to_pandas()
+        assert list(table["name"]) == ["late", "warm", "cold", "unknown"]
+        assert table["performed_at"][1].isoformat() == "2026-03-02T09:30:00+00:00"
+        arrays = lab.find("frfs", f"project.id = '{bridge['project']}'").arrays(fmin=2.0)
+        assert arrays["values"].tolist() == [[2 + 0.5j, 3 + 1j]] * 2
+        assert arrays["response_point"].tolist() == [12, 12]
+        with pytest.raises(ClientError, match="have no spectra"):
+            found.arrays()
+        with pytest.raises(ClientError, match="no field 'tmperature_c'"):
+            assert lab.find("campaigns", "tmperature_c > 2").count
+        nothing = lab.find("frfs", "lines > 1e6")
+        assert (list(nothing), repr(nothing)) == ([], "0 frfs")
+
+
+def test_the_command_lists_and_writes(
+    service: LocalService, api: httpx.Client, bridge: dict[str, str], tmp_path: Path
+) -> None:
+    place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": api.headers["Authorization"].removeprefix("Bearer ")}
+
+    def run(*words: str) -> str:
+        done = modalbase_here(*words, **place)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    mine = f"project.id = '{bridge['project']}'"
+    listed = run("find", "campaigns", mine, "--fields", "name,temperature_c", "--sort", "name", "--most", "3")
+    assert "cold" in listed
+    assert "3 of 4" in listed
+    assert json.loads(run("find", "campaigns", mine, "--json"))["count"] == 4
+    file = tmp_path / "found.csv"
+    run("find", "campaigns", mine, "-q", "086C03", "--out", str(file))
+    assert len(file.read_text(encoding="utf-8").splitlines()) == 4

@@ -92,16 +92,24 @@ class Search:
         Raises:
             Invalid: the cursor is not one of this order.
         """
-        shown = [column.value for column in self.columns]
-        query = self._query(*shown, *self._order_by)
+        rows = session.execute(self.page_query(cursor, limit)).all()
+        width = len(self.columns)
+        following = _encode(rows[limit - 1][width:]) if len(rows) > limit else None
+        return [tuple(row[:width]) for row in rows[:limit]], following
+
+    def page_query(self, cursor: str | None, limit: int) -> Select[Any]:
+        """The query of a page's rows and of one more: the columns, then what orders them.
+
+        Raises:
+            Invalid: the cursor is not one of this order.
+        """
+        query = self._query(*(column.value for column in self.columns), *self._order_by)
         if cursor is not None:
             query = query.where(self._after(cursor))
         direction = [value.desc() if self._descending else value.asc() for value in self._order_by]
         if self._order is not None and self._order.field.nullable:
             direction[0] = direction[0].nulls_last()
-        rows = session.execute(query.order_by(*direction).limit(limit + 1)).all()
-        following = _encode(rows[limit - 1][len(shown) :]) if len(rows) > limit else None
-        return [tuple(row[: len(shown)]) for row in rows[:limit]], following
+        return query.order_by(*direction).limit(limit + 1)
 
     def rows(self, session: Session) -> Iterator[tuple[Any, ...]]:
         """All of them, one page after the other, as `page` gives them."""
@@ -114,18 +122,23 @@ class Search:
 
     def counts(self, session: Session) -> tuple[int, dict[str, dict[str, int]]]:
         """How many rows there are, and how often each value of each facet; of the first `MOST_COUNTED` + 1 rows."""
-        facets = [self._column(name, "facets") for name in self._noun.facets]
-        some = self._query(*(c.value.label(f"f{i}") for i, c in enumerate(facets))).limit(MOST_COUNTED + 1).cte()
+        some = self.some().cte()
         found: dict[str, dict[str, int]] = {}
-        for column, value in zip(facets, some.c, strict=True):
+        for name, value in zip(self._noun.facets, some.c, strict=True):
             times = func.count()
             query = select(value, times).group_by(value).order_by(times.desc(), value).limit(MOST_FACETS)
-            found[column.name] = {"" if one is None else str(one): count for one, count in session.execute(query)}
+            found[name] = {"" if one is None else str(one): count for one, count in session.execute(query)}
         return session.execute(select(func.count()).select_from(some)).scalar_one(), found
 
-    def keys(self) -> Select[Any]:
-        """The query of the keys of all rows, in their order."""
-        return self._query(*self._key).order_by(*self._key)
+    def some(self) -> Select[Any]:
+        """The query of the facets' values in the rows that are counted."""
+        facets = [self._column(name, "facets").value for name in self._noun.facets]
+        return self._query(*(value.label(f"facet_{i}") for i, value in enumerate(facets))).limit(MOST_COUNTED + 1)
+
+    def keys(self, session: Session, most: int) -> list[Any]:
+        """Ids of the rows, of so many at the most, in their order."""
+        query = self._query(*self._key).order_by(*self._key).limit(most)
+        return list(session.scalars(query))
 
     def _query(self, *values: ColumnElement[Any]) -> Select[Any]:
         return select(*values).select_from(self._from).where(*self._where)
