@@ -90,13 +90,12 @@ def _whole(node: dict[str, Any]) -> Any:
 
 def test_an_index_answers_every_question_of_the_documents(sessions: Sessions, user: User) -> None:
     assert len(QUESTIONS) == 10
-    with sessions() as session:
+    with sessions() as session, bounded(session):
         for noun, question in QUESTIONS:
             search = Search(user, SEARCHED[noun], Wanted(question))
             for statement in (search.page_query(None, 100), search.some()):
                 assert not scanned(session.connection(), statement) & BIG.keys(), question
-            with bounded(session):
-                search.page(session, None, 100)
+            search.page(session, None, 100)
 
 
 def test_a_search_that_takes_too_long_is_ended_in_words(sessions: Sessions) -> None:
