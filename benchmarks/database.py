@@ -33,7 +33,7 @@ from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
-from service.store.imports.originals import CHUNK_BYTES
+from service.store.storage.originals import CHUNK_BYTES
 
 PAIRS = 3
 

@@ -9,7 +9,7 @@ from fecore.body.locate import Surfaces
 from fecore.body.mesh import BEAMS, SHELLS, Mesh
 from fecore.body.model import Part
 from fecore.body.operators import Operators
-from fecore.body.supports import Mass, Spring
+from fecore.body.supports import Mass, NodeSpring, Spring
 from fecore.errors import InputError
 
 KNOWN = "1"
@@ -18,19 +18,27 @@ KNOWN = "1"
 _ONE = (np.array([[0]]),)
 
 
-def spring_parts(mesh: Mesh, surfaces: Surfaces, springs: tuple[Spring, ...]) -> list[Part]:
-    """Each spring at unit stiffness: nᵀn at its point, or ∫nᵀn ds along its edge."""
+def spring_parts(mesh: Mesh, surfaces: Surfaces, springs: tuple[Spring | NodeSpring, ...]) -> list[Part]:
+    """Each spring at unit stiffness: nᵀn at its point or its nodes, or ∫nᵀn ds along its edge."""
     parts = []
     for spring in springs:
-        if spring.edge is not None:
-            nodes, rows = _along(mesh, mesh.select(spring.edge), spring.edge)
-        elif spring.point is not None:
-            nodes, rows = _at(surfaces, spring.point)
-        one = rows[:, :, [spring.direction - 1]]
+        if isinstance(spring, NodeSpring):
+            nodes, one = spring.nodes, spring.rows[:, None, None]
+        else:
+            nodes, rows = _held(mesh, surfaces, spring)
+            one = rows[:, :, [spring.direction - 1]]
         parts.append(Part(Operators(nodes, np.arange(len(nodes)), one), np.ones((1, 1, 1)), (spring.name,), _ONE))
     if len({spring.name for spring in springs}) < len(springs):
         raise InputError("springs", "two have one name")
     return parts
+
+
+def _held(mesh: Mesh, surfaces: Surfaces, spring: Spring) -> tuple[IntArray, FloatArray]:
+    """(e, n) nodes and (e, p, 6, n, 6) rows of u and θ where a spring acts."""
+    if spring.edge is not None:
+        return _along(mesh, mesh.select(spring.edge), spring.edge)
+    assert spring.point is not None, "a spring has an edge or a point"
+    return _at(surfaces, spring.point)
 
 
 def mass_parts(surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:

@@ -9,7 +9,7 @@ from fecore.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
     from fecore.body.model import Model
-    from fecore.body.supports import Spring
+    from fecore.body.supports import NodeSpring, Spring
 
 UNITS = {
     **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E", "G"), "Pa"),
@@ -46,7 +46,7 @@ class Body(Protocol):
         ...
 
     @property
-    def springs(self) -> tuple[Spring, ...]:
+    def springs(self) -> tuple[Spring | NodeSpring, ...]:
         """Elastic supports, the last coefficients of the model's stiffness."""
         ...
 

@@ -66,7 +66,10 @@ class Joints:
     @cached_property
     def shifts(self) -> tuple[FloatArray, ...]:
         """(e, n, 3) of each block: from the mesh's nodes to where the elements begin, m."""
-        found = tuple(np.zeros((*block.nodes.shape, 3)) for block in self.mesh.blocks)
+        found = tuple(
+            np.zeros((*block.nodes.shape, 3)) if block.offsets is None else block.offsets.copy()
+            for block in self.mesh.blocks
+        )
         for junction in self.junctions:
             for edge in junction.edges:
                 for wall in edge.walls:
@@ -108,7 +111,8 @@ def bead(edges: list[Edge], axes: Mapping[str, tuple[float, float, float]]) -> B
     walls, tangent = edges[0].walls, edges[0].tangent
     axis = walls[0].away
     frame = np.array([axis, np.cross(tangent, axis)])
-    of = [(wall.set, _angle(np.array(axes[wall.set]), tangent, wall.away)) for wall in walls]
+    own = [np.array(axes[wall.set]) if wall.axis is None else wall.axis for wall in walls]
+    of = [(wall.set, _angle(axis_1, tangent, wall.away)) for wall, axis_1 in zip(walls, own, strict=True)]
     kinds = tuple(dict.fromkeys(of))
     stiffness, mass = np.zeros((len(kinds), 3, 6, 6)), np.zeros((len(kinds), 6, 6))
     t4 = np.prod([wall.thickness for wall in walls]) ** (4 / len(walls))

@@ -34,6 +34,7 @@ class Wall:
         away: (3,) unit direction s.
         passes: whether the wall goes on beyond the edge.
         depth: how far the element reaches from the edge, m.
+        axis: (3,) axis 1 of the element where it is not its set's.
     """
 
     block: int
@@ -45,6 +46,7 @@ class Wall:
     away: FloatArray
     passes: bool
     depth: float
+    axis: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -163,7 +165,16 @@ def _edge(mesh: Mesh, sides: _Sides, around: IntArray, thickness: Mapping[str, f
         rank, depth = mesh.sets.index(block.set), float(sides.depth[around[i]])
         t, goes_on = thickness[block.set], bool(passes[i])
         wall = Wall(
-            number, element, side, set=block.set, rank=rank, thickness=t, away=s[i], passes=goes_on, depth=depth
+            number,
+            element,
+            side,
+            set=block.set,
+            rank=rank,
+            thickness=t,
+            away=s[i],
+            passes=goes_on,
+            depth=depth,
+            axis=None if block.axes is None else block.axes[element],
         )
         walls.append(wall)
     return Edge((*ends, *middle), tangent, tuple(walls))

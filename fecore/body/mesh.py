@@ -35,12 +35,16 @@ class Block:
         nodes: (e, n) node numbers from 0: corners in order around the element, then the middles of its sides.
         set: the set's name, to which a section belongs.
         thickness: (e, n) thickness at the elements' nodes by that of the section, where they step or taper.
+        axes: (e, 3) axis 1 of each element, not yet projected, where it is not the section's.
+        offsets: (e, n, 3) rigid links from the nodes to where the elements lie, m, where they lie elsewhere.
     """
 
     kind: str
     nodes: IntArray
     set: str
     thickness: FloatArray | None = None
+    axes: FloatArray | None = None
+    offsets: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.kind not in _NODES:

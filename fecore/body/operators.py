@@ -76,10 +76,15 @@ def shell_operators(
     """
     x = nodes[block.nodes] + shift
     r = np.ones(x.shape[:2]) if block.thickness is None else block.thickness
-    key = np.concatenate([x - x[:, :1], shift, r[..., None] * np.abs(x - x[:, :1]).max(initial=1e-300)], axis=2)
-    chosen, which = distinct(key)
-    x, shift, r = x[chosen], shift[chosen], r[chosen]
+    size = np.abs(x - x[:, :1]).max(initial=1e-300)
     shell, along = SHELLS[block.kind], np.array(section.axis, dtype=float)
+    key = [x - x[:, :1], shift, r[..., None] * size]
+    if block.axes is not None:
+        key.append(np.broadcast_to(size * block.axes[:, None], x.shape))
+    chosen, which = distinct(np.concatenate(key, axis=2))
+    x, shift, r = x[chosen], shift[chosen], r[chosen]
+    if block.axes is not None:
+        along = block.axes[chosen]
 
     def weighed(found: tuple[FloatArray, FloatArray, FloatArray], powers: FloatArray) -> Operators:
         rows, area, N = found
@@ -98,12 +103,15 @@ def shell_operators(
 def beam_operators(
     nodes: IntArray, kind: str, places: FloatArray, axis: FloatArray, shift: FloatArray | None = None
 ) -> tuple[Operators, Operators]:
-    """Strains and motions of (e, n) beams; `axis` is n₁, `shift` (e, n, 3) rigid links to the beam's own axis."""
+    """Strains and motions of (e, n) beams; `axis` is n₁, (3,) or (e, 3), `shift` (e, n, 3) links to the beam's own axis."""
     arm = np.zeros((*nodes.shape, 3)) if shift is None else shift
     x = places[nodes] + arm
-    chosen, which = distinct(np.concatenate([x - x[:, :1], arm], axis=2))
+    n1 = np.broadcast_to(axis, (len(x), 3))
+    chosen, which = distinct(
+        np.concatenate([x - x[:, :1], arm, np.broadcast_to(n1[:, None] * np.abs(x - x[:, :1]).max(), x.shape)], axis=2)
+    )
     found = []
-    for rows, length, _ in (BEAMS[kind].strains(x[chosen], axis), BEAMS[kind].motions(x[chosen], axis)):
+    for rows, length, _ in (BEAMS[kind].strains(x[chosen], n1[chosen]), BEAMS[kind].motions(x[chosen], n1[chosen])):
         found.append(Operators(nodes, which, _hung(rows * np.sqrt(length)[..., None, None, None], arm[chosen])))
     return found[0], found[1]
 
@@ -128,8 +136,7 @@ def _led(
             parts = [(node, np.eye(6))]
             if node in links:
                 link = links[node]
-                stays = np.eye(6)
-                stays[list(link.dofs)] = 0
+                stays = np.eye(6) - link.led
                 parts = list(zip(link.leaders, link.matrices(places), strict=True))
                 if stays.any():
                     parts.append((_OWN + node, stays))

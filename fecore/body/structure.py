@@ -23,7 +23,7 @@ from fecore.body.mesh import Mesh
 from fecore.body.model import Model, Part, assemble, unresisted
 from fecore.body.operators import beam_operators, shell_operators
 from fecore.body.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
-from fecore.body.supports import Clamp, Link, Mass, Spring, Support, free_dofs, rigid_motions
+from fecore.body.supports import Clamp, Link, Mass, NodeSpring, Spring, Support, free_dofs, rigid_motions
 from fecore.errors import InputError
 
 COMMON_SD, OWN_SD = 0.30, 0.15
@@ -70,7 +70,7 @@ class Structure:
     mesh: Mesh
     sections: Mapping[str, ShellSection | BeamSection]
     supports: tuple[Support, ...] = ()
-    springs: tuple[Spring, ...] = ()
+    springs: tuple[Spring | NodeSpring, ...] = ()
     masses: tuple[Mass, ...] = ()
     links: tuple[Link, ...] = ()
     with_joints: bool = True
@@ -177,7 +177,8 @@ class Structure:
                 motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
             else:
                 arm = shift + np.array(section.offset)
-                strains, motions = beam_operators(block.nodes, block.kind, self.mesh.nodes, np.array(section.axis), arm)
+                axis = np.array(section.axis) if block.axes is None else block.axes
+                strains, motions = beam_operators(block.nodes, block.kind, self.mesh.nodes, axis, arm)
                 stiffness = []
                 names = _named(block.set, section.motions)
                 motion = Part(motions, section.mass_matrices, names, section.motion_blocks)

@@ -128,6 +128,28 @@ class Spring:
 
 
 @dataclass(frozen=True)
+class NodeSpring:
+    """Springs of one stiffness between nodes, or from nodes to the ground.
+
+    Attributes:
+        name: of the stiffness as a parameter.
+        stiffness: of each, N/m or N·m/rad.
+        nodes: (s, n) numbers of their nodes.
+        rows: (s, n, 6) what stretches or turns them, by the motions and turns of the nodes.
+    """
+
+    name: str
+    stiffness: float
+    nodes: IntArray
+    rows: FloatArray
+
+    @property
+    def unit(self) -> str:
+        """SI unit of the stiffness."""
+        return "N/m" if self.rows[..., :3].any() else "N·m/rad"
+
+
+@dataclass(frozen=True)
 class Clamp:
     """An edge that is held by a spring whose constant is its compliance C: the stiffness per metre is k/C.
 
@@ -155,6 +177,7 @@ class PointMass:
     """A mass in kg at (x, y) in m on a strip, with a rotary inertia in kg·m² about x and y: an accelerometer, say.
 
     One that is `weighed` was put on to be known, with no error that matters; that of a sensor has the error of its cable.
+    On a body in space it has a height z too.
     """
 
     x: float
@@ -162,14 +185,24 @@ class PointMass:
     mass: float
     rotary_inertia: float = 0.0
     weighed: bool = False
+    z: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
             raise InputError("point_mass.mass", f"is {self.mass}, expected a mass in kg that is not negative")
         if not (np.isfinite(self.rotary_inertia) and self.rotary_inertia >= 0):
             raise InputError("point_mass.rotary_inertia", f"is {self.rotary_inertia}, expected kg·m², not negative")
-        if not (np.isfinite(self.x) and np.isfinite(self.y)):
+        if not np.all(np.isfinite(self.place)):
             raise InputError("point_mass", f"a mass of {self.mass:g} kg has no place; expected finite x and y in m")
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """(x, y, z), m."""
+        return self.x, self.y, self.z
+
+    def on_surface(self) -> Mass:
+        """The mass as a structure carries it."""
+        return Mass(self.mass, self.place, self.rotary_inertia, weighed=self.weighed)
 
 
 @dataclass(frozen=True)
@@ -182,6 +215,7 @@ class Mass:
         inertia: (3, 3) rotary inertia about its own centre, kg·m², or one number for all axes.
         offset: from the place to its centre, m.
         name: of its mass as a parameter; none where it is known.
+        weighed: as of a `PointMass`.
     """
 
     mass: float
@@ -189,6 +223,7 @@ class Mass:
     inertia: tuple[tuple[float, ...], ...] | float = 0.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     name: str = ""
+    weighed: bool = True
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
@@ -213,12 +248,21 @@ class Link:
         leaders: one node for a rigid link, three or more that span a plane for a mean.
         dofs: numbers (0 … 5) of the node's dofs that are led; the others stay its own.
         weights: of the leaders of a mean; alike where empty.
+        axes: (3, 3) as rows, along which the dofs are; the structure's where None.
     """
 
     node: int
     leaders: tuple[int, ...]
     dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
     weights: tuple[float, ...] = ()
+    axes: FloatArray | None = None
+
+    @property
+    def led(self) -> FloatArray:
+        """(6, 6) what of the node's motion is led."""
+        kept = np.isin(np.arange(6), self.dofs).astype(float)
+        turn = np.eye(6) if self.axes is None else np.kron(np.eye(2), self.axes)
+        return np.asarray(turn.T * kept @ turn)
 
     def matrices(self, nodes: FloatArray) -> FloatArray:
         """(leaders, 6, 6) motion of the node by those of its leaders.
@@ -246,9 +290,7 @@ class Link:
             spin = np.linalg.inv(J) @ -np.array([wi * turning(ri) for wi, ri in zip(w, r, strict=True)])
             found[:, 3:, :3] = spin
             found[:, :3, :3] = w[:, None, None] * np.eye(3) + turning(here - w @ places) @ spin
-        kept = np.zeros(6)
-        kept[list(self.dofs)] = 1
-        return np.asarray(kept[:, None] * found)
+        return np.asarray(self.led @ found)
 
 
 def turning(arm: FloatArray) -> FloatArray:

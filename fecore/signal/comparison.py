@@ -38,7 +38,7 @@ class Pairs:
         partner: (h, m) the hits that each is compared with.
         apart: (h, m, BANDS) r_ijb, of the sensor that objects most.
         likeness: (h, m) correlation of the FRFs, -1 to 1, of the sensor that objects most.
-        level: (r, h) ln |H| of each response, mean over the bands.
+        level: (r, h, BANDS) ln |H| of each response.
     """
 
     partner: IntArray
@@ -93,7 +93,7 @@ def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
     partner = (np.arange(count)[:, None] + step) % count
     edges = np.linspace(0, lines, BANDS + 1).astype(int)[:-1]
     apart, likeness = np.zeros((*partner.shape, BANDS)), np.ones(partner.shape)
-    level = np.empty((len(responses), count))
+    level = np.empty((len(responses), count, BANDS))
     excited = forces.real**2 + forces.imag**2
     least = excited + np.maximum(
         _WEAKEST * excited.max(axis=1, keepdims=True), 1e-300
@@ -101,7 +101,7 @@ def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
     for r, response in enumerate(responses):
         frf = response * forces.conj() / least
         power = np.maximum(np.add.reduceat(frf.real**2 + frf.imag**2, edges, axis=1), 1e-300)
-        level[r] = np.log(power).mean(axis=1) / 2
+        level[r] = np.log(power) / 2
         for m in range(partner.shape[1]):
             other, beside = frf[partner[:, m]], power[partner[:, m]]
             both = np.add.reduceat(frf.real * other.real + frf.imag * other.imag, edges, axis=1)
@@ -132,11 +132,19 @@ def beside(own: Pairs, probability: FloatArray, usual: FloatArray) -> Beside:
         if partner.size >= _SIGNS:
             found[1, i] = (0.5 + 0.5 * weight) @ own.likeness[i] / partner.size
         if weight.sum() >= _FEWEST:
-            off = own.level[:, i : i + 1] - own.level[:, partner]
+            off = np.array([_common(rows) for rows in own.level[:, i : i + 1] - own.level[:, partner]])
             off = np.array([row[_middle(np.abs(row), weight)] for row in off])
             found[0, i] = distance[i, _middle(distance[i], weight)]
             found[2, i] = np.exp(off[np.argmax(np.abs(off))])
     return Beside(*found)
+
+
+def _common(off: FloatArray) -> FloatArray:
+    """(m,) what (m, BANDS) differences have in common, drawn to nil where they differ among themselves: a sensitivity or range
+    moves all bands alike, another place each by another amount.
+    """
+    mean = off.mean(axis=1)
+    return np.asarray(mean**3 / np.maximum(mean**2 + off.var(axis=1), 1e-300))
 
 
 def _middle(values: FloatArray, weight: FloatArray) -> int:

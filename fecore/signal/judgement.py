@@ -112,8 +112,6 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
     numbers = np.concatenate((own, np.full((len(own), 4), np.nan)), axis=1)
     edges = np.cumsum([0, *(len(point.traits) for point in points)])
     parts = [slice(a, b) for a, b in pairwise(edges)]
-    edges = np.cumsum([0, *(len(point.traits) for point in points)])
-    parts = [slice(a, b) for a, b in pairwise(edges)]
     common = _in_common(numbers[:, _FLOOR], parts, np.ones(len(own), bool))
     numbers[:, _FLOOR] /= common
     u = _scaled(numbers)[0]

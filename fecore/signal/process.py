@@ -28,6 +28,7 @@ from fecore.signal.heights import Heights
 from fecore.signal.judgement import Verdict
 from fecore.signal.points import FirstLook, first_look, judge_points, second_look
 from fecore.signal.spectra import Source, Spectra
+from fecore.signal.unstated import with_unstated_window
 
 _PART_BYTES = 4 * 2**20
 """Of FRFs, their variance and coherence that are given together; those of one point are not parted."""
@@ -80,6 +81,7 @@ def process_in_parts(
     Raises:
         InputError: as `process`; before the first part is given.
     """
+    source, window = with_unstated_window(source)
     spectra = Spectra(source, processing or Processing())
     points, force = _first_pass(spectra, source, progress, shelf, threads)
     verdicts = judge_points(points, spectra.processing)
@@ -108,6 +110,7 @@ def process_in_parts(
         excited_hz=excited,
         strong_hz=strong,
         warnings=(
+            *([] if window is None else [window.sentence]),
             *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
             *heights.wrong(spectra.processing.strip, spectra.strong_window()),
         ),

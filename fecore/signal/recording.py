@@ -25,6 +25,7 @@ _OVER_PAUSES = 8.0  # times that a hit is higher than what the force channel has
 _OVER_LARGEST = 0.05  # share of the largest hit below which a pulse is none
 _FLOOR = 2.0  # times the energy of the quietest pauses, at which a response has decayed
 _CLIPPED = 0.999  # of full scale
+_SAME = 1e-6  # relative, of the extremes in all hops: two channels that differ less are copies but for rounding
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ def survey(
     *,
     least_force: float | None = None,
     full_scale: Sequence[float | None] = (),
+    names: Sequence[str] = (),
 ) -> Survey:
     """Find the hits of a recording.
 
@@ -95,11 +97,13 @@ def survey(
         force: row of the force.
         least_force: what a hit has at least.
         full_scale: largest magnitude of each channel, None where it is not known.
+        names: of the channels, for what is said of them; `channel 1` and so on where there are none.
 
     Raises:
-        InputError: the recording is too short, holds NaN, or no hit.
+        InputError: the recording is too short, holds NaN or no hit, or a channel is constant or a copy of another.
     """
-    hops = _hops(chunks, force, max(int(_HOP_S * sample_rate_hz), 4))
+    hops = _hops(chunks, force, max(int(_HOP_S * sample_rate_hz), 4), names)
+    _check(hops, names)
     middle = np.median((hops.low[force] + hops.high[force]) / 2)
     peaks = np.maximum(hops.high[force] - middle, middle - hops.low[force])
     pauses, largest = float(np.median(peaks)), int(np.argmax(peaks))
@@ -142,7 +146,7 @@ def cut(chunks: Iterable[FloatArray], found: Survey) -> Iterator[tuple[Knock, Fl
         held, begin = held[:, gone:], begin + gone
 
 
-def _hops(chunks: Iterable[FloatArray], force: int, hop: int) -> _Hops:
+def _hops(chunks: Iterable[FloatArray], force: int, hop: int, names: Sequence[str]) -> _Hops:
     """Raises InputError where a sample is not finite, or fewer come than a block needs."""
     parts: list[tuple[FloatArray, ...]] = []
     rest: FloatArray = np.empty((0, 0))
@@ -156,7 +160,7 @@ def _hops(chunks: Iterable[FloatArray], force: int, hop: int) -> _Hops:
         if not np.isfinite(square).all():
             row, k = np.argwhere(~np.isfinite(square))[0]
             raise InputError(
-                "recording", f"holds NaN or infinity in channel {row + 1} behind sample {begin + k * hop + 1}"
+                "recording", f"holds NaN or infinity in {_named(names, row)} behind sample {begin + k * hop + 1}"
             )
         edges = begin + np.arange(whole // hop) * hop
         places = np.array([table[force].argmax(axis=1) + edges, table[force].argmin(axis=1) + edges])
@@ -166,6 +170,25 @@ def _hops(chunks: Iterable[FloatArray], force: int, hop: int) -> _Hops:
         raise InputError("recording", f"has {begin} samples, expected {LEAD + FEWEST_SAMPLES} or more")
     low, high, mean, energy, where = (np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True))
     return _Hops(low, high, mean, energy, where, hop)
+
+
+def _check(hops: _Hops, names: Sequence[str]) -> None:
+    """Raises InputError where a channel carried nothing, or has the samples of another, perhaps times a number."""
+    scaled: list[FloatArray] = []
+    for row, (low, high) in enumerate(zip(hops.low, hops.high, strict=True)):
+        if low.min() == high.max():
+            why = f"{_named(names, row)} is {low[0]:g} throughout: a channel that carried nothing"
+            raise InputError("recording", why)
+        extremes = np.concatenate((low, high)) / max(high.max(), -low.min())
+        for other, seen in enumerate(scaled):
+            if np.allclose(extremes, seen, rtol=_SAME, atol=0):
+                why = f"{_named(names, row)} holds the same samples as {_named(names, other)}"
+                raise InputError("recording", f"{why}: one channel was written twice")
+        scaled.append(extremes)
+
+
+def _named(names: Sequence[str], row: int) -> str:
+    return names[row] if names else f"channel {row + 1}"
 
 
 def _starts(above: np.ndarray[tuple[int, ...], np.dtype[np.int64]], peaks: FloatArray, bounce: float) -> list[int]:

@@ -20,12 +20,19 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
+from fecore.body.beams import BeamSection
 from fecore.body.constants import SIGNED, UNITS, Body, kind_of
+from fecore.body.sections import ShellSection
 from fecore.body.structure import CommonPrior, Structure
 from fecore.errors import InputError
 
 DEFAULT_RELATIVE_SD = 0.30
 """Prior standard deviation of a parameter for which none is stated, as a share of its mean."""
+
+_ISOTROPIC, _LARGEST_POISSON = (
+    1e-3,
+    0.5,
+)  # to which share constants of one isotropic material agree; ν of a beam's E and G
 
 _STEP = 1e-30  # of a constant: a complex step may be as small as that
 _FARTHEST = np.log(1000.0)  # from its prior mean, in either direction: no parameter is believed beyond
@@ -244,14 +251,29 @@ class Coefficients:
 def default_parameters(body: Body) -> tuple[Parameter, ...]:
     """What is updated of a body when a recipe names nothing."""
     if isinstance(body, Structure):
-        sets = [name for name in body.mesh.sets if f"{name}.E1" in body.nominal]
         return tuple(
             replace(each, name=f"{name}.{each.name}", tied_to=each.tied_to and f"{name}.{each.tied_to}")
-            for name in sets
-            for each in PLY_PARAMETERS
+            for name in body.mesh.sets
+            for each in _of_section(body.sections[name])
         )
     own = PLY_PARAMETERS if "E1" in body.nominal else DEFAULT_PARAMETERS
     return (*own, *(Parameter(name) for name in body.nominal if kind_of(name) == "zone"))
+
+
+def _of_section(section: ShellSection | BeamSection) -> tuple[Parameter, ...]:
+    """What is updated of a set: of an isotropic material its E, which the others follow."""
+    nominal = section.nominal
+    if isinstance(section, BeamSection):
+        poisson = section.E / (2 * section.G) - 1
+        return _following("E", ["G"], nominal) if 0 <= poisson <= _LARGEST_POISSON else (Parameter("E"), Parameter("G"))
+    E, nu = nominal["E1"], nominal["nu12"]
+    alike = np.allclose([nominal["E2"], 2 * (1 + nu) * nominal["G12"]], E, rtol=_ISOTROPIC)
+    return _following("E1", ["E2", "G12", "G13", "G23"], nominal) if alike else PLY_PARAMETERS
+
+
+def _following(first: str, others: Sequence[str], nominal: Mapping[str, float]) -> tuple[Parameter, ...]:
+    tied = (Parameter(name, prior_sd=_ISOTROPIC * nominal[name], tied_to=first) for name in others)
+    return (Parameter(first), *tied)
 
 
 def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAMETERS) -> Parametrisation:

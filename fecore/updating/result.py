@@ -346,6 +346,25 @@ class PosteriorSummary:
 
 
 @dataclass(frozen=True)
+class FrequencyEffects:
+    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a mode has no partner.
+
+    Attributes:
+        stiffness: (n,) by name of a stiffness θ, ∂ln f/∂ln θ.
+        support: (n,) by name of an input of the support, the change of ln f by one prior standard deviation of it.
+        sites: (P, 3) nodes at which a mass is tried, m.
+        mass: (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement φ, 1/kg.
+        frf_scale: median ratio of the measured FRFs' magnitudes to the model's; None without FRFs.
+    """
+
+    stiffness: dict[str, FloatArray]
+    support: dict[str, FloatArray]
+    sites: FloatArray
+    mass: FloatArray
+    frf_scale: float | None
+
+
+@dataclass(frozen=True)
 class UpdateResult:
     """Everything an update found. Without FRFs, or where damping failed, what depends on it is empty or None."""
 
@@ -370,5 +389,6 @@ class UpdateResult:
     prediction: Prediction | None
     identification: Identification | None
     posterior: PosteriorSummary
+    effects: FrequencyEffects
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()

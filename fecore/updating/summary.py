@@ -14,6 +14,7 @@ from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate, dampi
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
 from fecore.updating.damping_stage import DampingResult
+from fecore.updating.effects import frequency_effects
 from fecore.updating.elastic_findings import elastic_findings
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
@@ -121,6 +122,7 @@ class Summary:
             prediction=self.prediction,
             identification=self.data.identification,
             posterior=self._posterior(),
+            effects=frequency_effects(self.elastic, self.prediction),
             warnings=warnings(findings),
             findings=ordered(findings),
         )

@@ -32,6 +32,7 @@ from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records
 from service.store.search.routes import router as search
 from service.store.storage.routes import router as storage
+from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
 from service.store.structures.routes import router as structures
 from service.store.updating.routes import router as updating
@@ -40,6 +41,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     access,
     storage,
     structures,
+    models,
     campaigns,
     imports,
     purging,

@@ -10,7 +10,8 @@ from service.monitoring.judgements import JUDGE
 from service.store.imports.operations import IMPORT
 from service.store.modes.identifications import IDENTIFY
 from service.store.records.processings import PROCESS
+from service.store.structures.models import MODEL
 from service.store.updating.operations import JOINT_UPDATE, UPDATE
 
-KINDS: tuple[JobKind, ...] = (IMPORT, PROCESS, IDENTIFY, UPDATE, JOINT_UPDATE, JUDGE)
+KINDS: tuple[JobKind, ...] = (IMPORT, MODEL, PROCESS, IDENTIFY, UPDATE, JOINT_UPDATE, JUDGE)
 """Every kind of job that a worker can run."""

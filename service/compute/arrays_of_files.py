@@ -96,7 +96,7 @@ def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> 
         raise Invalid("mapping.recording", f"is for a wav; the file is a {form}")
     channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename))
     try:
-        found = channels.survey()
+        found = _faults_as(_dotted, channels.survey)
     except InputError as error:
         raise Invalid("", str(error)) from None
     places = _faults_as(_dotted, lambda: channels.places(found.hits))

@@ -16,30 +16,12 @@ import numpy as np
 
 from fecore.trend import Acknowledgement, Assessment, Moment, ParameterTrend, Series, State, Watch, assess, worst
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
+from service.compute.explaining import Moves, explained
+from service.compute.observations import Observation, same_mode
 from service.jobs.kinds import Report
-
-SAME_MODE = 0.15
-"""Relative change of frequency up to which a campaign's mode is taken for the first campaign's."""
 
 EXACT = 1e-6
 """Relative standard deviation where none is stated: the scatter between campaigns then is all there is."""
-
-
-@dataclass(frozen=True)
-class Observation:
-    """One campaign of the series.
-
-    Attributes:
-        campaign: its id.
-        performed_at: when it was measured.
-        values: of `service.monitoring.runs`.
-        covariates: by name; NaN where not measured.
-    """
-
-    campaign: str
-    performed_at: datetime
-    values: Mapping[str, Any]
-    covariates: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -52,6 +34,7 @@ class JudgementInputs:
         as_of: now.
         acknowledged: parameter and time of acknowledgements, by time.
         notes: what is already known to be worth saying.
+        moves: what would move the frequencies, of one campaign of the baseline; None where no result says it.
     """
 
     observations: tuple[Observation, ...]
@@ -59,6 +42,7 @@ class JudgementInputs:
     as_of: datetime
     acknowledged: tuple[Acknowledgement, ...]
     notes: tuple[str, ...]
+    moves: Moves | None = None
 
 
 @dataclass(frozen=True)
@@ -104,7 +88,7 @@ def judge(inputs: JudgementInputs, report: Report) -> Iterator[Judgement]:
     states += [State.NO_DATA] * (len(inputs.watch.directions) - len(trends))
     state = worst(tuple(states)).value
     document = {"state": state, "notes": notes, "parameters": [describe_trend(trend) for trend in trends.values()]}
-    yield Judgement(document, tuple(e for trend in trends.values() for e in _episodes(trend)), state)
+    yield Judgement(document, tuple(e for trend in trends.values() for e in _episodes(trend, inputs)), state)
 
 
 def _assessment(series: Mapping[str, Series], inputs: JudgementInputs) -> Assessment:
@@ -149,38 +133,28 @@ def _value(name: str, observation: Observation, everyone: Sequence[Observation])
     if kind not in ("frequency", "damping_ratio"):
         found = observation.values["parameters"].get(name)
         return None if found is None else (found[0], found[1])
-    mode = _same_mode(int(number), observation, everyone)
-    value, sd = (None, None) if mode is None else mode[:2] if kind == "frequency" else mode[2:]
+    mode = same_mode(int(number), observation, everyone)
+    row = None if mode is None else observation.values["modes"][mode]
+    value, sd = (None, None) if row is None else row[:2] if kind == "frequency" else row[2:]
     return None if value is None else (value, sd)
 
 
-def _same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> list[float] | None:
-    """The mode of this campaign that is the n-th of the earliest one: the nearest in frequency, not further than 15 %."""
-    first = min(everyone, key=lambda o: o.performed_at).values["modes"]
-    if number > len(first) or not observation.values["modes"]:
-        return None
-    wanted = first[number - 1][0]
-    nearest: list[float] = min(observation.values["modes"], key=lambda mode: abs(mode[0] - wanted))
-    rival = min(first, key=lambda mode: abs(mode[0] - nearest[0]))
-    return nearest if rival[0] == wanted and abs(nearest[0] / wanted - 1) <= SAME_MODE else None
-
-
-def _episodes(trend: ParameterTrend) -> Iterator[Episode]:
+def _episodes(trend: ParameterTrend, inputs: JudgementInputs) -> Iterator[Episode]:
     """Stretches of the timeline from an alarm to the next normal state."""
     raised: str | None = None
     last = State.NO_DATA
     for moment in trend.timeline:
         if moment.state is State.NORMAL and raised is not None:
-            yield _episode(trend, raised, "cleared")
+            yield _episode(trend, raised, "cleared", inputs)
             raised = None
         if moment.state is State.ALARM and raised is None:
             raised = moment.label
         last = moment.state
     if raised is not None:
-        yield _episode(trend, raised, "alarm" if last is State.ALARM else "acknowledged")
+        yield _episode(trend, raised, "alarm" if last is State.ALARM else "acknowledged", inputs)
 
 
-def _episode(trend: ParameterTrend, campaign: str, state: str) -> Episode:
+def _episode(trend: ParameterTrend, campaign: str, state: str, inputs: JudgementInputs) -> Episode:
     assert trend.watched is not None
     assert trend.baseline is not None
     i = list(trend.watched.labels).index(campaign)
@@ -194,5 +168,18 @@ def _episode(trend: ParameterTrend, campaign: str, state: str) -> Episode:
         **describe_judged(trend, i),
         "change_point": None if trend.change is None else describe_change(trend.change),
         "rate": None if trend.rate is None else describe_rate(trend.rate),
+        "explanations": _explained(trend, i, state, inputs),
     }
     return Episode(trend.name, campaign, state, details)
+
+
+def _explained(trend: ParameterTrend, raised: int, state: str, inputs: JudgementInputs) -> dict[str, Any] | None:
+    """What may have caused an alarm that still stands: of the campaigns since its change, or since it was raised."""
+    if state == "cleared" or inputs.moves is None:
+        return None
+    assert trend.watched is not None
+    assert trend.baseline is not None
+    first = raised if trend.change is None else min(raised, trend.change.index)
+    return explained(
+        inputs.observations, inputs.moves, trend.baseline.labels, trend.watched.labels[first:], inputs.watch.covariates
+    )

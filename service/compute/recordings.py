@@ -11,10 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fecore.arrays import FloatArray
 from fecore.signal.recording import LEAD, Knock, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping
+from modalbase.formats.records.mapping import LARGEST
 from modalbase.formats.records.recording import Recording, Wav, read_recording, read_wav_head
 from modalbase.formats.records.variables import SAMPLE_RATE
 
@@ -39,22 +42,44 @@ class Channels:
     stated: Recording
 
     @property
+    def names(self) -> list[str]:
+        """Of the channels in the file."""
+        return [c.variable for c in self.mapped]
+
+    @property
     def full_scales(self) -> list[float | None]:
-        """Of each channel in SI; that of a file of integers is 1 over the sensitivity where none is stated."""
-        return [c.full_scale or (1 / c.sensitivity if self.wav.counts else None) for c in self.mapped]
+        """Of each channel in SI; that of a file of integers is theirs where none is stated."""
+        own = self.wav.full_scale
+        return [c.full_scale or (own / c.sensitivity if own else None) for c in self.mapped]
 
     def chunks(self) -> Iterator[FloatArray]:
-        """(channels, n) parts in SI."""
+        """(channels, n) parts in SI.
+
+        Raises:
+            FormatError: a channel reaches more than any sensor gives.
+        """
         for chunk in self.wav.chunks():
             part = chunk[list(self.rows)]
             for row, channel in zip(part, self.mapped, strict=True):
+                most = max(float(row.max()), -float(row.min()))
+                if np.isfinite(most) and most >= LARGEST * channel.sensitivity:
+                    most /= channel.sensitivity
+                    why = f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity"
+                    raise FormatError(channel.variable, why)
                 row /= channel.sensitivity
             yield part
 
     def survey(self) -> Survey:
         """Find the hits; see `fecore.signal.recording.survey`."""
         least = self.stated.least_force
-        return survey(self.chunks(), self.wav.sample_rate_hz, 0, least_force=least, full_scale=self.full_scales)
+        return survey(
+            self.chunks(),
+            self.wav.sample_rate_hz,
+            0,
+            least_force=least,
+            full_scale=self.full_scales,
+            names=self.names,
+        )
 
     def places(self, hits: tuple[Knock, ...]) -> list[Place]:
         """Where each hit was.
@@ -82,12 +107,14 @@ class Channels:
         return ", ".join(said) + (" …" if len(hits) > _MOST_NAMED else "")
 
     def notes(self, found: Survey) -> list[str]:
-        """Hits that are left out or clipped.
+        """Hits that are left out or clipped, and whether the file may have been cut off.
 
         Raises:
             FormatError: a channel is clipped in every hit.
         """
         said = []
+        if not self.wav.declared:
+            said.append("the file declares no length: it is read to its end, and nobody knows whether it was cut off")
         if left := tuple(hit for hit in found.hits if not found.fits(hit)):
             seconds = found.length / self.wav.sample_rate_hz
             said.append(
@@ -104,7 +131,7 @@ class Channels:
         return said
 
     def blocks(self, found: Survey, places: list[Place]) -> Iterator[TimeBlock]:
-        """The blocks of each hit, the force first; the label says where in the recording they begin."""
+        """The blocks of each hit, the force first."""
         seen: Counter[Place] = Counter()
         numbers = {}
         for hit, place in zip(found.hits, places, strict=True):
@@ -112,13 +139,20 @@ class Channels:
             numbers[hit.at] = place, seen[place]
         for hit, samples in cut(self.chunks(), found):
             place, number = numbers[hit.at]
-            begin = hit.at - LEAD
-            where = f"from sample {begin} ({begin / self.wav.sample_rate_hz:.6f} s)"
             for c, values, full in zip(self.mapped, samples, self.full_scales, strict=True):
                 own = place if c.quantity == "force" else (int(c.point), int(c.direction))
-                label = f"{c.variable} {where}"
-                rate = self.wav.sample_rate_hz
-                yield TimeBlock(c.quantity, *own, *place, number, rate, values, 0.0, full, c.sensitivity, label)
+                yield TimeBlock(
+                    c.quantity,
+                    *own,
+                    *place,
+                    number,
+                    self.wav.sample_rate_hz,
+                    values,
+                    full_scale=full,
+                    sensitivity=c.sensitivity,
+                    label=c.variable,
+                    start_sample=hit.at - LEAD,
+                )
 
 
 def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels:

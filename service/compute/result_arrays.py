@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.updating.result import FrfCorrelation, ModeShapes, Prediction, UpdateResult
+from fecore.updating.result import FrequencyEffects, FrfCorrelation, ModeShapes, Prediction, UpdateResult
 
 MOST_SAMPLES = 2000
 _LARGEST_HALF = 60_000.0  # that half precision holds
@@ -18,11 +18,11 @@ def as_npz(result: UpdateResult) -> bytes:
     """The arrays of a result.
 
     Predicted FRFs (in single precision) and how sure they are (in half), CSAC and CSF of the lines of the band, shapes at the
-    measured points, samples of the posterior. What a result has not, its arrays have not either; without a prediction the FRFs'
-    arrays are there and empty.
+    measured points, samples of the posterior, what would move the frequencies. What a result has not, its arrays have not
+    either; without a prediction the FRFs' arrays are there and empty.
     """
     samples = result.posterior.samples
-    arrays = {**_frfs(result.prediction), **_agreement(result), **_shapes(result.shapes)}
+    arrays = {**_frfs(result.prediction), **_agreement(result), **_shapes(result.shapes), **_effects(result.effects)}
     if samples is not None:
         every = -(-len(samples) // MOST_SAMPLES)
         arrays["samples"] = samples[::every].astype(np.float32)
@@ -74,8 +74,23 @@ def _shapes(shapes: ModeShapes | None) -> dict[str, Any]:
         return {}
     return {
         "shape_points": np.array(shapes.points, dtype=np.int64),
-        "shape_places_m": shapes.places[:, :2],
+        "shape_places_m": shapes.places,
         "shapes_measured": shapes.measured.astype(np.complex64),
         "shapes_updated": shapes.updated.astype(np.float32),
         "shape_pairs": np.array(shapes.pairs, dtype=np.int64).reshape(-1, 2),
     }
+
+
+def _effects(effects: FrequencyEffects) -> dict[str, Any]:
+    """What a monitor explains its alarms by."""
+    modes = len(effects.mass)
+    arrays: dict[str, Any] = {
+        "mass_sites_m": effects.sites.astype(np.float32),
+        "mass_effects": effects.mass.astype(np.float32),
+        "frf_scale": np.array([] if effects.frf_scale is None else [effects.frf_scale]),
+    }
+    for kind in ("stiffness", "support"):
+        by_name: dict[str, FloatArray] = getattr(effects, kind)
+        arrays[f"{kind}_names"] = np.array(list(by_name), dtype=np.str_)
+        arrays[f"{kind}_effects"] = np.array(list(by_name.values())).reshape(len(by_name), modes)
+    return arrays

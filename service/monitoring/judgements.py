@@ -21,13 +21,14 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
-from service.compute.judging import Judgement, JudgementInputs, Observation, judge
+from service.compute.judging import Judgement, JudgementInputs, judge
+from service.compute.observations import Observation
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.monitoring.alarms import state_changed, update_alarms
 from service.monitoring.campaigns import Seen, seen_campaigns
-from service.monitoring.runs import counted, latest_runs, monitor_for
+from service.monitoring.runs import counted, latest_runs, monitor_for, moves_of
 from service.monitoring.tables import Alarm, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 
 GRACE = 1.5
@@ -119,6 +120,7 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
     runs = latest_runs(session, series)
     pairs = counted(seen_campaigns(session, monitor, now, timedelta(0)), runs)
     row.digest = _digest(session, monitor, pairs, now)  # what is judged is what is there now
+    described = pairs[: monitor.watch["baseline"]]
     arrival = _arrival(session, series)
     pairs.sort(key=lambda pair: arrival[pair[0].campaign.id])
     return JudgementInputs(
@@ -127,6 +129,7 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> JudgementInputs:
         as_of=now,
         acknowledged=tuple(_heard(alarm) for alarm in _acknowledged(session, monitor)),
         notes=tuple(_notes(series, pairs)),
+        moves=moves_of(session, described[-1][1]) if described else None,
     )
 
 

@@ -33,7 +33,8 @@ from service.store.structures.operations import (
     structures_in,
     structures_of,
 )
-from service.store.updating.bodies import body_of
+from service.store.updating.bodies import usual_boundary
+from service.store.updating.loading import body_for
 from service.store.updating.operations import check_prior_batch
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def _check_recipe(session: Session, user: User, structure: Structure, body: Moni
         )
     check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
     recipe.inputs.to_core()
-    specimen = body_of(described, body.boundary or "cantilever", recipe)
+    specimen = body_for(session, described, body.boundary or usual_boundary(described), recipe)
     free = parametrise(specimen, recipe.parameters_of(specimen)).names
     for i, watched in enumerate(body.parameters):
         if CONSTANT.fullmatch(watched.name) and watched.name not in free:

@@ -27,6 +27,7 @@ from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User
+from service.compute.explaining import Moves
 from service.errors import ServiceError
 from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns
@@ -34,8 +35,9 @@ from service.monitoring.tables import Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_of
 from service.store.modes.operations import modes_of
 from service.store.structures.operations import describe_version, structure_for, structure_of, version_of
-from service.store.updating.bodies import body_of
-from service.store.updating.operations import result_documents, start_update
+from service.store.updating.bodies import usual_boundary
+from service.store.updating.loading import body_for
+from service.store.updating.operations import arrays_of, result_documents, start_update
 from service.store.updating.schemas import ParameterIn, RecipeIn
 
 if TYPE_CHECKING:
@@ -50,8 +52,8 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
 
     Returns:
         `parameters`: name to [estimate, noise-only standard deviation], both with the inputs held: a model error or a wrong
-        thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each measured mode;
-        None where not known.
+        thickness that all campaigns share does not move them; `modes`: (f, sd, ζ, sd) of each measured mode, `kinds`: of
+        its motion; None where not known.
     """
     compared = {row["name"]: row["comparable"] for row in document["parameters"]}
     parameters = {name: [found["estimate"], found["standard_deviation"]] for name, found in compared.items()}
@@ -64,7 +66,27 @@ def watched_values(session: Session, document: dict[str, Any]) -> dict[str, Any]
         mode = stated.get(row["number"])
         sds = (None, None) if mode is None else (mode.frequency_sd_hz, mode.damping_sd)
         modes.append([row["measured_hz"], sds[0], row["measured_damping"], sds[1]])
-    return {"parameters": parameters, "modes": modes}
+    return {"parameters": parameters, "modes": modes, "kinds": [row.get("kind") for row in document["modes"]]}
+
+
+def _scale(session: Session, key: UUID) -> float | None:
+    """Scale of a run's FRFs to its model's; None where it had none."""
+    arrays = arrays_of(session, key)
+    if arrays is None or "frf_scale" not in arrays or not len(arrays["frf_scale"]):
+        return None
+    return float(arrays["frf_scale"][0])
+
+
+def moves_of(session: Session, run: MonitorRun) -> Moves | None:
+    """What would move a run's frequencies; None of a run of a version that did not keep it."""
+    arrays = None if run.update_job_id is None else arrays_of(session, run.update_job_id)
+    if arrays is None or "mass_effects" not in arrays:
+        return None
+    stiffness, support = (
+        dict(zip(arrays[f"{kind}_names"].tolist(), arrays[f"{kind}_effects"], strict=True))
+        for kind in ("stiffness", "support")
+    )
+    return Moves(str(run.campaign_id), stiffness, support, arrays["mass_sites_m"], arrays["mass_effects"])
 
 
 def unit_of(parameter: str) -> str | None:
@@ -145,7 +167,7 @@ def collect(session: Session, series: MonitorSeries) -> None:
             run.state, run.message = "failed", job.message or f"the update job was {job.state}"
         else:
             run.state, run.software = "succeeded", document["provenance"]["software"]["modalbase"]
-            run.values = watched_values(session, document)
+            run.values = watched_values(session, document) | {"frf_scale": _scale(session, job.id)}
     session.flush()
 
 
@@ -287,7 +309,8 @@ def _with_priors(session: Session, monitor: Monitor, recipe: RecipeIn, values: d
     """The recipe with the last estimates as prior means; widths stay, so that a prior never narrows down on the past."""
     version = version_of(session, monitor.structure_version_id)
     structure = structure_of(session, monitor.structure_id)
-    specimen = body_of(describe_version(version, structure.name), monitor.boundary or "cantilever", recipe)
+    described = describe_version(version, structure.name)
+    specimen = body_for(session, described, monitor.boundary or usual_boundary(described), recipe)
     core = recipe.parameters_of(specimen)
     free = parametrise(specimen, core)
     widths = dict(zip(free.names, free.prior_sd.tolist(), strict=True))

@@ -116,7 +116,7 @@ def example(**fields: Any) -> ConfigDict:
     return ConfigDict(json_schema_extra={"examples": [fields]})
 
 
-def shown_as(model: type[Shown], row: object, **own: Any) -> Shown:
+def shown_as(model: type[Shown], row: object, /, **own: Any) -> Shown:
     """A row as clients see it: what the model has in common with the row, and these members."""
     same = {name: getattr(row, name) for name in model.model_fields if name not in own and hasattr(row, name)}
     return model(**same, **own)

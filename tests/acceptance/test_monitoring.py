@@ -98,6 +98,11 @@ def test_one_alarm_told_once_though_a_worker_dies_over_it(service: LocalService)
     message = json.loads(hook.got[0][1])["data"]
     assert (message["alarm"]["parameter"], message["alarm"]["campaign_id"]) == ("Ex", made[LOOSE])
     assert message["monitor"]["id"] == monitor
+    explained = message["alarm"]["details"]["explanations"]
+    likely = [each["kind"] for each in explained["ranked"] if each["evidence"] > explained["ranked"][0]["evidence"] - 3]
+    assert "stiffness" in likely  # a clamp that yields looks nearly the same
+    assert set(likely) <= {"stiffness", "support"}
+    assert "What decides: " in explained["text"]
 
 
 def check_series(api: httpx.Client, monitor: str, made: list[str]) -> None:

@@ -38,7 +38,7 @@ from service.errors import Conflict, Forbidden, Invalid, NotFound, Unauthorized
 from service.jobs.tables import Job
 from service.store.campaigns.operations import Campaign
 from service.store.imports.operations import Import
-from service.store.imports.originals import Original
+from service.store.storage.originals import Original
 from service.store.structures.operations import Structure, structure_for
 
 ALL = ["read", "write", "jobs", "admin"]

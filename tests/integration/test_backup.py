@@ -55,7 +55,7 @@ def repair_digests(engine: Engine) -> None:
         for table, _, data, digest in CHECKED:
             if table in tables and data in {column["name"] for column in catalogue.get_columns(table)}:
                 connection.execute(text(f"UPDATE {table} SET {digest} = sha256({data}) WHERE {data} IS NOT NULL"))
-        names = "imports", "original_chunks"
+        names = [name for name in ("imports", "original_chunks", "structure_models") if name in tables]
         connection.execute(text("INSERT INTO originals SELECT sha256(data), length(data) FROM original_chunks"))
         for name in names:
             connection.execute(text(f"UPDATE {name} SET sha256 = (SELECT sha256(data) FROM original_chunks)"))

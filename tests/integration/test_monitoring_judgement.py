@@ -16,7 +16,9 @@ from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedPro
 from fecore.trend import Acknowledgement, Watch
 from service.access import Member, Project
 from service.access.keys import user_named
-from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
+from service.compute.explaining import Moves
+from service.compute.judging import Episode, Judgement, JudgementInputs, judge
+from service.compute.observations import Observation
 from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
@@ -38,7 +40,7 @@ from service.store.campaigns.operations import create_campaign
 from service.store.campaigns.schemas import CampaignIn
 from service.store.frfs.operations import Frf
 from service.store.imports.operations import IMPORT, Import
-from service.store.imports.originals import Original
+from service.store.storage.originals import Original
 from service.store.structures.operations import Structure, create_structure
 from service.store.structures.schemas import StructureIn
 
@@ -62,10 +64,11 @@ def judged(
     watch: Watch | None = None,
     as_of: datetime | None = None,
     acknowledged: Sequence[Acknowledgement] = (),
+    moves: Moves | None = None,
 ) -> Judgement:
     watch = watch or Watch({"Ex": "fall"}, baseline=6)
     latest = max(o.performed_at for o in observations)
-    inputs = JudgementInputs(tuple(observations), watch, as_of or latest, tuple(acknowledged), ())
+    inputs = JudgementInputs(tuple(observations), watch, as_of or latest, tuple(acknowledged), (), moves)
     (result,) = judge(inputs, lambda *_: None)
     json.dumps(result.document, allow_nan=False)
     return result
@@ -86,6 +89,32 @@ def test_an_alarm_ends_only_when_it_was_seen() -> None:
     assert judged(series, acknowledged=[seen]).state == "normal"
     (episode,) = judged(series[:10], acknowledged=[seen]).episodes
     assert episode.state == "acknowledged"
+
+
+def test_an_open_alarm_names_its_other_explanations_and_what_decides() -> None:
+    """The second mode alone fell: a mass where the others do not move. A run of before says nothing of what moves it."""
+    fallen = [MODES[0], [156.0, *MODES[1][1:]], MODES[2]]
+    rng = np.random.default_rng(3)
+
+    def noisy(modes: Sequence[Any]) -> list[Any]:
+        return [[hz * (1 + 1e-4 * rng.standard_normal()), *rest] for hz, *rest in modes]
+
+    series = [observe(i, 1.0, noisy(MODES)) for i in range(8)]
+    series += [observe(i, 0.95, noisy(fallen)) for i in range(8, 11)]
+    moves = Moves(
+        campaign="5",
+        stiffness={"Ex": np.full(3, 0.5)},
+        support={},
+        sites=np.array([[0.1, 0, 0], [0.3, 0, 0], [0.5, 0, 0]]),
+        mass=-np.array([[0.0, 0.0, 3.0], [0.1, 3.0, 0.2], [3.0, 0.1, 0.0]]),
+    )
+    (episode,) = judged(series, moves=moves).episodes
+    found = episode.details["explanations"]
+    assert found["ranked"][0]["kind"] == "mass"
+    assert "g more near x = 0.3 m (100 %)" in found["text"]
+    assert "look near there for a sensor" in found["text"]
+    (before,) = judged(series).episodes
+    assert before.details["explanations"] is None
 
 
 def test_an_acknowledgement_of_what_is_no_alarm_any_more_is_passed_over() -> None:

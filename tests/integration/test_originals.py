@@ -19,7 +19,7 @@ from service.db.engine import Sessions
 from service.errors import Damaged, PayloadTooLarge
 from service.store.imports import intake
 from service.store.imports.operations import IMPORT, Import
-from service.store.imports.originals import (
+from service.store.storage.originals import (
     CHUNK_BYTES,
     READ_BYTES,
     Original,

@@ -26,11 +26,11 @@ ORDER = [{"point": 4, "hits": 3}, {"point": 5, "hits": 3}]
 
 @pytest.fixture
 def sent(api: httpx.Client, campaign: str, finished: Finished) -> Callable[..., dict[str, Any]]:
-    def send(said: Any, filename: str = "long.wav", **query: Any) -> dict[str, Any]:
+    def send(said: Any, filename: str = "long.wav", channels: Any = CHANNELS, **query: Any) -> dict[str, Any]:
         whole = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
         file = io.BytesIO()
         wavfile.write(file, int(RATE), np.round(whole.T * 0.25 * 2**31).astype(np.int32))
-        query |= {"mapping": json.dumps({"channels": CHANNELS, "recording": said}), "filename": filename}
+        query |= {"mapping": json.dumps({"channels": channels, "recording": said}), "filename": filename}
         raw = {"Content-Type": "application/octet-stream"}
         answer = api.post(f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw)
         ok(answer, 202)
@@ -46,7 +46,8 @@ def test_a_recording_becomes_hits_of_its_points_and_frfs(
     assert (read["status"], read["counts"]["records"], read["warnings"]) == ("succeeded", 12, []), read
     items = ok(api.get(f"imports/{read['id']}/records"), 200)["items"]
     assert [(r["force_point"], r["hit"]) for r in items[::2]] == [(4, 1), (4, 2), (4, 3), (5, 1), (5, 2), (5, 3)]
-    begins = [int(r["label"].split("sample ")[1].split()[0]) for r in items[::2]]
+    begins = [r["start_sample"] for r in items[::2]]
+    assert begins == [r["start_sample"] for r in items[1::2]]
     np.testing.assert_allclose(begins, np.array(TIMES) * RATE - 256, atol=1)
     made = api.post(f"campaigns/{campaign}/processings", json={})
     assert finished(made.headers["Location"])["status"] == "succeeded"
@@ -79,3 +80,10 @@ def test_what_does_not_fit_is_named(sent: Callable[..., dict[str, Any]], said: A
     (fault,) = error["errors"]
     assert fault["pointer"] == pointer
     assert re.search(says, fault["detail"])
+
+
+def test_values_that_no_sensor_gives_are_refused_by_the_channel(sent: Callable[..., dict[str, Any]]) -> None:
+    error = sent({"order": ORDER}, channels=[CHANNELS[0], {**CHANNELS[1], "sensitivity": 1e-20}])["error"]
+    (fault,) = error["errors"]
+    assert fault["pointer"] == "/channel_2"
+    assert "more than any sensor gives" in fault["detail"]

@@ -80,6 +80,9 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
         "import_id": made(f"{campaign}/imports", content=paper.uff_file(), headers=RAW, params={"filename": mark})[
             "id"
         ],
+        "model_id": made(
+            f"structures/{structure}/model", content=b"*HEADING\n", headers=RAW, params={"filename": f"{mark}.inp"}
+        )["id"],
         "processing_id": made(f"{campaign}/processings", {})["id"],
         "identification_id": made(f"{campaign}/identifications", {})["id"],
         "job_id": made(f"{campaign}/update-jobs", {})["id"],
@@ -128,7 +131,10 @@ admin   owner   PUT /projects/{project_id}/members/{member}, DELETE /projects/{p
 write   editor  POST /projects/{project_id}/structures, PATCH /structures/{structure_id}, DELETE /structures/{structure_id}
 write   editor  POST /structures/{structure_id}/restore, POST /structures/{structure_id}/campaigns
 read    viewer  GET /structures/{structure_id}, GET /structures/{structure_id}/versions/{number}
-read    viewer  GET /structures/{structure_id}/campaigns
+read    viewer  GET /structures/{structure_id}/campaigns, GET /structures/{structure_id}/models, GET /models/{model_id}
+write   editor  POST /structures/{structure_id}/model
+read    viewer  GET /structures/{structure_id}/model, GET /structures/{structure_id}/model/mesh
+read    viewer  GET /structures/{structure_id}/model/original
 admin   owner   POST /structures/{structure_id}/purge, POST /campaigns/{campaign_id}/purge
 
 write   editor  PATCH /campaigns/{campaign_id}, DELETE /campaigns/{campaign_id}, POST /campaigns/{campaign_id}/restore
@@ -151,7 +157,7 @@ read    viewer  GET /campaigns/{campaign_id}/identifications, GET /identificatio
 read    viewer  GET /identifications/{identification_id}/figures/{name}, GET /campaigns/{campaign_id}/figures/{name}
 read    viewer  GET /update-jobs/{job_id}, GET /update-jobs/{job_id}/events, GET /update-jobs/{job_id}/result
 read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/figures
-read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/report
+read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/deck, GET /update-jobs/{job_id}/report
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
 jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result

@@ -71,12 +71,14 @@ class Material:
             `nu23` where stated; `density` where stated.
         line: where it begins.
         places: of the constants.
+        file: of an INCLUDE, empty for the deck itself.
     """
 
     name: str
     constants: Mapping[str, float]
     line: int
     places: Mapping[str, Place] = field(default_factory=dict)
+    file: str = ""
 
     @property
     def is_isotropic(self) -> bool:
@@ -103,12 +105,19 @@ class ShellSection:
         line: where it begins.
         offset: from the nodes to the middle of the stack along the normal.
         extra_mass: non-structural mass per area.
+        file: of an INCLUDE, empty for the deck itself.
     """
 
     plies: tuple[Ply, ...]
     line: int
     offset: float = 0.0
     extra_mass: float = 0.0
+    file: str = ""
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Names of the plies' materials from the bottom, each once."""
+        return tuple(dict.fromkeys(ply.material for ply in self.plies))
 
 
 @dataclass(frozen=True)
@@ -124,6 +133,7 @@ class BeamSection:
         shear: factors κ of the areas that resist shear along axes 1 and 2; None where the deck has them rigid in shear.
         extra_mass: non-structural mass per length.
         places: of `area`, `I1`, `I2`, `J`, where the deck states them themselves.
+        file: of an INCLUDE, empty for the deck itself.
     """
 
     material: str
@@ -134,6 +144,12 @@ class BeamSection:
     shear: tuple[float, float] | None = (5 / 6, 5 / 6)
     extra_mass: float = 0.0
     places: Mapping[str, Place] = field(default_factory=dict)
+    file: str = ""
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Its material's name, alone."""
+        return (self.material,)
 
 
 @dataclass(frozen=True)
@@ -149,7 +165,12 @@ class PointMass:
 
 @dataclass(frozen=True)
 class Spring:
-    """A spring from a node's dof (0 … 5, in the model's frame) to the ground, or to the dof of a second node."""
+    """A spring from a node's dof (0 … 5, in the model's frame) to the ground, or to the dof of a second node.
+
+    Where it lies askew, `direction` is a unit vector in the model's frame: `dof` and `second_dof` are then 0 for displacements
+    along it and 3 for turns about it. `arms` reach from its nodes, as rigid bodies, to where it acts; None where it acts at the
+    nodes.
+    """
 
     node: int
     dof: int
@@ -157,26 +178,33 @@ class Spring:
     line: int
     second: int | None = None
     second_dof: int | None = None
+    direction: tuple[float, float, float] | None = None
+    arms: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
 
 
 @dataclass(frozen=True)
 class Link:
-    """A node whose dofs (0 … 5) others lead: one as a rigid body, or several as their weighted mean."""
+    """A node whose dofs (0 … 5) others lead: one as a rigid body, or several as their weighted mean.
+
+    The dofs are along the model's axes, or along those (3, 3, as rows) of `axes`.
+    """
 
     node: int
     leaders: tuple[int, ...]
     dofs: tuple[int, ...]
     line: int
     weights: tuple[float, ...] = ()
+    axes: Floats | None = None
 
 
 @dataclass(frozen=True)
 class Support:
-    """Nodes whose dofs (0 … 5, in the model's frame) are held."""
+    """Nodes whose dofs (0 … 5) are held, along the model's axes or along those (3, 3, as rows) of `axes`."""
 
     nodes: Integers
     dofs: tuple[int, ...]
     line: int
+    axes: Floats | None = None
 
 
 @dataclass(frozen=True)

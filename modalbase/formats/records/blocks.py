@@ -29,6 +29,7 @@ class TimeBlock:
         full_scale: largest magnitude that the channel can record, in SI; None where it is not known.
         sensitivity: volts (or counts) per SI unit that the samples were divided by; 1 where they were in SI.
         label: name of the variable or column, or the first ID line.
+        start_sample: of a block cut from a recording, its first sample there, from 0; None where it was recorded alone.
     """
 
     quantity: ChannelQuantity
@@ -43,6 +44,7 @@ class TimeBlock:
     full_scale: float | None = None
     sensitivity: float = 1.0
     label: str = ""
+    start_sample: int | None = None
 
 
 def arrays_of(blocks: Sequence[TimeBlock], *, numbered: bool) -> tuple[bytes, dict[str, Any]]:

@@ -32,7 +32,7 @@ _FEWEST_SAMPLES = 64
 _UNEVEN = 1e-3
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
-_LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
+LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
 _RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
     "force": ("force", "hammer", "exc"),
@@ -235,7 +235,7 @@ def _in_si(table: FloatArray, channel: ChannelMapping) -> FloatArray:
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # what comes of it is looked at
         values: FloatArray = table if channel.sensitivity == 1 else table / channel.sensitivity
     most = max(float(values.max()), -float(values.min()))
-    if not most < _LARGEST:
+    if not most < LARGEST:
         raise FormatError(
             channel.variable, f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity"
         )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
@@ -38,6 +38,7 @@ class Wav:
         kind: `u1`, `i2`, `i3`, `i4`, `f4` or `f8`, with its byte order before it.
         begin: byte where the frames begin.
         frames: how many there are.
+        declared: whether the file says so itself.
     """
 
     path: Path
@@ -46,11 +47,12 @@ class Wav:
     kind: str
     begin: int
     frames: int
+    declared: bool = True
 
     @property
-    def counts(self) -> bool:
-        """Whether the samples are integers, which have a full scale."""
-        return self.kind[1] != "f"
+    def full_scale(self) -> float | None:
+        """Largest sample that integers have; floating point has none."""
+        return None if self.kind[1] == "f" else 1 - 2.0 ** (1 - 8 * int(self.kind[2]))
 
     def chunks(self) -> Iterator[FloatArray]:
         """(channels, n) float32 parts in order, from -1 to 1 where the samples are integers."""
@@ -96,12 +98,12 @@ def read_wav_head(path: Path) -> Wav:
                 left = size - begin
                 if declared == UNKNOWN_LENGTH and long:
                     declared = long
-                elif declared == UNKNOWN_LENGTH or (declared == 0 and not are_chunks(file, left, order)):
-                    declared = left
+                open_ended = declared == UNKNOWN_LENGTH or (declared == 0 and not are_chunks(file, left, order))
+                declared = left if open_ended else declared
                 if declared > left:
                     why = f"is cut off: it declares {declared} bytes of samples and has {left}; copy it again"
                     raise FormatError("", why)
-                return _head(path, form, order, begin, declared)
+                return replace(_head(path, form, order, begin, declared), declared=not open_ended)
             file.seek(begin + declared + declared % 2)
     raise FormatError("", "cannot be read as .wav: it has no format or no samples")
 

@@ -1,4 +1,4 @@
-"""The check of everything that is stored under a SHA-256: spectra, coherences, curves and original files."""
+"""The check of everything that is stored under a SHA-256: spectra, coherences, curves, models and original files."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ CHECKED = (
     ("records", "id", "data", "sha256"),
     ("coupon_curves", "coupon_id", "data", "sha256"),
     ("coupon_curves", "coupon_id", "file", "file_sha256"),
+    ("structure_models", "id", "arrays", "arrays_sha256"),
 )
 """Table, key, bytes, their digest. PostgreSQL computes the digests itself, so that no spectrum is sent."""
 

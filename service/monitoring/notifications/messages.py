@@ -88,6 +88,8 @@ def as_mail(delivery: Delivery, sender: str) -> EmailMessage:
             f"baseline    {details['baseline']:.6g} ± {details['baseline_sd']:.2g}{unit}",
             f"note        {data['note']}",
         ]
+        if explained := details.get("explanations"):
+            lines.append(f"causes      {explained['text']}")
     mail.set_content("\n".join(lines) + "\n")
     return mail
 

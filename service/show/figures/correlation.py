@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -47,24 +47,26 @@ class PointValues:
     held_out: Sequence[bool]  # whether the FRF was held out of the fit
 
 
-def points_figure(values: PointValues, length: float, width: float) -> Figure:
+def points_figure(values: PointValues, along: tuple[float, float], across: tuple[float, float]) -> Figure:
     """SAC and FRAC at the points of the specimen, seen from above, each point in the colour of its value.
 
     Args:
         values: by point.
-        length: of the specimen, m.
-        width: of it, m; y runs from -width/2 to width/2.
+        along: x of the specimen's ends, m.
+        across: y of its edges, m.
     """
     lowest = float(np.nanmin([*values.sac, *values.frac, 1.0]))
     floor = float(np.floor(10 * max(lowest, 0.0)) / 10)
     held = np.array(values.held_out, dtype=bool)
-    x = Axis("x [m]", range=(-0.03 * length, 1.03 * length))
+    margin, spread = 0.03 * (along[1] - along[0]), across[1] - across[0]
+    x = Axis("x [m]", range=(along[0] - margin, along[1] + margin))
+    y = Axis("y [m]", range=(across[0] - spread / 4, across[1] + spread / 4))
     marks: list[Mark] = []
     panels = []
     for title, found, up, middle in (("SAC", values.sac, (0.58, 1.0), 0.8), ("FRAC", values.frac, (0.0, 0.42), 0.2)):
-        panel = Panel(x, Axis("y [m]", range=(-0.75 * width, 0.75 * width)), up=up, title=title)
+        panel = Panel(x, replace(y), up=up, title=title)
         panels.append(panel)
-        marks.append(Region((0, length), QUIET, (-width / 2, width / 2), outline=True, panel=panel))
+        marks.append(Region(along, QUIET, across, outline=True, panel=panel))
         for rows, symbol, words in ((~held, "circle", "fitted"), (held, "diamond", "held out of the fit")):
             if rows.any():
                 scale = Scale(title, floor, 1.0, symbol == "circle", middle, 0.45)

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from fecore import __version__
 from fecore.body.specimen import LayeredSpecimen
+from fecore.body.structure import Structure
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
 from service.errors import Conflict, Invalid
@@ -77,6 +78,8 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
     specimen = body_of(structure, campaign.boundary, recipe)
+    if isinstance(specimen, Structure):
+        raise Conflict("a deck of cards describes a strip or plate; this structure is a body in space")
     if isinstance(specimen, LayeredSpecimen) or specimen.pieces:
         raise Conflict(
             "a deck describes one homogenised layer of one thickness; this structure has constants of plies, or pieces"
@@ -91,7 +94,9 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     added = Instruments.model_validate(campaign.instruments).added_masses
     masses = (*sensor, *(Mass(each.x_m, each.y_m, each.mass_kg) for each in added))
     rayleigh = _rayleigh(document)
-    remarks = [*_origin(job, document), *([] if remark is None else [remark])]
+    axes = "SI units: m, kg, s, N, Pa; x along the length from the first edge, z out of plane"
+    job_line, digest, *verdict = origin(job, document)
+    remarks = [job_line, digest, axes, *verdict, *([] if remark is None else [remark])]
     if any(each.rotary_inertia_kg_m2 for each in added):
         remarks.append("the added masses are points: their rotary inertia is not in the deck")
     if rayleigh is None:
@@ -111,13 +116,13 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     )
 
 
-def _origin(job: UpdateJob, document: dict[str, Any]) -> list[str]:
+def origin(job: UpdateJob, document: dict[str, Any]) -> list[str]:
+    """Where a deck comes from, and what is said of its result."""
     digest = sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
     verdict = document.get("verdict") or {}
     return [
         f"modalbase {__version__}: the updated model of update job {job.id}",
         f"result SHA-256 {digest}",
-        "SI units: m, kg, s, N, Pa; x along the length from the first edge, z out of plane",
         *([str(verdict["sentence"])] if "sentence" in verdict else []),
     ]
 

@@ -105,11 +105,17 @@ class UpdateFigures:
         return len(responses) < len(references)
 
     @property
-    def plan(self) -> tuple[float, float]:
-        """Length and width of the specimen, m, as they were when the job was queued."""
-        geometry = describe_version(version_of(self.session, self.job.structure_version_id), "").geometry
-        assert geometry is not None, "a structure that was updated has a geometry"
-        return geometry.length_m, geometry.width_m
+    def plan(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """From where to where the specimen goes along x and y, m, as it was when the job was queued; of a model, the points."""
+        structure = describe_version(version_of(self.session, self.job.structure_version_id), "")
+        size = structure.geometry or structure.shape
+        if size is not None:
+            return (0, size.length_m), (-size.width_m / 2, size.width_m / 2)
+        places = self.arrays["shape_places_m"]
+        low, high = places.min(axis=0), places.max(axis=0)
+        thin = 0.01 * float(np.max(high - low))
+        (x, y) = ((float(a) - thin, float(b) + thin) for a, b in zip(low[:2], high[:2], strict=True))
+        return x, y
 
 
 @dataclass(frozen=True)

@@ -256,8 +256,7 @@ def _sac(data: UpdateFigures, _: Wanted) -> Figure:
         for name in ("sac", "frac")
     }
     held = [is_held for places, _, is_held in parts for _ in places]
-    length, width = data.plan
-    return points_figure(PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), length, width)
+    return points_figure(PointValues(labels, at[:, 0], at[:, 1], values["sac"], values["frac"], held), *data.plan)
 
 
 def _convergence(data: UpdateFigures, _: Wanted) -> Figure:

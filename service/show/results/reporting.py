@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
 
 from sqlalchemy.orm import Session
 
@@ -12,6 +13,7 @@ from service.show.results.figure_data import UpdateFigures
 from service.show.results.figures import draw_sheets
 from service.store.campaigns.operations import campaign_of
 from service.store.campaigns.operations import describe as describe_campaign
+from service.store.structures.models import model_in_short
 from service.store.structures.operations import describe_version, structure_of, version_of
 
 if TYPE_CHECKING:
@@ -37,9 +39,14 @@ def report_of(session: Session, user: User, job: UpdateJob) -> Report:
     facts = UpdateFacts(
         document=data.document,
         project=project_for(session, user, job.project_id).name,
-        structure=structure.model_dump(mode="json"),
+        structure={**structure.model_dump(mode="json"), "model": _model(session, structure.model)},
         campaign=describe_campaign(campaign).model_dump(mode="json"),
         frfs=len(data.document["provenance"]["frfs"]),
     )
 
     return update_report(facts, partial(draw_sheets, data))
+
+
+def _model(session: Session, key: UUID | None) -> dict[str, Any] | None:
+    """A model's file and sets; None where the structure is none."""
+    return None if key is None else model_in_short(session, key)

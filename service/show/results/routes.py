@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from hashlib import sha256
-from typing import Annotated, Any, Literal
+from typing import IO, Annotated, Any, Literal
 from uuid import UUID
 
+from anyio import from_thread
 from fastapi import Header, Path, Query, Request, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 
 from service.access import CurrentUser, SessionDep
+from service.compute.models.decks import updated_deck
 from service.errors import Invalid
+from service.jobs.aside import read_aside
 from service.show.figures.answers import RESPONSES, Asked, FigureName, FigureOut, FiguresOut, require_figure
 from service.show.reports.as_html import POLICY, as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.results.cards import SUFFIXES, Element, Program, written_deck
+from service.show.results.decks import deck_order
 from service.show.results.figure_data import Drawn, JointFigures, UpdateFigures
 from service.show.results.figure_frf import Wanted
 from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, draw_figure
@@ -93,6 +97,21 @@ def get_cards(
     text = written_deck(session, update_job_for(session, user, job_id), program, element)
     name = f"update-{job_id}.{SUFFIXES[program]}"
     return PlainTextResponse(text, headers={"Content-Disposition": f'attachment; filename="{name}"'})
+
+
+@router.get("/update-jobs/{job_id}/deck", response_class=FileResponse)
+def get_deck(job_id: UUID, session: SessionDep, user: CurrentUser) -> Response:
+    """The deck that was sent as the structure's model, with the updated numbers and a comment at each; all else stays.
+
+    Its head says how far each mode of a solver's own model is expected to be off, as that has no model of the joints of walls.
+    """
+    order = deck_order(session, update_job_for(session, user, job_id))
+    content = from_thread.run(read_aside, updated_deck, order)
+    return spooled(lambda file: _write(file, content), "application/octet-stream", f"updated-{order.filename}", {})
+
+
+def _write(file: IO[bytes], content: bytes) -> None:
+    file.write(content)
 
 
 @router.get("/update-jobs/{job_id}/figures")

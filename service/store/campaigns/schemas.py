@@ -17,7 +17,7 @@ from service.store.structures.schemas import Deviation
 from service.web import Name, StrictModel, Text, Time, example, not_null
 from service.web.quantities import SENSOR_MASS
 
-Boundary = Literal["cantilever", "free", "simply_supported"]
+Boundary = Literal["cantilever", "free", "simply_supported", "as_modelled"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, description="m")]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
@@ -59,6 +59,9 @@ class AddedMass(StrictModel):
 
     x_m: Coordinate = Field(description="m, on the specimen, from its end x = 0")
     y_m: Coordinate = Field(0.0, description="m, from its centre line")
+    z_m: Coordinate = Field(
+        0.0, description="m, on the surface of a body in space; of a strip or plate it does not count"
+    )
     mass_kg: float = Field(gt=0, le=1000)
     rotary_inertia_kg_m2: float = Field(0.0, ge=0, le=1000, description="about x and y through its place; 0: a point")
 

@@ -21,9 +21,9 @@ from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.frfs.operations import writing_frfs
 from service.store.imports.intake import Intake
-from service.store.imports.originals import Original, keep_original, write_original
 from service.store.records.operations import RecordIntake
 from service.store.storage import book
+from service.store.storage.originals import keep_original, original_sizes, write_original
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -72,7 +72,7 @@ def _store(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
     row = session.get_one(Import, job_id)
     # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
     session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
-    size = session.scalars(select(Original.size).where(Original.sha256 == row.sha256)).one()
+    size = original_sizes(session, [row.sha256])[row.sha256]
     with RecordIntake() as records:
         intake = Intake(session, row, size, records)
         with writing_frfs(session) as write_frf:

@@ -9,7 +9,7 @@ from uuid import UUID
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import Field
-from sqlalchemy import delete, func, select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
@@ -25,9 +25,10 @@ from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
-from service.store.imports.originals import Original, copy_original
 from service.store.records.operations import judged, records_of_import
 from service.store.records.schemas import Proposal, StoredRecords
+from service.store.storage.originals import copy_original, forget_originals, original_sizes
+from service.store.structures.models import models_files
 from service.store.structures.operations import structure_for
 from service.web import Name, StrictModel, api_router, shown_as
 from service.web.downloads import spooled
@@ -86,8 +87,7 @@ MappingQuery = Annotated[str | None, Query(description="which variable is what, 
 
 
 def _described(session: Session, rows: Sequence[tuple[Import, Job]]) -> list[ImportOut]:
-    keys = [row.sha256 for row, _ in rows]
-    sizes = dict(session.execute(select(Original.sha256, Original.size).where(Original.sha256.in_(keys))).all())
+    sizes = original_sizes(session, [row.sha256 for row, _ in rows])
     return [
         shown_as(
             ImportOut,
@@ -221,4 +221,4 @@ def _forget_more(session: Session, project_id: UUID) -> None:
     """End the jobs that were for what is gone, and remove the original files that no import has any more."""
     session.flush()
     cancel_purged(session, project_id)
-    session.execute(delete(Original).where(Original.sha256.not_in(select(Import.sha256))))
+    forget_originals(session, select(Import.sha256), models_files())

@@ -64,6 +64,7 @@ class Record(Identified, Base):
     sensitivity: Mapped[float]
     window_rate_per_s: Mapped[float]
     full_scale: Mapped[float | None]
+    start_sample: Mapped[Big | None]
     dtype: Mapped[str]
     sha256: Mapped[bytes]
     data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
@@ -75,7 +76,7 @@ MOST_LOOKED_AT = 64
 COLUMNS = {
     **dict.fromkeys(("id", "campaign_id", "import_id"), "uuid"),
     **dict.fromkeys(("label", "filename", "quantity"), "text"),
-    **dict.fromkeys(("point", "force_point", "hit"), "int8"),
+    **dict.fromkeys(("point", "force_point", "hit", "start_sample"), "int8"),
     **dict.fromkeys(("direction", "force_direction", "samples"), "int4"),
     **dict.fromkeys(("sample_rate_hz", "sensitivity", "window_rate_per_s", "full_scale"), "float8"),
     "dtype": "text",

@@ -42,6 +42,7 @@ class RecordOut(StrictModel):
     sensitivity: float
     window_rate_per_s: float
     full_scale: float | None
+    start_sample: int | None
     dtype: str
     sha256: str
     created_at: datetime

@@ -10,7 +10,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import ForeignKey, Index, Select, UniqueConstraint, func, select, text
+from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, Select, UniqueConstraint, func, select, text
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
@@ -27,6 +27,7 @@ from service.store.structures.schemas import (
     StructureOut,
     StructurePatch,
 )
+from service.store.structures.shapes import Shape
 from service.web import shown_as
 from service.web.json_body import checked
 
@@ -70,8 +71,29 @@ class StructureVersion(Identified, Base):
     material: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     pieces: Mapped[list[dict[str, Any]] | None] = mapped_column(JSONB(none_as_null=True))
+    shape: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
+    model: Mapped[UUID | None] = mapped_column(ForeignKey("structure_models.id", deferrable=True))
 
     structure: Mapped[Structure] = relationship(back_populates="versions")
+
+
+class StructureModel(Base):
+    """A model that a user sent: a deck, what was read of it, and its arrays in SI. Its key is its job's, and so is its
+    status.
+    """
+
+    __tablename__ = "structure_models"
+    __table_args__ = (Index(None, "structure_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    filename: Mapped[str]
+    sha256: Mapped[bytes] = mapped_column(ForeignKey("originals.sha256"))
+    units: Mapped[str | None]
+    accepted: Mapped[list[Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    arrays: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    arrays_sha256: Mapped[bytes | None]
 
 
 structure_for = Lookup(Structure, "structure", "project_id")
@@ -111,7 +133,7 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
     before = describe(session, structure)
     after = _patched(before, patch)
     structure.name = after.name
-    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces")
+    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces", "shape", "model")
     if any(getattr(after, field) != getattr(before, field) for field in physical):
         structure.version += 1
         _add_version(session, structure, after)
@@ -165,6 +187,8 @@ def _physical(version: StructureVersion) -> dict[str, Any]:
         "material": version.material and Material.model_validate(version.material),
         "inputs": version.inputs and StructureInputs.model_validate(version.inputs),
         "pieces": pieces,
+        "shape": version.shape and Shape.model_validate(version.shape),
+        "model": version.model,
     }
 
 
@@ -177,11 +201,18 @@ def _patched(before: StructureOut, patch: StructurePatch) -> StructureIn:
         raise Invalid("/material", "state a laminate or a material, not both")
     merged = before.model_dump(include=set(StructureIn.model_fields))
     merged.update(patch.model_dump(exclude_unset=True))
-    if "laminate" in sent:
-        merged["material"] = None
-    if "material" in sent:
-        merged["laminate"] = None
-    return checked(StructureIn, merged)
+    replaced = [name for member, others in _INSTEAD.items() if member in sent for name in others if name not in sent]
+    return checked(StructureIn, merged | dict.fromkeys(replaced))
+
+
+_BODIES = ("geometry", "laminate", "material", "pieces", "shape", "model")
+_INSTEAD = {
+    "laminate": ("material",),
+    "material": ("laminate",),
+    "geometry": ("shape", "model"),
+    **{name: tuple(other for other in _BODIES if other != name) for name in ("shape", "model")},
+}
+"""What a member takes the place of."""
 
 
 def _add_version(session: Session, structure: Structure, body: StructureIn) -> None:
@@ -195,9 +226,44 @@ def _add_version(session: Session, structure: Structure, body: StructureIn) -> N
             material=body.material and body.material.model_dump(),
             inputs=body.inputs and body.inputs.model_dump(),
             pieces=[piece.model_dump() for piece in body.pieces] if body.pieces else None,
+            shape=body.shape and body.shape.model_dump(exclude_none=True),
+            model=_known_model(session, structure, body.model),
         )
     )
     session.flush()
+
+
+def _known_model(session: Session, structure: Structure, key: UUID | None) -> UUID | None:
+    """The key of a model of the structure that was read.
+
+    Raises:
+        Invalid: there is none of this key.
+    """
+    if key is None:
+        return None
+    known = select(StructureModel.id).where(
+        StructureModel.id == key, StructureModel.structure_id == structure.id, StructureModel.arrays.is_not(None)
+    )
+    if session.scalars(known).one_or_none() is None:
+        raise Invalid(
+            "/model", f"{key} is no model that was read for this structure; POST /structures/{{id}}/model sends one"
+        )
+    return key
+
+
+def take_model(session: Session, structure_id: UUID, key: UUID) -> int:
+    """Make a structure's next version, which is this model, and return its number; what it was before is in the version before.
+
+    The caller has the structure's row locked.
+    """
+    structure = session.get_one(Structure, structure_id, with_for_update=True, populate_existing=True)
+    before = describe(session, structure)
+    structure.version += 1
+    _add_version(
+        session, structure, checked(StructureIn, {"name": structure.name, "model": key, "inputs": before.inputs})
+    )
+    structure.updated_at = transaction_time(session)
+    return structure.version
 
 
 def present_structure(session: Session, structure_id: UUID) -> tuple[StructureVersion, StructureIn]:

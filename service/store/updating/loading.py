@@ -31,7 +31,9 @@ from service.store.coupons.operations import batch_name, batch_prior
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
+from service.store.structures.models import load_model
 from service.store.structures.operations import describe_version, version_of
+from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import body_of, material_of, nominal_specimen, of_its_material, oriented
 from service.store.updating.schemas import BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
@@ -56,7 +58,7 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
             )
         campaign = _with_sensor_of(campaign, records)
     used, modes, inputs = _measured(session, campaign, recipe)
-    specimen = body_of(campaign.structure, campaign.boundary, recipe, carried_masses(campaign))
+    specimen = body_for(session, campaign.structure, campaign.boundary, recipe, carried_masses(campaign))
     parameters, prior_warnings = recipe_parameters(session, recipe, specimen)
     core = inputs.to_core()
     left_in = used.window_remark if used is not None and core.window_rate is None else []
@@ -71,6 +73,18 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
         warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
         provenance=_provenance(job, campaign, used) | {"inputs": inputs.model_dump(mode="json")},
     )
+
+
+def body_for(
+    session: Session, structure: StructureIn, boundary: str, recipe: RecipeIn, masses: tuple[PointMass, ...] = ()
+) -> Body:
+    """What a recipe updates of a structure, whether it is described or a model that was sent.
+
+    Raises:
+        InputError: as of `body_of`.
+    """
+    model = None if structure.model is None else load_model(session, structure.model)
+    return body_of(structure, boundary, recipe, masses, model)
 
 
 def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
@@ -136,17 +150,19 @@ def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
     Raises:
         InputError: the sensor's point is not a grid point.
     """
-    point = _sensor_point(campaign)
+    point, flat = _sensor_point(campaign), campaign.structure.shape is None and campaign.structure.model is None
     added = tuple(
-        PointMass(each.x_m, each.y_m, each.mass_kg, each.rotary_inertia_kg_m2, weighed=True)
+        PointMass(
+            each.x_m, each.y_m, each.mass_kg, each.rotary_inertia_kg_m2, weighed=True, z=0.0 if flat else each.z_m
+        )
         for each in campaign.added_masses
     )
     if not campaign.sensor_mass_kg or point is None:
         return added
     if point not in campaign.points:
         raise InputError("instruments.sensor_point", f"{point} is not a grid point of the campaign")
-    x, y, _ = campaign.points[point]
-    return (PointMass(x, y, campaign.sensor_mass_kg), *added)
+    x, y, z = campaign.points[point]
+    return (PointMass(x, y, campaign.sensor_mass_kg, z=0.0 if flat else z), *added)
 
 
 def specimen_of(campaign: MeasuredCampaign) -> Specimen:

@@ -26,11 +26,11 @@ from service.store.modes.operations import mode_set_for
 from service.store.records.processings import keep_processing
 from service.store.storage import book, require_room
 from service.store.structures.operations import present_structure
-from service.store.updating.bodies import body_of
+from service.store.structures.schemas import StructureIn
 from service.store.updating.document import MARKS, StoredArrays, up_to_date
 from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
-from service.store.updating.loading import load_joint, load_update
+from service.store.updating.loading import body_for, load_joint, load_update
 from service.store.updating.schemas import RecipeIn
 from service.store.updating.tables import JointUpdate, ResultConstant, UpdateJob, UpdateResult
 
@@ -135,7 +135,7 @@ def start_update(
         return known
     version, structure = present_structure(session, campaign.structure_id)
     _check(session, user, campaign, recipe)
-    _check_parameters(recipe, structure, campaign)
+    _check_parameters(session, recipe, structure, campaign)
     _check_data(session, recipe, campaign)
     require_room(session, project_id)
     row = UpdateJob(
@@ -186,10 +186,10 @@ def check_prior_batch(session: Session, user: User, recipe: RecipeIn, structure_
             raise Invalid(pointer, f"{batch.id} belongs to another structure")
 
 
-def _check_parameters(recipe: RecipeIn, structure: Any, campaign: Campaign) -> None:
+def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn, campaign: Campaign) -> None:
     """A recipe that contradicts itself is refused before it is queued, with the core's message."""
     recipe.inputs.to_core()
-    body = body_of(structure, campaign.boundary, recipe)
+    body = body_for(session, structure, campaign.boundary, recipe)
     parametrise(body, recipe.parameters_of(body))
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
@@ -254,10 +254,16 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=row.id)).one_or_none()
-    if size is None:
+    found = arrays_of(session, row.id)
+    if found is None:
         raise UPDATES.no_result(session, row)
-    return StoredArrays(session, row.id, size)
+    return found
+
+
+def arrays_of(session: Session, key: UUID) -> StoredArrays | None:
+    """The same of an update job by its key; None where it has no result."""
+    size = session.scalars(select(func.length(UpdateResult.prediction)).filter_by(id=key)).one_or_none()
+    return None if size is None else StoredArrays(session, key, size)
 
 
 def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[str, Any]]:

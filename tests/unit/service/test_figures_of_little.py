@@ -111,7 +111,7 @@ def test_a_coupon_s_curve_has_what_its_standard_could_read_off(
 def test_points_of_which_none_was_held_out_have_one_symbol() -> None:
     one = np.array([0.9])
     for held, symbols in ((False, ["circle", "circle"]), (True, ["diamond", "diamond"])):
-        figure = screen(points_figure(PointValues([3], one, one, one, one, [held]), 1.0, 0.1))
+        figure = screen(points_figure(PointValues([3], one, one, one, one, [held]), (0.0, 1.0), (-0.05, 0.05)))
         assert [trace["marker"]["symbol"] for trace in figure["data"]] == symbols
 
 

@@ -225,7 +225,8 @@ def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any
         },
     }  # fmt: skip
     body = {
-        "name": "s", "geometry": {"length_m": 1, "width_m": 0.1, "thickness_m": 0.01}, "density_kg_m3": 2000, "laminate": None
+        "name": "s", "geometry": {"length_m": 1, "width_m": 0.1, "thickness_m": 0.01}, "density_kg_m3": 2000, "laminate": None,
+        "shape": None, "model": None,
     }  # fmt: skip
     campaign = {
         "name": "c", "boundary": "free", "performed_at": None, "temperature_c": None, "humidity_percent": None,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0028_search"
-down_revision = "0027_hit_decisions"
+revision = "0031_search"
+down_revision = "0030_start_sample"
 branch_labels = None
 depends_on = None
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from sqlalchemy import ForeignKey, LargeBinary, func
+from sqlalchemy import ForeignKey, LargeBinary, Select, delete, func, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -118,3 +118,14 @@ def copy_original(session: Session, sha256: bytes, file: IO[bytes]) -> None:
         file.write(chunk)
     if digest.digest() != sha256:
         raise Damaged("file", sha256)
+
+
+def original_sizes(session: Session, keys: Iterable[bytes]) -> dict[bytes, int]:
+    """Bytes of stored files, by their SHA-256."""
+    query = select(Original.sha256, Original.size).where(Original.sha256.in_(set(keys)))
+    return {row.sha256: row.size for row in session.execute(query)}
+
+
+def forget_originals(session: Session, *kept: Select[bytes]) -> None:
+    """Remove the stored files that none of these queries names."""
+    session.execute(delete(Original).where(*(Original.sha256.not_in(named) for named in kept)))

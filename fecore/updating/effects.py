@@ -1,0 +1,80 @@
+"""What would move the measured frequencies: stiffness, the support, a mass at a point. A monitor explains its alarms by it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.constants import UNITS, kind_of
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.forward import ForwardState
+from fecore.updating.result import FrequencyEffects, Prediction
+
+_CLAMP = "clamp_compliance"
+_SITES = 200  # nodes at which a mass is tried, at most
+
+
+def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> FrequencyEffects:
+    """The effects at the estimate of one campaign."""
+    prior, forward, slopes = elastic.prior, elastic.updated.forward, elastic.problem.sensitivity
+    rows, columns = (np.array(each, dtype=int) for each in zip(*elastic.pairing.pairs, strict=True))
+
+    def of_measured(values: FloatArray) -> FloatArray:
+        whole = np.full((len(elastic.only.modes), *values.shape[1:]), np.nan)
+        whole[rows] = values
+        return whole
+
+    free = dict(enumerate(prior.names))
+    at_support = {spring.name for spring in forward.specimen.springs} | {_CLAMP}
+    held = bool(elastic.updated.modes.rigid == 0)
+    support = {each.name: each.shift[columns] for each in elastic.every_excursion if each.name.startswith("clamp")}
+    support |= {
+        name: slopes[:, place] * elastic.layout.unknowns[place].sd
+        for place, name in free.items()
+        if name in at_support or (held and name == "length")
+    }
+    stiffness = {
+        name: slopes[:, place]
+        for place, name in free.items()
+        if name in prior.reported and name not in at_support and prior.logarithmic[place] and _is_stiffness(name)
+    }
+    sites, moved = _nodes(elastic.updated)
+    return FrequencyEffects(
+        stiffness={name: of_measured(each) for name, each in stiffness.items()},
+        support={name: of_measured(each) for name, each in support.items()},
+        sites=sites,
+        mass=of_measured(-np.sum(moved[:, columns] ** 2, axis=2).T / 2),
+        frf_scale=None if prediction is None else _scale(prediction),
+    )
+
+
+def _nodes(state: ForwardState) -> tuple[FloatArray, FloatArray]:
+    """(P, 3) some nodes, evenly spread, and (P, n, 3) their displacements in the elastic modes, held ones 0."""
+    model, shapes = state.forward.specimen.model, state.full_shapes
+    along = [column for column, dof in enumerate(model.dofs) if dof < 3]
+    free, numbers = model.free[:, along], model.stiffness.pattern.numbers[:, along]
+    nodes = np.flatnonzero(free.any(axis=1))
+    chosen = nodes[_spread(model.mesh.nodes[nodes], _SITES)]
+    moved = np.where(free[chosen][..., None], shapes[numbers[chosen]], 0.0)
+    return model.mesh.nodes[chosen], moved.transpose(0, 2, 1)
+
+
+def _spread(places: FloatArray, most: int) -> list[int]:
+    """Places each of which is as far as can be from those before."""
+    chosen, apart = [0], np.full(len(places), np.inf)
+    for _ in range(min(most, len(places)) - 1):
+        apart = np.minimum(apart, np.sum((places - places[chosen[-1]]) ** 2, axis=1))
+        chosen.append(int(np.argmax(apart)))
+    return chosen
+
+
+def _is_stiffness(name: str) -> bool:
+    return UNITS.get(kind_of(name)) == "Pa" or kind_of(name) in ("zone", "factor")
+
+
+def _scale(prediction: Prediction) -> float | None:
+    """Median of |H measured / H updated| over the fitted FRFs."""
+    fitted = list(prediction.fitted)
+    measured, updated = np.abs(prediction.measured[fitted]), np.abs(prediction.updated[fitted])
+    seen = (measured > 0) & (updated > 0)
+    return float(np.exp(np.median(np.log(measured[seen] / updated[seen])))) if seen.any() else None

@@ -1,0 +1,199 @@
+"""From a model in SI to the core's body.
+
+What the core has no word for is said in its own: mass that is no structure's is density, a beam that is rigid in shear has a
+shear area a thousand times its area, springs of one stiffness are one parameter.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body import beams, sections
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.laminate import Ply as CorePly
+from fecore.body.mesh import Block, Mesh
+from fecore.body.structure import Structure
+from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
+from fecore.errors import InputError
+from modalbase.formats.models.model import (
+    BeamSection,
+    Elements,
+    FiniteElementModel,
+    Material,
+    ShellSection,
+    Spring,
+)
+
+AS_MODELLED = "as_modelled"
+"""The boundary of a campaign that held the body as the model says."""
+
+RIGID_SHEAR = 1e3
+"""Shear factor of a beam that its deck has rigid in shear."""
+
+
+def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structure:
+    """The core's body.
+
+    Args:
+        model: in SI.
+        boundary: `free`, or `as_modelled` with the model's own supports and springs to the ground.
+
+    Raises:
+        InputError: the boundary is another, or a support lies along axes of its own.
+    """
+    if boundary not in ("free", AS_MODELLED):
+        raise InputError(
+            "boundary",
+            f"is {boundary}, but this structure is a model of its own: free, or as_modelled with its supports",
+        )
+    held = boundary == AS_MODELLED
+    supports = {f"support of line {s.line}": s for s in model.supports} if held else {}
+    return Structure(
+        Mesh(
+            model.nodes,
+            tuple(_block(each, model) for each in model.elements),
+            {**model.node_sets, **{name: s.nodes for name, s in supports.items()}},
+        ),
+        {name: section_of(model, name) for name in model.sets},
+        tuple(Support(name, _held_dofs(s.dofs, s.axes, s.line)) for name, s in supports.items()),
+        _springs(model, held=held),
+        tuple(Mass(m.mass, m.node, m.inertia, m.offset) for m in model.masses),
+        tuple(Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links),
+    )
+
+
+def section_of(model: FiniteElementModel, name: str) -> sections.ShellSection | beams.BeamSection:
+    """The core's section of a set."""
+    section = model.sections[name]
+    axis = _first_axis(model, name)
+    if isinstance(section, BeamSection):
+        return _beam(section, model.materials[section.material], axis)
+    return _shell(section, model, axis)
+
+
+def _first_axis(model: FiniteElementModel, name: str) -> tuple[float, float, float]:
+    x, y, z = next(each.axes[0] for each in model.elements if each.set == name).tolist()
+    return x, y, z
+
+
+def _shell(section: ShellSection, model: FiniteElementModel, axis: tuple[float, float, float]) -> sections.ShellSection:
+    extra = section.extra_mass / sum(ply.thickness for ply in section.plies)
+    plies = []
+    for ply in section.plies:
+        own = orthotropic(model.materials[ply.material])
+        plies.append(CorePly(replace(own, density=own.density + extra), ply.thickness, ply.angle_deg))
+    return sections.ShellSection(tuple(plies), axis, section.offset)
+
+
+def _beam(section: BeamSection, material: Material, axis: tuple[float, float, float]) -> beams.BeamSection:
+    own = orthotropic(material)
+    return beams.BeamSection(
+        E=own.Ex,
+        G=own.Gxy,
+        density=own.density + section.extra_mass / section.area,
+        area=section.area,
+        inertia=section.inertia,
+        torsion=section.torsion,
+        shear=section.shear or (RIGID_SHEAR, RIGID_SHEAR),
+        axis=axis,
+    )
+
+
+def orthotropic(material: Material) -> OrthotropicMaterial:
+    """The core's material.
+
+    Raises:
+        InputError: its density is not stated.
+    """
+    c = material.constants
+    if "density" not in c:
+        raise InputError(f"materials.{material.name}", f"of line {material.line} has no density: nothing would vibrate")
+    if material.is_isotropic:
+        c = {
+            **c,
+            "nu12": c["nu"],
+            **dict.fromkeys(("E1", "E2"), c["E"]),
+            **dict.fromkeys(("G12", "G13", "G23"), c["G"]),
+        }
+    return OrthotropicMaterial(
+        Ex=c["E1"], Ey=c["E2"], Gxy=c["G12"], Gxz=c["G13"], Gyz=c["G23"], nu_xy=c["nu12"], density=c["density"]
+    )
+
+
+def _block(elements: Elements, model: FiniteElementModel) -> Block:
+    section = model.sections[elements.set]
+    thickness = elements.thickness
+    if thickness is not None and isinstance(section, ShellSection):
+        thickness = thickness / sum(ply.thickness for ply in section.plies)
+    same = np.allclose(elements.axes, _first_axis(model, elements.set), rtol=0, atol=1e-9)
+    axes = None if same else elements.axes
+    return Block(elements.kind, elements.nodes, elements.set, thickness, axes, elements.offsets)
+
+
+def _held_dofs(dofs: tuple[int, ...], axes: FloatArray | None, line: int) -> tuple[str, ...]:
+    """Names of dofs that are held.
+
+    Raises:
+        InputError: they are some of those along axes of their own.
+    """
+    whole = all(
+        set(range(first, first + 3)) <= set(dofs) or not {*dofs} & set(range(first, first + 3)) for first in (0, 3)
+    )
+    if axes is not None and not whole and not _permutes(axes):
+        raise InputError(
+            "boundary",
+            f"as_modelled: the support of line {line} holds some directions of axes that lie askew; none is modelled",
+        )
+    if axes is not None and not whole:
+        turned = [3 * (dof // 3) + int(np.argmax(np.abs(axes[dof % 3]))) for dof in dofs]
+        dofs = tuple(sorted(turned))
+    return tuple(DISPLACEMENTS[dof] for dof in dofs)
+
+
+def _permutes(axes: FloatArray) -> bool:
+    """Whether axes lie along those of the model, in some order."""
+    return bool(np.all(np.abs(axes).max(axis=1) > 1 - 1e-9))
+
+
+def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]:
+    """Springs of one stiffness and of one number of nodes together; those to the ground where the body is held."""
+    fixed = {(int(node), dof) for s in model.supports for node in s.nodes for dof in s.dofs} if held else set()
+    groups: dict[tuple[float, int], list[Spring]] = defaultdict(list)
+    for spring in model.springs:
+        count = 1 if spring.second is None else 2
+        if (held or count == 2) and not {(spring.node, spring.dof), (spring.second, spring.second_dof)} <= (
+            fixed | {(None, None)}
+        ):
+            groups[spring.stiffness, count].append(spring)
+    return tuple(
+        NodeSpring(
+            f"spring_{members[0].line}",
+            stiffness,
+            np.array([[s.node, s.second][:count] for s in members], dtype=np.int64),
+            np.array([_stretch(s)[:count] for s in members]),
+        )
+        for (stiffness, count), members in groups.items()
+    )
+
+
+def _stretch(spring: Spring) -> FloatArray:
+    """(2, 6) what stretches or turns a spring, by the motions of its ends.
+
+    At an arm r it stretches by n · (u + θ × r) = n · u + θ · (r × n).
+    """
+    rows = np.zeros((2, 6))
+    for row, dof, sign in ((0, spring.dof, 1.0), (1, spring.second_dof, -1.0)):
+        if dof is None:
+            continue
+        n = sign * (np.eye(3)[dof % 3] if spring.direction is None else np.array(spring.direction))
+        if dof >= 3:
+            rows[row, 3:] = n
+            continue
+        rows[row, :3] = n
+        if spring.arms is not None:
+            rows[row, 3:] = np.cross(spring.arms[row], n)
+    return rows

@@ -1,0 +1,109 @@
+"""The user's own deck with updated numbers, and what its own solver will say of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.constants import kind_of
+from fecore.body.structure import Structure
+from fecore.dynamics.eigen import normal_modes
+from modalbase.formats.models.inp import write_inp
+from modalbase.formats.models.model import BeamSection, FiniteElementModel
+from modalbase.formats.models.units import Units, in_si, units_of
+from modalbase.formats.models.write_bdf import write_bdf
+from service.compute.models.bodies import body_of_model
+from service.compute.models.reading import faults_of, parsed
+
+
+@dataclass(frozen=True)
+class DeckOrder:
+    """What a deck is to say.
+
+    Attributes:
+        content: the deck as it was sent.
+        filename: as its sender called it.
+        units: that its numbers are in.
+        boundary: of the campaign.
+        constants: updated, SI, by name such as `flange.E1`.
+        modes: so many are compared with joints and without.
+        remarks: for its head.
+    """
+
+    content: bytes
+    filename: str
+    units: str
+    boundary: str
+    constants: Mapping[str, float]
+    modes: int
+    remarks: tuple[str, ...]
+
+
+WRITERS = {"inp": write_inp, "bdf": write_bdf}
+"""By format of a model."""
+
+
+def updated_deck(order: DeckOrder) -> bytes:
+    """The deck with updated numbers, each with a comment; every other byte stays.
+
+    Raises:
+        Invalid: a number does not stand in the deck.
+    """
+    model = parsed(order.content, order.filename)
+    remarks = [*order.remarks, *_joints(in_si(model, order.units), order)]
+    updated = _in_deck(model, order.constants, units_of(order.units))
+    return faults_of(lambda: WRITERS[model.format](order.content, model, updated, remarks=remarks)[""])
+
+
+def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: Units) -> dict[tuple[str, str], float]:
+    """Constants in the deck's units by set and name; no G of a beam whose isotropic material states none."""
+    found = {}
+    for full, value in constants.items():
+        name, _, constant = full.rpartition(".")
+        section = model.sections.get(name)
+        if section is None:
+            continue
+        first = model.materials[section.materials[0]]
+        if not (
+            isinstance(section, BeamSection) and first.is_isotropic and constant == "G" and "G" not in first.places
+        ):
+            found[name, constant] = value / _unit(kind_of(constant), units)
+    return found
+
+
+def _unit(kind: str, units: Units) -> float:
+    """SI value of one unit of a kind of constant."""
+    lengths = {"t": 1, "area": 2, "I1": 4, "I2": 4, "J": 4}
+    if kind in lengths:
+        return units.length ** lengths[kind]
+    if kind == "density":
+        return units.density
+    return units.stress if kind[0] in "EG" else 1.0
+
+
+def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
+    """How far the solver's own model is expected to be off, mode by mode, as it has no model of the joints of walls."""
+    body = body_of_model(model, order.boundary)
+    if not body.junctions:
+        return ["no walls meet at an angle: this model and the solver's differ by elements alone"]
+    joined, plain = (_frequencies(each, order) for each in (body, replace(body, with_joints=False)))
+    apart = 100 * (plain / joined - 1)
+    return [
+        "the constants were found with a model of the joints of walls, which this deck has not; a solver is expected to find",
+        *(f"mode {k}: {hz:.6g} Hz, {off:+.2f} % from {with_joints:.6g} Hz with joints"
+          for k, (hz, off, with_joints) in enumerate(zip(plain, apart, joined, strict=True), start=1)),
+    ]  # fmt: skip
+
+
+def _frequencies(body: Structure, order: DeckOrder) -> FloatArray:
+    """The lowest elastic natural frequencies with the updated constants, Hz."""
+    known = {**body.nominal, **{name: value for name, value in order.constants.items() if name in body.nominal}}
+    q, model = np.array(list(known.values())), body.model
+    springs = [order.constants.get(spring.name, spring.stiffness) for spring in body.springs]
+    K = model.stiffness.at(np.concatenate([body.stiffness_coefficients(q), springs]))
+    rigid = model.rigid_modes.shape[1]
+    modes = normal_modes(K, model.mass.at(body.mass_coefficients(q)), order.modes + rigid, model.rigid_modes)
+    return modes.frequency_hz[rigid:]

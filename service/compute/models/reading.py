@@ -1,0 +1,193 @@
+"""Reading a user's model in the child process: what is in it, in SI, and the arrays that are kept of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.structure import Structure
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.bdf import read_bdf
+from modalbase.formats.models.inp import read_inp
+from modalbase.formats.models.measures import sizes
+from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection
+from modalbase.formats.models.units import check, guess, in_si
+from service.compute.models.bodies import body_of_model
+from service.compute.models.keeping import kept
+from service.errors import Fault, Invalid
+
+if TYPE_CHECKING:
+    from service.jobs.kinds import Report
+
+READERS: Mapping[str, Callable[[bytes], FiniteElementModel]] = {
+    ".inp": read_inp,
+    **dict.fromkeys((".bdf", ".dat", ".nas"), read_bdf),
+}
+"""By the end of a file's name."""
+
+MOST_LISTED = 1000
+"""Of each list in a description."""
+
+Read = TypeVar("Read")
+
+
+@dataclass(frozen=True)
+class DeckInputs:
+    """A deck to read.
+
+    Attributes:
+        path: where it lies.
+        filename: what its sender calls it.
+        units: that its numbers are in, such as `mm-N-t`; None where they are not stated.
+        accepted: names of cards that may be left out although modes change by that.
+    """
+
+    path: Path
+    filename: str
+    units: str | None
+    accepted: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class DeckOutput:
+    """A model that was read: what is in it, as JSON, and its arrays."""
+
+    document: dict[str, Any]
+    arrays: bytes
+
+
+def read_deck(inputs: DeckInputs, report: Report) -> Iterator[DeckOutput]:
+    """A deck as a model in SI.
+
+    Raises:
+        Invalid: it cannot be read, or its units are not stated or make no sense, or it has a card that would be left out and
+            that is not accepted.
+        InputError: no body can be made of it.
+    """
+    report("reading the model", 0.0)
+    model = parsed(inputs.path.read_bytes(), inputs.filename)
+    _require_units(model, inputs.units)
+    _require_accepted(model, inputs.accepted)
+    si = in_si(model, inputs.units or "")
+    report("looking for joints", 0.5)
+    body = body_of_model(si)
+    yield DeckOutput(describe(si, body), kept(si))
+
+
+def parsed(content: bytes, filename: str) -> FiniteElementModel:
+    """The model of a file, in its own units.
+
+    Raises:
+        Invalid: no reader knows its name, or the reader finds it wrong.
+    """
+    reader = READERS.get(PurePosixPath(filename).suffix.lower())
+    if reader is None:
+        raise Invalid("filename", f"{filename!r} ends in none of {', '.join(READERS)}: which kind of deck is it?")
+    return faults_of(lambda: reader(content))
+
+
+def faults_of(read: Callable[[], Read]) -> Read:
+    """What a reader returns; its faults name lines of the file."""
+    try:
+        return read()
+    except FormatError as error:
+        places = ((place if place in ("units", "filename") else "file", place, what) for place, what in error.faults)
+        raise Invalid(
+            [Fault(where, what if where == place or not place else f"{place}: {what}") for where, place, what in places]
+        ) from None
+
+
+def _require_units(model: FiniteElementModel, units: str | None) -> None:
+    massless = [m for m in model.materials.values() if "density" not in m.constants]
+    if massless:
+        raise Invalid("file", f"the material {massless[0].name} (line {massless[0].line}) has no density")
+    if units is not None:
+        faults_of(lambda: check(model, units))
+        return
+    found = guess(model)
+    hint = "; no usual units give its materials and size" if found is None else f"; units={found.units}? {found.reason}"
+    raise Invalid("units", f"are not stated, and a deck has none{hint}")
+
+
+def _require_accepted(model: FiniteElementModel, accepted: tuple[str, ...]) -> None:
+    taken = {_plain(name) for name in accepted}
+    lost = [one for one in model.ignored if one.changes and _plain(one.card) not in taken]
+    if lost:
+        faults = [
+            Fault("file", f"line {one.lines[0]}: {one.card} would be left out ({one.loss}), which changes modes; "
+                          f"accept={_plain(one.card)} takes the model without it")
+            for one in lost
+        ]  # fmt: skip
+        raise Invalid(faults)
+
+
+def _plain(card: str) -> str:
+    return card.strip().lstrip("*").upper()
+
+
+def describe(model: FiniteElementModel, body: Structure) -> dict[str, Any]:
+    """What is in a model in SI, as an engineer checks it."""
+    masses = body.mass_coefficients(np.array(list(body.nominal.values())))
+    shift = body.model.motions[:, 0]
+    counts = {"nodes": len(model.nodes), "elements": sum(len(block.nodes) for block in model.elements)}
+    counts |= {name: len(getattr(model, name)) for name in ("masses", "springs", "links", "supports")}
+    return {
+        "format": model.format,
+        "title": model.title,
+        "counts": counts,
+        "size_m": np.ptp(model.nodes, axis=0).tolist(),
+        "mass_kg": float(shift @ (body.model.mass.at(masses) @ shift)),
+        "sets": [_set(model, name) for name in model.sets],
+        "materials": [
+            {"name": m.name, "line": m.line, "constants": dict(m.constants)} for m in model.materials.values()
+        ][:MOST_LISTED],
+        "masses": [
+            {"node": int(model.numbers[m.node]), "mass_kg": m.mass, "line": m.line} for m in model.masses[:MOST_LISTED]
+        ],
+        "supports": [
+            {"nodes": len(s.nodes), "dofs": [dof + 1 for dof in s.dofs], "line": s.line}
+            for s in model.supports[:MOST_LISTED]
+        ],
+        "ignored": [
+            {"card": one.card, "lines": list(one.lines[:MOST_LISTED]), "loss": one.loss, "changes": one.changes}
+            for one in model.ignored
+        ],
+        "junctions": [
+            {
+                "walls": [{"set": name, "thickness_m": t, "passes": passes} for name, t, passes in junction.walls],
+                "angles_deg": [round(angle, 1) for angle in junction.angles],
+                "length_m": junction.length,
+                "nodes": [int(model.numbers[node]) for node in junction.nodes[:MOST_LISTED]],
+            }
+            for junction in body.junctions[:MOST_LISTED]
+        ],
+    }
+
+
+def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
+    """A set with its section, area or length, and mass."""
+    blocks = [block for block in model.elements if block.set == name]
+    size = sum(float(sizes(block, model.nodes).sum()) for block in blocks)
+    section = model.sections[name]
+    said = {"name": name, "elements": sum(len(b.nodes) for b in blocks), "kinds": sorted({b.kind for b in blocks})}
+    if isinstance(section, BeamSection):
+        per_length = model.materials[section.material].constants["density"] * section.area + section.extra_mass
+        own = {"materials": [section.material], "length_m": size, "section_area_m2": section.area}
+        return {**said, **own, "mass_kg": per_length * size, "line": section.line}
+    per_area = float(_densities(model, section) @ [ply.thickness for ply in section.plies]) + section.extra_mass
+    own = {
+        "materials": list(dict.fromkeys(ply.material for ply in section.plies)),
+        "area_m2": size,
+        "thickness_m": sum(ply.thickness for ply in section.plies),
+        "plies": len(section.plies),
+    }
+    return {**said, **own, "mass_kg": per_area * size, "line": section.line}
+
+
+def _densities(model: FiniteElementModel, section: ShellSection) -> FloatArray:
+    return np.array([model.materials[ply.material].constants["density"] for ply in section.plies])

@@ -1,0 +1,54 @@
+"""The user's own deck with the numbers of a result."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy.orm import Session
+
+from service.compute.models.decks import DeckOrder
+from service.errors import Conflict
+from service.show.results.cards import origin
+from service.store.campaigns.operations import campaign_of
+from service.store.structures.models import deck_of
+from service.store.structures.operations import version_of
+from service.store.updating.operations import result_document
+
+if TYPE_CHECKING:
+    from service.store.updating.tables import UpdateJob
+
+MOST_MODES = 40
+"""That are compared with joints and without."""
+
+
+def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
+    """What the deck of a job's result is to say.
+
+    Raises:
+        Conflict: the structure is no model that was sent, or the result has no elastic constants.
+    """
+    key = version_of(session, job.structure_version_id).model
+    if key is None:
+        raise Conflict("the structure is no model that was sent, so there is no deck of its own; see cards")
+    document = result_document(session, job)
+    constants = _constants(document)
+    if not constants:
+        raise Conflict("the result has no elastic constants, so the deck stays as it is")
+    filename, units, content = deck_of(session, key)
+    return DeckOrder(
+        content=content,
+        filename=filename,
+        units=units,
+        boundary=campaign_of(session, job.campaign_id).boundary,
+        constants=constants,
+        modes=min(len(document["modes"]), MOST_MODES),
+        remarks=(*origin(job, document), f"numbers in {units}; each that was updated has a comment"),
+    )
+
+
+def _constants(document: dict[str, Any]) -> dict[str, float]:
+    """Estimates by name, SI: those of the recipe, and of the inputs that moved with them."""
+    steps = document["convergence"]
+    inputs = steps[-1]["parameters"] if steps else {}
+    found = {row["name"]: row["estimate"] for row in document["parameters"] if "." in row["name"]}
+    return {**inputs, **found} if found else {}

@@ -1,0 +1,234 @@
+"""Routes of the models that users send."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+from uuid import UUID
+
+from fastapi import Query, Request, Response
+from fastapi.responses import FileResponse
+from pydantic import Field
+from sqlalchemy.orm import Session
+
+from service.access import CurrentUser, SessionDep
+from service.jobs.resource import JobOut, job_state
+from service.jobs.routes import JobRoutes
+from service.jobs.tables import Job
+from service.store.storage.originals import copy_original
+from service.store.structures import models
+from service.store.structures.operations import StructureModel, structure_for
+from service.web import Name, StrictModel, api_router, shown_as
+from service.web.downloads import spooled
+from service.web.parameters import not_modified
+from service.web.uploads import UPLOAD_CONTENT, UploadDep
+
+router = api_router(tags=["models"])
+
+BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
+
+
+class CountsOut(StrictModel):
+    """How many of each there are."""
+
+    nodes: int
+    elements: int
+    masses: int = Field(description="masses at nodes")
+    springs: int
+    links: int = Field(description="nodes that others lead")
+    supports: int
+
+
+class SetOut(StrictModel):
+    """Elements of one section."""
+
+    name: str
+    elements: int
+    kinds: list[str] = Field(description="quad8, quad4, tri6, tri3, beam2, beam3")
+    materials: list[str] = Field(description="names, from the bottom")
+    area_m2: float | None = Field(None, description="of shells; null of beams")
+    length_m: float | None = Field(None, description="of beams; null of shells")
+    thickness_m: float | None = Field(None, description="of shells; null of beams")
+    plies: int | None = Field(None, description="number of them; null of beams")
+    section_area_m2: float | None = Field(None, description="of a beam's section; null of shells")
+    mass_kg: float
+    line: int = Field(description="where the section begins in the deck")
+
+
+class ModelMaterialOut(StrictModel):
+    """A material."""
+
+    name: str
+    line: int = Field(description="where it begins in the deck")
+    constants: dict[str, float] = Field(description="SI")
+
+
+class ModelMassOut(StrictModel):
+    """A mass at a node."""
+
+    node: int = Field(description="the deck's number")
+    mass_kg: float
+    line: int = Field(description="where it stands in the deck")
+
+
+class ModelSupportOut(StrictModel):
+    """Nodes that are held."""
+
+    nodes: int = Field(description="how many")
+    dofs: list[int] = Field(description="1, 2, 3 along x, y, z; 4, 5, 6 about them")
+    line: int = Field(description="where it stands in the deck")
+
+
+class IgnoredOut(StrictModel):
+    """Cards that were not used."""
+
+    card: str = Field(description="its name")
+    lines: list[int] = Field(description="where they stand")
+    loss: str = Field(description="what is lost by that")
+    changes: bool = Field(description="whether modes change by that; the sender accepted it")
+
+
+class JunctionWallOut(StrictModel):
+    """A wall at a junction."""
+
+    set: str
+    thickness_m: float
+    passes: bool = Field(description="whether it goes on beyond the line")
+
+
+class JunctionOut(StrictModel):
+    """A line along which walls meet, with the model of their joint."""
+
+    walls: list[JunctionWallOut] = Field(description="around the line")
+    angles_deg: list[float] = Field(description="between each wall and the next")
+    length_m: float
+    nodes: list[int] = Field(description="the deck's numbers")
+
+
+class FoundModelOut(StrictModel):
+    """What was read of a deck, in SI."""
+
+    format: str
+    title: str
+    counts: CountsOut
+    size_m: list[float] = Field(description="extent along x, y and z, m")
+    mass_kg: float
+    sets: list[SetOut]
+    materials: list[ModelMaterialOut]
+    masses: list[ModelMassOut]
+    supports: list[ModelSupportOut]
+    ignored: list[IgnoredOut]
+    junctions: list[JunctionOut]
+
+
+class ModelOut(JobOut):
+    """A model that was sent to a structure: how far its reading is, and what was found."""
+
+    structure_id: UUID
+    filename: str
+    size: int = Field(description="bytes")
+    sha256: str
+    units: str | None = Field(description="that its numbers are in: length-force-mass; null: not stated, so not read")
+    accepted: list[str] = Field(description="cards that may be left out although modes change by that")
+    version: int | None = Field(description="the structure's version that first was this model; null until it was read")
+    found: FoundModelOut | None = Field(description="null until it was read")
+
+
+class MeshNodesOut(StrictModel):
+    """Nodes by column."""
+
+    numbers: list[int] = Field(description="the deck's")
+    x_m: list[float] = Field(description="m")
+    y_m: list[float] = Field(description="m")
+    z_m: list[float] = Field(description="m")
+
+
+class MeshBlockOut(StrictModel):
+    """Elements of one kind and set."""
+
+    set: str
+    kind: str
+    numbers: list[int] = Field(description="the deck's")
+    nodes: list[list[int]] = Field(description="rows of `nodes` from 0: corners in order, then middles of sides")
+
+
+class MeshOut(StrictModel):
+    """The mesh of a model."""
+
+    nodes: MeshNodesOut
+    blocks: list[MeshBlockOut]
+
+
+def _described(session: Session, rows: Sequence[tuple[StructureModel, Job]]) -> list[ModelOut]:
+    sizes = models.model_sizes(session, [row for row, _ in rows])
+    versions = models.versions_of_models(session, [row.id for row, _ in rows])
+    return [
+        shown_as(
+            ModelOut,
+            row,
+            **job_state(job),
+            size=sizes[row.sha256],
+            sha256=row.sha256.hex(),
+            version=versions.get(row.id),
+            found=row.document,
+        )
+        for row, job in rows
+    ]
+
+
+of_jobs = JobRoutes(router, models.MODELS, ModelOut, _described, "model_id")
+
+
+@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=BODY)
+def send_model(
+    structure_id: UUID,
+    upload: UploadDep,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    filename: Annotated[Name | None, Query(description="name of a file that is sent as raw body")] = None,
+    units: Annotated[Name | None, Query(description="length-force-mass, such as m-N-kg, mm-N-t, in-lbf-slinch")] = None,
+    accept: Annotated[
+        list[Name] | None,
+        Query(description="names of cards that may be left out although modes change", max_length=100),
+    ] = None,
+) -> ModelOut:
+    """Send a deck of Abaqus or CalculiX (.inp) as raw body or as multipart field `file`; a job reads it.
+
+    A deck has no units, so `units` states them; without, the job fails and says which fit. Once it was read, the structure's
+    next version is this model.
+    """
+    wanted = StructureModel(filename=filename or upload.filename or "", units=units, accepted=accept or [])
+    row = models.start_model(session, user, structure_id, upload.file, wanted)
+    return of_jobs.made(session, row, response)
+
+
+of_jobs.getting("get_model_job", "How far the reading of a model is, and what was found in it.")
+of_jobs.listing("list_models", "Models that were sent to a structure, newest first.")
+
+
+@router.get("/structures/{structure_id}/model")
+def get_model(structure_id: UUID, session: SessionDep, user: CurrentUser) -> ModelOut:
+    """The model that a structure is: counts, sets with area and mass, materials, supports, ignored cards, junctions."""
+    return of_jobs.shown(session, models.model_of_structure(session, structure_for(session, user, structure_id)))
+
+
+@router.get("/structures/{structure_id}/model/mesh", response_model=MeshOut)
+def get_model_mesh(
+    structure_id: UUID, session: SessionDep, user: CurrentUser, request: Request, response: Response
+) -> Any:
+    """Nodes and elements of the model, m."""
+    row = models.model_of_structure(session, structure_for(session, user, structure_id))
+    headers = {"ETag": f'"{row.id}"'}
+    response.headers.update(headers)
+    return not_modified(request, headers) or models.mesh_of(models.load_model(session, row.id))
+
+
+@router.get("/structures/{structure_id}/model/original", response_class=FileResponse)
+def get_model_original(structure_id: UUID, session: SessionDep, user: CurrentUser, request: Request) -> Response:
+    """The deck as it was sent, byte for byte; its ETag is its SHA-256."""
+    row = models.model_of_structure(session, structure_for(session, user, structure_id))
+    headers = {"ETag": f'"{row.sha256.hex()}"'}
+    return not_modified(request, headers) or spooled(
+        lambda file: copy_original(session, row.sha256, file), "application/octet-stream", row.filename, headers
+    )

@@ -1,0 +1,162 @@
+"""Models that users send: a deck is kept as it came, a job reads it, and the structure's next version is that model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session
+
+from service.access import Lookup, User
+from service.compute.models.keeping import model_of
+from service.compute.models.reading import DeckInputs, DeckOutput, read_deck
+from service.errors import Conflict, Damaged, Invalid
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.resource import JobNoun
+from service.store.storage import book
+from service.store.storage.originals import copy_original, keep_original, original_sizes, write_original
+from service.store.structures.operations import (
+    Structure,
+    StructureModel,
+    StructureVersion,
+    current_version,
+    structure_for,
+    take_model,
+)
+
+if TYPE_CHECKING:
+    from modalbase.formats.models.model import FiniteElementModel
+    from service.web.uploads import Spooled
+
+
+def _load(session: Session, job_id: UUID, workspace: Path) -> DeckInputs:
+    """Put the deck on the worker's disk."""
+    row = session.get_one(StructureModel, job_id)
+    path = workspace / "deck"
+    write_original(session, row.sha256, path)
+    return DeckInputs(path, row.filename, row.units, tuple(row.accepted))
+
+
+def _store(session: Session, job_id: UUID, items: Iterator[DeckOutput]) -> None:
+    """Keep what was read, and make it the structure's next version."""
+    row = session.get_one(StructureModel, job_id)
+    for output in items:
+        structure = session.get_one(Structure, row.structure_id)
+        book(session, structure.project_id, "files", len(output.arrays), structure_id=structure.id)
+        row.document, row.arrays, row.arrays_sha256 = output.document, output.arrays, sha256(output.arrays).digest()
+        session.flush()
+        take_model(session, structure.id, row.id)
+
+
+MODEL = JobKind("model", load=_load, compute=read_deck, store=_store, libraries=CORE_LIBRARIES)
+
+model_for = Lookup(StructureModel, "model", "structure_id", structure_for)
+"""The model, if the user has at least a role in its project."""
+MODELS = JobNoun(MODEL, model_for, "models")
+
+
+def start_model(
+    session: Session, user: User, structure_id: UUID, file: Spooled, wanted: StructureModel
+) -> StructureModel:
+    """Keep a deck and queue its reading, in one transaction.
+
+    Raises:
+        Invalid: there is no file, or it has no name.
+        QuotaExceeded: the project has no room for the file.
+    """
+    structure = structure_for(session, user, structure_id, "editor", lock=True)
+    if file.size == 0:
+        raise Invalid("", "the body is empty, expected a deck")
+    if not wanted.filename:
+        raise Invalid("filename", "is missing: its end says which kind of deck it is")
+    wanted.structure_id, wanted.sha256 = structure.id, file.sha256
+    book(session, structure.project_id, "files", file.size, structure_id=structure.id)
+    keep_original(session, file)
+    return MODELS.start(session, user, wanted, sha256=file.sha256.hex())
+
+
+def model_of_structure(session: Session, structure: Structure) -> StructureModel:
+    """The model that a structure is in its current version.
+
+    Raises:
+        Conflict: it is none.
+    """
+    key = current_version(session, structure).model
+    if key is None:
+        raise Conflict("the structure is no model: POST /structures/{id}/model sends a deck")
+    return session.get_one(StructureModel, key)
+
+
+def load_model(session: Session, key: UUID) -> FiniteElementModel:
+    """A model in SI, whoever asks.
+
+    Raises:
+        Damaged: what was stored is not what was read.
+    """
+    row = session.get_one(StructureModel, key)
+    assert row.arrays is not None, "a version refers to a model that was read"
+    assert row.arrays_sha256 is not None, "arrays are stored with their digest"
+    if sha256(row.arrays).digest() != row.arrays_sha256:
+        raise Damaged("model", row.arrays_sha256)
+    return model_of(row.arrays)
+
+
+def deck_of(session: Session, key: UUID) -> tuple[str, str, bytes]:
+    """Name, units and bytes of a model's deck, whoever asks.
+
+    Raises:
+        Damaged: what was stored is not what was sent.
+    """
+    row = session.get_one(StructureModel, key)
+    assert row.units is not None, "a model that was read has units"
+    buffer = BytesIO()
+    copy_original(session, row.sha256, buffer)
+    return row.filename, row.units, buffer.getvalue()
+
+
+def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
+    """The file of a model, and its sets, whoever asks."""
+    row = session.get_one(StructureModel, key)
+    assert row.document is not None, "a version refers to a model that was read"
+    return {"filename": row.filename, "sets": row.document["sets"]}
+
+
+def mesh_of(model: FiniteElementModel) -> dict[str, Any]:
+    """Nodes and elements of a model, for a page that draws it."""
+    return {
+        "nodes": {
+            "numbers": model.numbers.tolist(),
+            **{f"{axis}_m": model.nodes[:, k].tolist() for k, axis in enumerate("xyz")},
+        },
+        "blocks": [
+            {
+                "set": block.set,
+                "kind": block.kind,
+                "numbers": block.numbers.tolist(),
+                "nodes": block.nodes.tolist(),
+            }
+            for block in model.elements
+        ],
+    }
+
+
+def model_sizes(session: Session, rows: list[StructureModel]) -> dict[bytes, int]:
+    """Bytes of the decks, by SHA-256."""
+    return original_sizes(session, [row.sha256 for row in rows])
+
+
+def versions_of_models(session: Session, keys: list[UUID]) -> dict[UUID, int]:
+    """Numbers of the first versions that are these models."""
+    query = select(StructureVersion.model, StructureVersion.number).where(StructureVersion.model.in_(keys))
+    latest_first = session.execute(query.order_by(StructureVersion.number.desc()))
+    return {key: number for key, number in latest_first if key is not None}
+
+
+def models_files() -> Select[bytes]:
+    """SHA-256 of the decks of all models, as part of a query."""
+    return select(StructureModel.sha256)

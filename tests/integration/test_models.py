@@ -1,0 +1,162 @@
+"""Users' models over HTTP: a deck goes in, the structure is it, an update finds the constants of its sets."""
+
+from typing import Any
+
+import httpx
+import pytest
+
+from modalbase.formats.models.inp import read_inp
+from tests.integration.test_bodies import updated
+from tests.support.places import shared_file
+from tests.support.profiles import TRUTH, deck, measured
+from tests.support.rest import finished, ok
+
+
+@pytest.fixture
+def bare(api: httpx.Client, project: str) -> str:
+    """A structure that nothing is said of."""
+    return str(ok(api.post(f"projects/{project}/structures", json={"name": "bracket"}), 201)["id"])
+
+
+def sent(api: httpx.Client, structure: str, content: bytes, **query: Any) -> dict[str, Any]:
+    """A model after its reading."""
+    queued = api.post(f"structures/{structure}/model", params={"filename": "angle.inp", **query}, content=content)
+    ok(queued, 202)
+    return finished(api, queued.headers["Location"])
+
+
+def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
+    content = deck()
+    model = sent(api, bare, content, units="m-N-kg")
+    assert (model["status"], model["version"]) == ("succeeded", 2)
+    found = model["found"]
+    assert found["counts"] == {"nodes": 475, "elements": 140, "masses": 0, "springs": 0, "links": 0, "supports": 1}
+    sets = {each["name"]: each for each in found["sets"]}
+    assert sets["flange"]["area_m2"] == pytest.approx(0.4 * 0.058)
+    assert sets["flange"]["mass_kg"] == pytest.approx(0.4 * 0.058 * 0.004 * 1850)
+    assert sets["web"]["thickness_m"] == 0.004
+    assert found["mass_kg"] == pytest.approx(
+        0.4 * (0.06 + 0.076) * 0.004 * 1850
+    )  # with the joint: the whole of both walls
+    (material,) = found["materials"]
+    assert (material["name"], material["constants"]["E1"]) == ("GFRP", 23e9)
+    (junction,) = found["junctions"]
+    assert [(wall["set"], wall["passes"]) for wall in junction["walls"]] == [("flange", False), ("web", False)]
+    assert junction["length_m"] == pytest.approx(0.4)
+    (support,) = found["supports"]
+    assert support["dofs"] == [1, 2, 3, 4, 5, 6]
+    structure = ok(api.get(f"structures/{bare}"), 200)
+    assert (structure["version"], structure["model"], structure["geometry"]) == (2, model["id"], None)
+    assert ok(api.get(f"structures/{bare}/model"), 200) == model
+    mesh = ok(api.get(f"structures/{bare}/model/mesh"), 200)
+    assert len(mesh["nodes"]["x_m"]) == 475
+    assert mesh["nodes"]["numbers"][:3] == [1, 2, 3]
+    assert [(block["set"], block["kind"], len(block["nodes"][0])) for block in mesh["blocks"]] == [
+        ("flange", "quad8", 8),
+        ("web", "quad8", 8),
+    ]
+    original = api.get(f"structures/{bare}/model/original")
+    assert original.content == content
+    again = api.get(f"structures/{bare}/model/original", headers={"If-None-Match": original.headers["ETag"]})
+    assert again.status_code == 304
+
+
+def test_units_are_asked_for_with_those_that_fit(api: httpx.Client, bare: str) -> None:
+    model = sent(api, bare, deck(1e-3))
+    assert model["status"] == "failed"
+    assert "units=mm-N-t?" in model["message"]
+    wrong = sent(api, bare, deck(1e-3), units="m-N-kg")
+    assert "mm-N-t would fit" in wrong["message"]
+    unknown = sent(api, bare, deck(), units="mm-stone")
+    assert "names no units" in unknown["message"]
+    assert ok(api.get(f"structures/{bare}"), 200)["version"] == 1
+    assert "is no model" in ok(api.get(f"structures/{bare}/model"), 409)["detail"]
+    right = sent(api, bare, deck(1e-3), units="mm-N-t")
+    assert right["found"]["size_m"] == pytest.approx([0.4, 0.058, 0.078])
+
+
+def test_a_card_that_changes_modes_must_be_accepted_by_name(api: httpx.Client, bare: str) -> None:
+    content = deck().replace(b"*STEP", b"*CONTACT PAIR, INTERACTION=I\nA, B\n*STEP", 1)
+    refused = sent(api, bare, content, units="m-N-kg")
+    assert refused["status"] == "failed"
+    assert "CONTACT PAIR" in refused["message"]
+    assert "accept=CONTACT PAIR" in refused["message"]
+    taken = sent(api, bare, content, units="m-N-kg", accept="contact pair")
+    (lost,) = [each for each in taken["found"]["ignored"] if each["changes"]]
+    assert "CONTACT PAIR" in lost["card"]
+    assert taken["accepted"] == ["contact pair"]
+
+
+def test_what_is_wrong_with_a_deck_is_said_by_line(api: httpx.Client, bare: str) -> None:
+    cut = sent(api, bare, deck()[: deck().index(b"*SHELL SECTION") - 5], units="m-N-kg")
+    assert cut["status"] == "failed"
+    assert "line" in cut["message"]
+    other = sent(api, bare, deck(), units="m-N-kg", filename="angle.xyz")
+    assert "ends in none of .inp" in other["message"]
+    assert ok(api.get(f"structures/{bare}"), 200)["version"] == 1
+
+
+@pytest.mark.parametrize("boundary", ["free", "as_modelled"])
+def test_an_update_of_a_deck_finds_the_constants_of_its_sets(api: httpx.Client, bare: str, boundary: str) -> None:
+    assert sent(api, bare, deck(), units="m-N-kg")["status"] == "succeeded"
+    content = measured(boundary="free" if boundary == "free" else "cantilever")
+    address, result = updated(api, bare, content, boundary)
+    found = {row["name"]: row for row in result["parameters"]}
+    for name, value in TRUTH.items():
+        low, high = found[name]["interval_95"]
+        assert low < value < high, name
+    report = api.get(f"{api.base_url.join(address)}/report").text
+    assert "model angle.inp: flange 4 mm, web 4 mm" in report
+    handed_back(api, address, found)
+    for name in ("frf", "shapes", "sac"):
+        assert ok(api.get(f"{api.base_url.join(address)}/figures/{name}"), 200)["data"]
+
+
+def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
+    """The updated deck is the one that was sent, but for the numbers that were updated, and reads back."""
+    answer = api.get(f"{api.base_url.join(address)}/deck")
+    assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.inp"'
+    lines, before = answer.content.splitlines(), deck().splitlines()
+    nodes = slice(before.index(b"*NODE, NSET=ALL"), before.index(b"*ORIENTATION, NAME=O"))
+    assert b"\n".join(before[nodes]) in answer.content
+    head = [line for line in lines if line.startswith(b"**")]
+    assert any(b"with joints" in line for line in head)
+    assert sum(b"mode " in line and b"% from" in line for line in head) >= 6
+    model = read_inp(answer.content)
+    for name in ("flange", "web"):
+        (material,) = (model.materials[each] for each in model.sections[name].materials)
+        for constant in ("E1", "E2", "G12", "G13", "G23"):
+            assert material.constants[constant] == pytest.approx(found[f"{name}.{constant}"]["estimate"], rel=1e-6)
+    assert model.sections["flange"].materials != model.sections["web"].materials  # the one that both had was parted
+
+
+def test_a_model_has_no_edges_to_clamp(api: httpx.Client, bare: str) -> None:
+    sent(api, bare, deck(), units="m-N-kg")
+    held = {"name": "c", "boundary": "cantilever"}
+    campaign = ok(api.post(f"structures/{bare}/campaigns", json=held), 201)["id"]
+    problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 422)
+    assert "as_modelled" in problem["detail"]
+
+
+def test_versions_go_to_and_fro(api: httpx.Client, project: str, bare: str) -> None:
+    first = sent(api, bare, deck(), units="m-N-kg")
+    edit = {"If-Match": api.get(f"structures/{bare}").headers["ETag"]}
+    flat = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
+    strip = ok(api.patch(f"structures/{bare}", json={"geometry": flat}, headers=edit), 200)
+    assert (strip["version"], strip["model"]) == (3, None)
+    edit = {"If-Match": api.get(f"structures/{bare}").headers["ETag"]}
+    back = ok(api.patch(f"structures/{bare}", json={"model": first["id"]}, headers=edit), 200)
+    assert (back["version"], back["model"], back["geometry"]) == (4, first["id"], None)
+    other = ok(api.post(f"projects/{project}/structures", json={"name": "other"}), 201)["id"]
+    edit = {"If-Match": api.get(f"structures/{other}").headers["ETag"]}
+    problem = ok(api.patch(f"structures/{other}", json={"model": first["id"]}, headers=edit), 422)
+    assert "no model that was read for this structure" in problem["detail"]
+
+
+def test_the_open_decks_are_read_as_they_are(api: httpx.Client, bare: str) -> None:
+    for kind in ("i", "box", "channel", "angle", "panel"):
+        content = shared_file("BLIND_OPEN", "blind-open", f"structures/{kind}-1.inp").read_bytes()
+        model = sent(api, bare, content, units="m-N-kg", filename=f"{kind}-1.inp")
+        assert model["status"] == "succeeded", model["message"]
+        assert {each["name"] for each in model["found"]["sets"]} == {"flange", "web"}
+        assert model["found"]["junctions"]

@@ -1,0 +1,114 @@
+"""What may differ from element to element, or hangs on nodes: axes, offsets, springs, links along axes of their own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.structures import frequencies
+from fecore.body.beams import BeamSection
+from fecore.body.generators import profile, strip
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.mesh import Block, Mesh
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from fecore.body.supports import Link, NodeSpring, Spring, Support
+
+GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
+WALL = ShellSection((Ply(GFRP, 0.006),))
+
+
+def hz(structure: Structure, count: int = 6) -> np.ndarray:
+    return frequencies(structure, count)
+
+
+def with_axes(mesh: Mesh, axis: tuple[float, float, float]) -> Mesh:
+    blocks = tuple(replace(b, axes=np.tile(np.array(axis), (len(b.nodes), 1))) for b in mesh.blocks)
+    return replace(mesh, blocks=blocks)
+
+
+def test_axes_of_elements_take_the_place_of_the_sections() -> None:
+    mesh = profile("i", 0.9, 0.12, 0.06, 0.006, 0.006, elements=2)
+    skew = (0.9, 0.3, 0.2)
+    walls = dict.fromkeys(("flange", "web"), replace(WALL, axis=skew))
+    by_element = Structure(with_axes(mesh, skew), dict.fromkeys(("flange", "web"), WALL))
+    np.testing.assert_allclose(hz(by_element), hz(Structure(mesh, walls)), rtol=1e-9)
+    assert abs(hz(by_element)[0] / hz(Structure(mesh, dict.fromkeys(("flange", "web"), WALL)))[0] - 1) > 0.01
+
+
+def test_two_halves_with_axes_of_their_own_are_not_taken_for_alike() -> None:
+    mesh = strip(0.5, 0.1, 10, 2)
+    (block,) = mesh.blocks
+    left = mesh.nodes[block.nodes, 0].mean(axis=1) < 0.25
+    axes = np.where(left[:, None], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    turned = replace(WALL, axis=(0.0, 1.0, 0.0))
+    halves = Mesh(mesh.nodes, (Block("quad8", block.nodes[left], "a"), Block("quad8", block.nodes[~left], "b")))
+    expected = hz(Structure(halves, {"a": WALL, "b": turned}))
+    found = hz(Structure(replace(mesh, blocks=(replace(block, axes=axes),)), {"strip": WALL}))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_beams_axes_and_offsets_by_element_are_those_of_its_section() -> None:
+    section = BeamSection.rectangle(0.01, 0.03, 20e9, 4e9, 1800.0)
+    nodes = np.column_stack([np.linspace(0, 1, 11), np.zeros(11), np.zeros(11)])
+    ends = np.column_stack([np.arange(10), np.arange(1, 11)])
+    whole = replace(section, axis=(0.0, 0.6, 0.8), offset=(0.0, 0.02, -0.01))
+    expected = hz(Structure(Mesh(nodes, (Block("beam2", ends, "b"),)), {"b": whole}))
+    block = Block(
+        "beam2", ends, "b",
+        axes=np.tile([0.0, 0.6, 0.8], (10, 1)), offsets=np.broadcast_to([0.0, 0.02, -0.01], (10, 2, 3)).copy(),
+    )  # fmt: skip
+    np.testing.assert_allclose(hz(Structure(Mesh(nodes, (block,)), {"b": section})), expected, rtol=1e-9)
+
+
+def test_a_shell_may_lie_off_its_nodes() -> None:
+    mesh = strip(0.5, 0.1, 10, 2)
+    up = np.zeros((len(mesh.blocks[0].nodes), 8, 3))
+    up[..., 2] = 0.02
+    moved = replace(mesh, blocks=(replace(mesh.blocks[0], offsets=up),))
+    held = (Support("start"),)
+    by_offset = hz(Structure(moved, {"strip": WALL}, held))
+    by_section = hz(Structure(mesh, {"strip": replace(WALL, offset=0.02)}, held))
+    # The section's rotary inertia about its own middle is the same; both are the same plate on rigid arms.
+    np.testing.assert_allclose(by_offset, by_section, rtol=2e-3)
+
+
+def test_a_spring_at_a_node_is_that_at_its_point() -> None:
+    mesh = strip(0.5, 0.1, 10, 2)
+    number = int(np.argmin(np.linalg.norm(mesh.nodes - [0.5, 0.0, 0.0], axis=1)))
+    row = np.zeros((1, 1, 6))
+    row[..., 2] = 1
+    held = (Support("start"),)
+    at_node = NodeSpring("tip", 5e3, np.array([[number]]), row)
+    at_point = Spring("tip", 5e3, 3, point=(0.5, 0.0))
+    assert at_node.unit == at_point.unit == "N/m"
+    found = [solved(Structure(mesh, {"strip": WALL}, held, (spring,)), 5e3) for spring in (at_node, at_point)]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
+    assert found[0][0] > 1.2 * hz(Structure(mesh, {"strip": WALL}, held))[0]
+    turn = np.zeros((1, 1, 6))
+    turn[..., 4] = 1
+    assert replace(at_node, rows=turn).unit == "N·m/rad"
+
+
+def solved(structure: Structure, stiffness: float) -> np.ndarray:
+    from fecore.dynamics.eigen import normal_modes
+
+    q, model = np.array(list(structure.nominal.values())), structure.model
+    K = model.stiffness.at(np.append(structure.stiffness_coefficients(q), stiffness))
+    M = model.mass.at(structure.mass_coefficients(q))
+    return normal_modes(K, M, 4, model.rigid_modes).frequency_hz
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4])
+def test_a_link_leads_along_axes_of_its_own(angle: float) -> None:
+    c, s = np.cos(angle), np.sin(angle)
+    axes = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+    link = Link(1, (0,), dofs=(0, 3), axes=axes)
+    nodes = np.array([[0.0, 0, 0], [0.2, 0.1, 0.3]])
+    rigid = Link(1, (0,)).matrices(nodes)[0]
+    along = np.array([*axes[0], 0, 0, 0])
+    np.testing.assert_allclose(along @ link.matrices(nodes)[0], along @ rigid, atol=1e-15)
+    across = np.array([*axes[1], 0, 0, 0])
+    np.testing.assert_allclose(across @ link.matrices(nodes)[0], 0, atol=1e-15)

@@ -1,0 +1,63 @@
+"""An exponential window that nobody stated is seen in the force's noise, and nothing else is taken for one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.hammer import Bench, random_body, random_laboratory
+from fecore.signal import Hit, Processing, Windows, by_point, process
+from fecore.signal.unstated import seen_rate
+
+
+def hits(rate: float, seed: int = 4, count: int = 6) -> list[Hit]:
+    """Of one point, under a window that the blocks do not state."""
+    rng = np.random.default_rng(seed)
+    body = random_body(rng, "free")
+    bench = Bench(body, random_laboratory(rng, rate), (0.96 * body.length_m, 0.45 * body.width_m), rng)
+    made = [bench.hit(1, (0.7 * body.length_m, 0.3 * body.width_m), n).hit for n in range(1, count + 1)]
+    return [
+        replace(
+            hit,
+            force=replace(hit.force, window_rate_per_s=0.0),
+            responses=tuple(replace(block, window_rate_per_s=0.0) for block in hit.responses),
+        )
+        for hit in made
+    ]
+
+
+@pytest.mark.parametrize("rate", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("seed", [4, 5, 6])
+def test_a_window_that_nobody_stated_is_seen(rate: float, seed: int) -> None:
+    seen = seen_rate(hits(rate, seed))
+    assert seen is not None
+    assert abs(seen.rate_per_s - rate) < max(4 * seen.sd, 0.01)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_noise_without_a_window_shows_none(seed: int) -> None:
+    assert seen_rate(hits(0.0, seed)) is None
+
+
+def test_a_hammer_that_rings_into_its_noise_shows_no_window() -> None:
+    ringing = []
+    for hit in hits(0.0):
+        x = hit.force.samples.copy()
+        late = np.arange(x.size - np.argmax(x)) / hit.sample_rate_hz
+        x[np.argmax(x) :] += 0.02 * x.max() * np.exp(-8 * late) * np.sin(0.3 * hit.sample_rate_hz * late)
+        ringing.append(replace(hit, force=replace(hit.force, samples=x)))
+    assert seen_rate(ringing) is None
+
+
+def test_a_force_without_noise_and_few_hits_show_none() -> None:
+    silent = [replace(h, force=replace(h.force, samples=np.where(h.force.samples > 5, 1.0, 0.0))) for h in hits(3.0)]
+    assert seen_rate(silent) is None
+    assert seen_rate(hits(3.0, count=3)) is None
+
+
+def test_the_frfs_carry_the_window_that_was_seen_and_a_warning_says_so() -> None:
+    found = process(by_point(hits(1.0)), Processing(windows=Windows()))
+    assert found.rate_per_s == pytest.approx(1.0, abs=0.02)
+    assert any("an exponential window that is not stated" in warning for warning in found.warnings)
+    stated = [replace(h, force=replace(h.force, window_rate_per_s=0.7)) for h in hits(1.0)]
+    assert process(by_point(stated), Processing(windows=Windows())).rate_per_s == 0.7

@@ -1,0 +1,68 @@
+"""What is wrong with a channel of a recording is said before its hits are cut."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import wavfile
+
+from fecore.errors import InputError
+from modalbase.formats.errors import FormatError
+from service.compute.recordings import Channels, channels_of
+from tests.unit.fecore.signal.test_recording import RATE, recording
+
+
+def channels(folder: Path, table: np.ndarray, sensitivity: float = 1.0, cut: int = 0) -> Channels:
+    """Of a wav of floats whose first column is the response, the second the force."""
+    path = folder / "long.wav"
+    wavfile.write(path, int(RATE), np.ascontiguousarray(table.T, dtype=np.float32))
+    if cut:
+        whole = bytearray(path.read_bytes())
+        at = whole.index(b"data") + 4
+        whole[at : at + 4] = b"\xff\xff\xff\xff"
+        path.write_bytes(whole[:-cut])
+    mapped = [
+        {"variable": "channel_1", "quantity": "acceleration", "point": 33, "sensitivity": sensitivity},
+        {"variable": "channel_2", "quantity": "force", "point": 4},
+        *({"variable": f"channel_{k + 1}", "quantity": "acceleration", "point": 33 + k} for k in range(2, len(table))),
+    ]
+    return channels_of(path, {"recording": {}, "channels": mapped}, path.name)
+
+
+WHOLE = recording([1.0, 4.0], [1.0, 0.6], 7.0)[::-1]
+
+
+def test_a_channel_that_carried_nothing_is_named_as_the_file_names_it(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"channel_1 is 0\.25 throughout"):
+        channels(tmp_path, np.array([np.full(WHOLE.shape[1], 0.25), WHOLE[1]])).survey()
+    with pytest.raises(InputError, match="channel_2 is 0 throughout"):
+        channels(tmp_path, np.array([WHOLE[0], 0 * WHOLE[1]])).survey()
+
+
+@pytest.mark.parametrize("times", [1.0, 0.37])
+def test_a_channel_that_was_written_twice_is_named(tmp_path: Path, times: float) -> None:
+    with pytest.raises(InputError, match="channel_1 holds the same samples as channel_2"):
+        channels(tmp_path, np.array([times * WHOLE[1], WHOLE[1]])).survey()
+
+
+def test_two_sensors_that_see_nearly_the_same_are_no_copies(tmp_path: Path) -> None:
+    beside = WHOLE[0] + 1e-4 * np.random.default_rng(3).standard_normal(WHOLE.shape[1])
+    assert len(channels(tmp_path, np.array([*WHOLE, beside])).survey().hits) == 2
+
+
+@pytest.mark.parametrize("sensitivity", [1e-16, 1e-30, 1e-310])
+def test_values_that_no_sensor_gives_are_named(tmp_path: Path, sensitivity: float) -> None:
+    with pytest.raises(FormatError, match=r"reaches .* in SI, more than any sensor gives"):
+        channels(tmp_path, WHOLE, sensitivity).survey()
+
+
+def test_a_sample_that_is_not_finite_is_named_as_the_file_names_its_channel(tmp_path: Path) -> None:
+    broken = WHOLE.copy()
+    broken[0, 3000] = np.inf
+    with pytest.raises(InputError, match="NaN or infinity in channel_1 behind sample 3001"):
+        channels(tmp_path, broken).survey()
+
+
+def test_a_recording_that_declares_no_length_says_that_it_may_be_cut_off(tmp_path: Path) -> None:
+    own = channels(tmp_path, WHOLE, cut=400)
+    assert any("declares no length" in note for note in own.notes(own.survey()))
