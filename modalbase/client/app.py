@@ -15,6 +15,7 @@ from modalbase.client.inventory import campaigns, coupons, projects, structures
 from modalbase.client.measuring import frfs, hits, import_files, modes, points
 from modalbase.client.models import model
 from modalbase.client.options import say_next
+from modalbase.client.searching import search
 from modalbase.client.updating import alarms, jobs, monitors, result, update
 
 
@@ -46,5 +47,6 @@ COMMANDS = (
 def add_commands(app: typer.Typer) -> None:
     """Add the client's commands to an application."""
     app.command("import")(import_files)
+    app.command("find")(search)
     for command in COMMANDS:
         app.command()(command)

@@ -30,6 +30,7 @@ from service.store.modes.routes import identifications
 from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records
+from service.store.search.routes import router as search
 from service.store.storage.routes import router as storage
 from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
@@ -55,6 +56,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     coupons,
     updating,
     plans,
+    search,
     results,
     measured_figures,
     monitoring,

@@ -225,7 +225,7 @@ def test_json_is_what_the_service_takes(reader: Reader) -> None:
     exported = {"m.f": np.arange(8.0), "m.H": table + 1j, "m.coh": table, "m.points": np.arange(1, 4)}
     assert len(frfs_of(exported, mapping, "accelerance").values) == 3
     plate, recipe, pieces, added, zones = shown.pop("docs/plies.md")
-    for structure in (plate, {**plate, **pieces}):
+    for structure in (plate, {**plate, **pieces}, *shown.pop("docs/own-model.md")):
         StructureIn.model_validate(structure)
     CampaignIn.model_validate({"name": "x", "boundary": "free", **added})
     for one in (recipe, zones, *shown.pop("docs/updating.md")):

@@ -111,6 +111,8 @@ def _alarm(sessions: Sessions, monitor: str, campaign: str, mark: str) -> UUID:
 JUDGED = """
 public  -       GET /healthz, GET /readyz
 read    anyone  GET /projects, GET /api-keys, GET /audit-events, GET /update-jobs, GET /monitors, GET /alarms, GET /webhooks
+read    anyone  GET /search/structures, GET /search/campaigns, GET /search/frfs, GET /search/records, GET /search/modes
+read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
 read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects
 jobs    anyone  POST /update-jobs

@@ -41,6 +41,7 @@ class Frf(Identified, Base):
     __table_args__ = (
         Index(None, "campaign_id", "id"),
         Index(None, "campaign_id", "response_point", "id"),
+        Index(None, "reference_point", "id"),
         Index(None, "import_id", "dataset", unique=True),
         Index(None, "processing_id"),
         CheckConstraint("(step_hz IS NULL) = (axis IS NOT NULL)", name="axis"),
