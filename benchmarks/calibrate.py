@@ -42,12 +42,12 @@ FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
 SURE, REFUSED = 0.9, 0.1
 _FOLDS = 5
 _NEAR = 0.004  # relative distance within which a pole is a distortion, or half a bandwidth where that is more
-NAMES = ("constant", "rise", "share", "damping", "apart", "reach")
+NAMES = ("constant", "rise", "share", "damping", "apart", "shape", "reach")
 
 
 @dataclass
 class Poles:
-    """Features of poles with the truth: Λ (n,), design (n, 6), the mode of each or why it is none, kind and seed of its draw.
+    """Features of poles with the truth: Λ (n,), design (n, 7), the mode of each or why it is none, kind and seed of its draw.
 
     Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ; CPU seconds.
     """

@@ -5,6 +5,8 @@ Each kind is drawn by seed:
 aeroplane  2 sensors x 20 hammer points (3 x 74 at full size), every point a session whose frequencies drift by 0.03 %, two
            close pairs, three suspension modes below 5 Hz (which may be lost), 1601 lines to 200 Hz
 bridge     26 FRFs of one sensor to 8 Hz, six modes some of them a few lines apart, leakage that rises as 1/f²
+softening  the same, each FRF the mean over five hits: the high ones open a joint, and some modes' frequencies fall. All FRFs
+           show such a mode alike and not as one resonance, so that a fit has it twice with one shape
 plate      one FRF with its coherence from five hits, an exponential window on the response, a comb of 1 Hz
 wide       12 FRFs, damping of 0.1 to 16 % drawn anew for every mode, some modes one to three lines wide and low, where the
            floor of the noise changes tenfold
@@ -95,18 +97,30 @@ def aeroplane(seed: int, harsh: Harsh = GOOD, points: int = 20, sensors: int = 2
 
 def bridge(seed: int, harsh: Harsh = GOOD, points: int = 26) -> Draw:
     """26 accelerances in which leakage hides everything below the first mode."""
-    rng = np.random.default_rng([2, seed])
+    return _hit_bridge(np.random.default_rng([2, seed]), harsh, points, np.zeros((1, 6)))
+
+
+def softening(seed: int, harsh: Harsh = GOOD, points: int = 26) -> Draw:
+    """A bridge with a joint that high hits open: half of its modes then fall by up to four half bandwidths."""
+    rng = np.random.default_rng([13, seed])
+    falls = rng.uniform(0, 4, 6) * (rng.random(6) < 0.5)
+    return _hit_bridge(rng, harsh, points, falls * (np.arange(_HITS)[:, None] < rng.integers(1, _HITS)))
+
+
+def _hit_bridge(rng: np.random.Generator, harsh: Harsh, points: int, falls: np.ndarray) -> Draw:
+    """The mean over hits, at each of which the modes are so many (hits, 6) half bandwidths lower."""
     hz = np.arange(0, 8.001, 1 / 32)
     f = _spread(rng, 6, rng.uniform(2.2, 2.8), rng.uniform(4.2, 5), 0.025)
     zeta = rng.uniform(0.006, 0.014, 6)
     phi = _shapes(rng, 6, points)
     sensor = rng.choice([-1, 1], (6, 1)) * rng.uniform(0.4, 1.5, (6, 1))
-    values = _accelerance(hz, f, zeta, phi * sensor)
+    lowered = f * (1 - zeta * falls)
+    values = np.mean([_accelerance(hz, own, zeta, phi * sensor) for own in lowered], axis=0)
     level = np.sqrt(np.mean(np.abs(values[:, (hz > 2) & (hz < 5)]) ** 2))
     leak = level * rng.uniform(0.3, 0.9) / np.maximum(hz, 0.03) ** 2
     values = _faults(rng, hz, values, 0.02 * level, leak, 0.0, harsh)
     pairs = [(Dof(i + 1, 3), Dof(22, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), f, zeta, phi * sensor, f < 0, NONE)
+    return Draw(_set(hz, values, pairs), np.median(lowered, axis=0), zeta, phi * sensor, f < 0, NONE)
 
 
 def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
@@ -312,6 +326,7 @@ def quiet(seed: int, harsh: Harsh = GOOD) -> Draw:
 
 KINDS: dict[str, Callable[..., Draw]] = {
     "bridge": bridge,
+    "softening": softening,
     "plate": plate,
     "aeroplane": aeroplane,
     "wide": wide,

@@ -9,6 +9,9 @@ damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coeff
 apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of its resonance curve with that of the larger pole
         nearest by it, σ = ζω. Where a mode moves from test to test, by temperature or the sensor's mass, or is not of a linear
         structure, the fit has several poles for it, with shapes of their own and far nearer than modes are.
+shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of that larger pole. Two modes have two shapes; a mode that
+        every test shows at several heights of the hit, or while it drifts, is several poles with one shape. Not for fewer than
+        four FRFs.
 reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest: a sensor or hammer that
         rings is seen in one. Not for fewer than four FRFs.
 
@@ -38,6 +41,7 @@ _ONE_LINE = 0.5  # lines: a half bandwidth above shows its flanks on several
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
 _NEAREST, _LEAST_REACHED = 0.01, 0.01  # least distance, and least share in other FRFs, that count
+_ONE_SHAPE = 0.01  # 1 - MAC that errors leave of one shape
 _LONGEST_DELAY = 1e-3  # s
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
 _STRONG = 10.0  # rise from which a pole shows the delay
@@ -55,7 +59,7 @@ class Evidence:
     """Features of n poles, NaN where the set cannot give one.
 
     Attributes:
-        phase, rise, share, damping, apart, reach: (n,) see above.
+        phase, rise, share, damping, apart, shape, reach: (n,) see above.
         height: (n,) of its part in the FRFs at its frequency, root of the sum of squares over them.
         neighbour: (n,) number of the larger pole that it is nearest to; any where there is none.
         trend: (n,) ζ_t.
@@ -68,6 +72,7 @@ class Evidence:
     share: FloatArray
     damping: FloatArray
     apart: FloatArray
+    shape: FloatArray
     reach: FloatArray
     height: FloatArray
     neighbour: IntArray
@@ -96,6 +101,7 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
         share=share,
         damping=np.abs(np.log(terms.damping_ratio / trend)),
         apart=apart,
+        shape=_shape(residues, neighbour, apart),
         reach=_reach(residues),
         height=height,
         neighbour=neighbour,
@@ -227,6 +233,15 @@ def _nearest(terms: Terms, height: FloatArray) -> tuple[IntArray, FloatArray]:
     alike = 4 * np.outer(s.real, s.real) / np.abs(s[:, None] + s.conj()) ** 2
     alike = np.where(height[None, :] > height[:, None], alike, 0.0)
     return alike.argmax(axis=1), np.sqrt(np.maximum(1 - alike.max(axis=1), _NEAREST**2))
+
+
+def _shape(residues: ComplexArray, neighbour: IntArray, apart: FloatArray) -> FloatArray:
+    """(n,) q."""
+    if len(residues) < FEW:
+        return np.full(residues.shape[1], np.nan)
+    scaled = residues / np.maximum(np.linalg.norm(residues, axis=0), np.finfo(float).tiny)
+    mac = np.abs(np.sum(scaled.conj() * scaled[:, neighbour], axis=0)) ** 2
+    return np.asarray((1 - np.minimum(mac, 1.0) + _ONE_SHAPE) ** np.sqrt(1 - apart**2))
 
 
 def _reach(residues: ComplexArray) -> FloatArray:

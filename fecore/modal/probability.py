@@ -1,6 +1,6 @@
 """One probability for each pole: that it is a mode of the structure.
 
-    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) - b₄ ln(1 + (0.15/d)²) + b₅ lg n,
+    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) - b₄ ln(1 + (0.15/d)²) + b₅ lg q + b₆ lg n,
 
 lg = log₁₀, with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
 
@@ -30,7 +30,7 @@ _AT_ODDS = 0.4  # standard deviation of r for what is no mode
 _ANY = 0.3  # share of these whose phase is anything
 _EDGE = 1e-6  # of r at ±1
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
-_APART = 4  # number of the distance in the design
+_BESIDE = (4, 5)  # numbers of distance and shape in the design
 _DOUBLE = 0.15  # distance below which two poles are rather one mode
 _ALONE = 0.99  # distance from which a pole is alone
 
@@ -40,7 +40,7 @@ class Feature:
     """One reason for or against a pole.
 
     Attributes:
-        name: `phase`, `rise`, `share`, `damping`, `apart` or `reach`.
+        name: `phase`, `rise`, `share`, `damping`, `apart`, `shape` or `reach`.
         value: the feature.
         weight: what it adds to the logit of P.
         words: what it says, in words of the field.
@@ -65,7 +65,7 @@ def phase_ratio(r: FloatArray, frfs: int) -> FloatArray:
 
 
 def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
-    """(n,) Λ, and (n, 6) what the weights multiply."""
+    """(n,) Λ, and (n, 7) what the weights multiply."""
     frfs = len(arrangement.pairs)
     x = np.stack(
         [
@@ -74,6 +74,7 @@ def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, Fl
             np.log10(evidence.share),
             -np.log1p((evidence.damping / USUAL) ** 2),
             -np.log1p((_DOUBLE / evidence.apart) ** 2),
+            np.log10(evidence.shape),
             np.log10(evidence.reach),
         ],
         axis=1,
@@ -98,13 +99,13 @@ def judged(ratio: FloatArray, x: FloatArray, mean: FloatArray, covariance: Float
 
 
 def doubled(arrangement: Arrangement, evidence: Evidence, terms: Terms) -> FloatArray:
-    """(2, n) variances of ln f and ζ of the poles that have doubles: poles j that would be modes but for their distance.
+    """(2, n) variances of ln f and ζ of the poles that have doubles: poles j that would be modes but for one beside them.
 
     With q_j = P_j, were it alone, less P_j, the mode is not at its pole k but between it and j, at their mean by power: where
     that is the likelier case, q_j > ½, the variance is q_j (w_j Δ_jk)², w_j = h_j²/(h_j² + h_k²).
     """
     ratio, x = design(arrangement, evidence)
-    alone = np.where(np.arange(x.shape[1]) == _APART, 0.0, x)
+    alone = np.where(np.isin(np.arange(x.shape[1]), _BESIDE), 0.0, x)
     q = judged(ratio, alone, MEAN, COVARIANCE) - judged(ratio, x, MEAN, COVARIANCE)
     q = np.where(no_mode(evidence, terms.damping_ratio) | (q < 0.5), 0.0, q)
     k, power = evidence.neighbour, evidence.height**2
@@ -118,7 +119,7 @@ def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
     return np.asarray(1 / (1 + np.exp(-logit / np.sqrt(1 + np.pi * variance / 8))))
 
 
-NAMES = ("phase", "rise", "share", "damping", "apart", "reach")
+NAMES = ("phase", "rise", "share", "damping", "apart", "shape", "reach")
 
 
 def features(
@@ -166,5 +167,11 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
         return (
             f"the larger pole at {frequency_hz[other]:.2f} Hz is {abs(frequency_hz[k] - frequency_hz[other]) / width:.2g}"
             " bandwidths away; the nearer, the likelier both are one mode that moves from test to test"
+        )
+    if name == "shape":
+        other = evidence.neighbour[k]
+        return (
+            f"shape and curve part it from the larger pole at {frequency_hz[other]:.2f} Hz by {evidence.shape[k]:.2f} of 1;"
+            " one mode seen twice has one shape"
         )
     return f"the FRF that shows it best has {100 - 100 * evidence.reach[k]:.0f} % of it"

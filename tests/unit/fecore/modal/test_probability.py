@@ -150,7 +150,16 @@ def test_an_interval_holds_both_poles_of_a_mode() -> None:
     """Two poles of equal power: the mode is half-way as probably as the second one is no mode for its distance alone."""
     arrangement = prepare(KINDS["bridge"](5).frfs, None).arrangement
     terms = Terms(np.array([3.0, 3.001]), np.array([0.01, 0.012]), (-2, 0))
-    both = {"phase": 1.0, "rise": 1e3, "share": 0.7, "damping": 0.0, "reach": 0.7, "height": 2.0, "trend": 0.01}
+    both = {
+        "phase": 1.0,
+        "rise": 1e3,
+        "share": 0.7,
+        "damping": 0.0,
+        "shape": 1.0,
+        "reach": 0.7,
+        "height": 2.0,
+        "trend": 0.01,
+    }
     evidence = Evidence(
         **{name: np.full(2, value) for name, value in both.items()},
         apart=np.array([np.inf, 0.05]),
