@@ -12,7 +12,7 @@ from fecore.body.beams import BeamSection, rectangle_torsion
 from fecore.body.mesh import Block, Mesh
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.structure import Structure
-from fecore.body.supports import Boundary, Mass, PointMass, Support, of_boundary
+from fecore.body.supports import Boundary, PointMass, Support, of_boundary
 from fecore.errors import InputError
 
 BEAM_CONSTANTS = ("E", "nu", "density", "width", "thickness", "length")
@@ -76,7 +76,7 @@ class BeamSpecimen(OfStructure):
         held = of_boundary(self.boundary)
         if self.boundary == "simply_supported":  # one end holds it along its axis
             held = (Support("start", ("u", "v", "w", "rx")), Support("end", ("v", "w", "rx")))
-        masses = tuple(Mass(each.mass, (each.x, each.y, 0.0), each.rotary_inertia) for each in self.masses)
+        masses = tuple(each.on_surface() for each in self.masses)
         reach = (BEYOND_EDGE * self.length, np.inf, np.inf)
         return Structure(mesh, {"beam": part}, held, (), masses, dofs=self.dofs, size=(self.length,), reach=reach)
 

@@ -17,7 +17,7 @@ from fecore.body.laminate import OrthotropicMaterial, Ply, Section, section
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.sections import PLY_CONSTANTS, ShellSection
 from fecore.body.structure import Structure
-from fecore.body.supports import Boundary, Clamp, Mass, PointMass, Spring, Support, edges, of_boundary
+from fecore.body.supports import Boundary, Clamp, PointMass, Spring, Support, edges, of_boundary
 from fecore.errors import InputError
 
 CONSTANTS = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness", "length", "width")
@@ -60,7 +60,7 @@ class FlatBody(OfStructure):
             dict.fromkeys(mesh.sets, ShellSection(plies, turning=True)),
             edges("simply_supported") if clamps else held,
             self.springs,
-            tuple(Mass(each.mass, (each.x, each.y, 0.0), each.rotary_inertia) for each in self.masses),
+            tuple(each.on_surface() for each in self.masses),
             dofs=dofs,
             size=(self.length, self.width),
             clamps=clamps,

@@ -155,6 +155,7 @@ class PointMass:
     """A mass in kg at (x, y) in m on a strip, with a rotary inertia in kg·m² about x and y: an accelerometer, say.
 
     One that is `weighed` was put on to be known, with no error that matters; that of a sensor has the error of its cable.
+    On a body in space it has a height z too.
     """
 
     x: float
@@ -162,14 +163,24 @@ class PointMass:
     mass: float
     rotary_inertia: float = 0.0
     weighed: bool = False
+    z: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
             raise InputError("point_mass.mass", f"is {self.mass}, expected a mass in kg that is not negative")
         if not (np.isfinite(self.rotary_inertia) and self.rotary_inertia >= 0):
             raise InputError("point_mass.rotary_inertia", f"is {self.rotary_inertia}, expected kg·m², not negative")
-        if not (np.isfinite(self.x) and np.isfinite(self.y)):
+        if not np.all(np.isfinite(self.place)):
             raise InputError("point_mass", f"a mass of {self.mass:g} kg has no place; expected finite x and y in m")
+
+    @property
+    def place(self) -> tuple[float, float, float]:
+        """(x, y, z), m."""
+        return self.x, self.y, self.z
+
+    def on_surface(self) -> Mass:
+        """The mass as a structure carries it."""
+        return Mass(self.mass, self.place, self.rotary_inertia, weighed=self.weighed)
 
 
 @dataclass(frozen=True)
@@ -182,6 +193,7 @@ class Mass:
         inertia: (3, 3) rotary inertia about its own centre, kg·m², or one number for all axes.
         offset: from the place to its centre, m.
         name: of its mass as a parameter; none where it is known.
+        weighed: as of a `PointMass`.
     """
 
     mass: float
@@ -189,6 +201,7 @@ class Mass:
     inertia: tuple[tuple[float, ...], ...] | float = 0.0
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     name: str = ""
+    weighed: bool = True
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):

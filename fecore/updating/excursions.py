@@ -114,11 +114,12 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
 def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:
     """The stated sensor's mass, or that of one that nobody stated."""
     forward, body = state.forward, state.forward.specimen
-    masses = [each for each in getattr(body, "masses", ()) if isinstance(each, PointMass) and not each.weighed]
+    carried = [each.on_surface() if isinstance(each, PointMass) else each for each in getattr(body, "masses", ())]
+    masses = [each for each in carried if isinstance(each.where, tuple) and not each.weighed]
     stated = inputs.is_stated("sensor_mass")
     if masses:
         sds = np.array([inputs.standard_deviation("sensor_mass", each.mass) for each in masses])
-        places = np.array([[each.x, each.y, 0.0] for each in masses])
+        places = np.array([each.where for each in masses])
         kind: Literal["both", "one-sided"] = "both"
     elif fixed_points and not forward.roving_mass:
         sds = np.full(len(fixed_points), inputs.sensor_mass_sd if stated else UNSTATED_SENSOR)

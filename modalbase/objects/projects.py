@@ -18,13 +18,16 @@ if TYPE_CHECKING:
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
 STRUCTURE_INPUTS = (
-    "length_sd_m", "width_sd_m", "thickness_sd_m", "density_sd_kg_m3",
+    "length_sd_m", "width_sd_m", "height_sd_m", "thickness_sd_m", "density_sd_kg_m3",
     "nu_xy_sd", "fibre_angle_sd_deg", "ply_angle_sd_deg",
 )  # fmt: skip
 CAMPAIGN_INPUTS = (
     "clamp_compliance_sd", "sensor_mass_sd_kg", "channel_delay_sd_s",
     "window_rate_per_s", "window_time_constant_s", "window_rate_sd_per_s",
 )  # fmt: skip
+SHAPE = ("length_m", "width_m", "height_m", "ribs_m", "material", "walls")
+PLY = ("E1_Pa", "E2_Pa", "G12_Pa", "G13_Pa", "G23_Pa", "nu_12")
+WALL = "_thickness_m"
 MATERIAL = ("Ex_Pa", "Ey_Pa", "Gxy_Pa", "Gxz_Pa", "Gyz_Pa", "nu_xy")
 GROUPS = (
     ("geometry", GEOMETRY),
@@ -49,7 +52,10 @@ class Project(Editable):
             properties: nominal values, SI: `length_m`, `width_m`, `thickness_m`, `density_kg_m3`, and either `Ex_Pa`, `Ey_Pa`,
                 `Gxy_Pa`, `Gxz_Pa`, `Gyz_Pa`, `nu_xy`, or `plies`; or `geometry`, `material`, `laminate` as REST has them. A
                 body that is only to be identified needs none. How well they are known: `thickness_sd_m` and its like, 0 for
-                exactly.
+                exactly. A profile or panel: `shape` (`i`, `box`, `channel`, `angle`, `tee`, `panel`), `length_m`, `width_m`,
+                `height_m`, of a panel `ribs_m`, of its walls `flange_thickness_m` and `web_thickness_m`, of a panel
+                `plate_thickness_m` and `rib_thickness_m`, `density_kg_m3`, and of its material `E1_Pa`, `E2_Pa`, `G12_Pa`,
+                `G13_Pa`, `G23_Pa`, `nu_12`; or a `shape` as REST has it.
 
         Raises:
             ClientError: the service refuses them.
@@ -170,11 +176,24 @@ class Structure(Editable):
 
 def _nested(properties: dict[str, Any]) -> dict[str, Any]:
     """Properties of a structure or a campaign that are stated flat, in the groups that REST has."""
-    body = dict(properties)
+    body = _shaped(properties)
     for group, names in GROUPS:
         if flat := {name: body.pop(name) for name in names if name in body}:
             body[group] = {**body.get(group, {}), **flat}
     return body
+
+
+def _shaped(properties: dict[str, Any]) -> dict[str, Any]:
+    """Properties with a shape that is stated by its kind and flat, as REST has it."""
+    body = dict(properties)
+    if not isinstance(body.get("shape"), str):
+        return body
+    shape = {"kind": body.pop("shape"), **{name: body.pop(name) for name in SHAPE if name in body}}
+    if material := {name: body.pop(name) for name in PLY if name in body}:
+        shape["material"] = material
+    if walls := [name for name in body if name.endswith(WALL)]:
+        shape["walls"] = {name.removesuffix(WALL): {"thickness_m": body.pop(name)} for name in walls}
+    return {**body, "shape": shape}
 
 
 class CouponBatch(Thing):

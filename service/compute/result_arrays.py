@@ -74,7 +74,7 @@ def _shapes(shapes: ModeShapes | None) -> dict[str, Any]:
         return {}
     return {
         "shape_points": np.array(shapes.points, dtype=np.int64),
-        "shape_places_m": shapes.places[:, :2],
+        "shape_places_m": shapes.places,
         "shapes_measured": shapes.measured.astype(np.complex64),
         "shapes_updated": shapes.updated.astype(np.float32),
         "shape_pairs": np.array(shapes.pairs, dtype=np.int64).reshape(-1, 2),

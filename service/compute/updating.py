@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
+from fecore.body.constants import Body
+from fecore.body.specimen import OrientedSpecimen
 from fecore.modes import MeasuredModes
 from fecore.signal import Processed
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
@@ -59,7 +60,7 @@ class UpdateInputs:
     """
 
     measurement: Measurement | None
-    specimen: Specimen | LayeredSpecimen
+    specimen: Body
     recipe: Recipe
     warnings: tuple[str, ...]
     provenance: dict[str, Any]

@@ -51,7 +51,7 @@ def _unknown(kind: Any, steps: Sequence[Any]) -> str:
     inner = {
         name: f"{outer}/{name}"
         for model in models
-        for outer, field in model.model_fields.items()
+        for outer, field in reversed(model.model_fields.items())  # of two that have it the first is named
         for within in _models(field.annotation, ())
         for name in within.model_fields
     }

@@ -164,6 +164,7 @@ TERMS: dict[str, str] = {
     "seed": "of the random numbers; the same seed gives the same result",
     "length_sd_m": "of the length, m",
     "width_sd_m": "of the width, m",
+    "height_sd_m": "of the height of a body in space, m",
     "thickness_sd_m": "of the thickness, m",
     "density_sd_kg_m3": "of the density, kg/m³",
     "nu_xy_sd": "of Poisson's ratio, without unit",

@@ -20,6 +20,7 @@ from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.store.updating.result_schemas import ResultOut
 from tests.support.laboratory import BEAM
+from tests.support.profiles import ANGLE, TRUTH, measured
 from tests.support.rest import finished
 
 BODY = {**BEAM["geometry"], **BEAM["material"], "density_kg_m3": 2012.0}
@@ -337,3 +338,21 @@ def test_every_other_proposal_works_too(stranger: Stranger) -> None:
             assert "If-Match" in stated, path
             route = path.removeprefix("/api/v1")
             stranger.send("PATCH", route, json=stranger.proposed(route, "patch"), headers={"If-Match": "*"})
+
+
+def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory, tmp_path: Path) -> None:
+    sizes = {"length_m": 0.4, "width_m": 0.06, "height_m": 0.08, "flange_thickness_m": 0.004, "web_thickness_m": 0.004}
+    stated = {"shape": "angle", "density_kg_m3": 1850, **sizes, **ANGLE["shape"]["material"]}
+    project = lab.new_project("profiles")
+    angle = project.new_structure("angle", thickness_sd_m=5e-5, **stated)
+    assert angle.shape["walls"]["web"]["thickness_m"] == 0.004
+    assert angle.inputs["thickness_sd_m"] == 5e-5
+    assert project.structure("angle", create=True, **stated) == angle
+    with pytest.raises(modalbase.ClientError, match="height"):
+        project.structure("angle", create=True, **{**stated, "height_m": 0.09})
+    file = tmp_path / "angle.uff"
+    file.write_bytes(measured())
+    campaign = angle.new_campaign("free", "free", window_rate_per_s=0)
+    campaign.import_file(file)
+    found = campaign.update(damping_models=["rayleigh"]).result().parameters["web.E1"]
+    assert found["interval_95"][0] < TRUTH["web.E1"] < found["interval_95"][1]

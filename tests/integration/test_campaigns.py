@@ -26,7 +26,7 @@ FULL: dict[str, Any] = {
         "analyser": {},
         "sensor_mass_kg": 0.0048,
         "sensor_point": 30,
-        "added_masses": [{"x_m": 0.4, "y_m": 0.01, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}],
+        "added_masses": [{"x_m": 0.4, "y_m": 0.01, "z_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}],
     },
     "frame": {"origin_m": [0.1, 0.0, 0.0], "x_axis": [0.0, 1.0, 0.0], "y_axis": [-1.0, 0.0, 0.0]},
     "notes": "tip mass removed",

@@ -60,7 +60,7 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
     """A campaign without FRFs is updated from its modes alone; the recipe has the last word."""
     stated = {**beam, "inputs": {**NO_DOUBT, "thickness_sd_m": 0.3e-3}}
     structure = posted(api, f"projects/{project}/structures", stated)
-    assert structure["inputs"] == {**stated["inputs"], "ply_angle_sd_deg": None}
+    assert structure["inputs"] == {**stated["inputs"], "ply_angle_sd_deg": None, "height_sd_m": None}
     body = {
         "name": "typed",
         "boundary": "cantilever",
@@ -187,7 +187,7 @@ def test_a_stepped_strip_with_a_tip_mass_is_updated_as_it_stood(api: httpx.Clien
     assert "beyond the length" in ok(api.post(structures, json=beyond), 422)["errors"][0]["detail"]
     structure = ok(api.post(structures, json=described), 201)
     assert structure["pieces"] == described["pieces"]
-    tip = {"x_m": 0.4, "y_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
+    tip = {"x_m": 0.4, "y_m": 0.0, "z_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}
     campaign = ok(
         api.post(
             f"structures/{structure['id']}/campaigns",

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
 from service.show.figures.colors import MEASURED, QUIET, UPDATED
 from service.show.figures.marks import Axis, Curve, Dash, Figure, Mark, Panel, Points
 from service.show.figures.screen import numbers
 
-# How far a row of points is set off to the right and up, as shares of length and deflection.
-_OBLIQUE, _DEPTH = 0.18, 0.9
+# How far a row of points is set off to the right and up, and how high a body in space is, in shares of length and deflection.
+_OBLIQUE, _DEPTH, _HEIGHT = 0.18, 0.9, 1.2
 _SAME_ROW = 1e-3  # of the specimen's size: points this near lie in one row
 MOST_MODES, MOST_ROWS = 40, 8
 """Pairs that are drawn at all, the rest is a table's; and in a figure that is no higher than a page."""
@@ -34,19 +34,20 @@ class ShapePair:
 def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray, which: str = "") -> Figure:
     """One row of panels a mode: measured on the left, updated on the right, over the undeformed grid.
 
-    `layout.meta` has the same as numbers for an animation: `points`, `x_m`, `y_m`, and by mode `measured` and `updated`
-    (None where a point has none), each with its greatest value ±1 and turned to the same sign.
+    `layout.meta` has the same as numbers for an animation: `points`, `x_m`, `y_m` (`z_m` of a body in space), and by mode
+    `measured` and `updated` (None where a point has none), each with its greatest value ±1 and turned to the same sign.
 
     Args:
         pairs: in the order of the measured modes.
         points: (P,) labels; those of the measured shapes first.
-        places: (P, 2) x and y, m.
+        places: (P, 3) coordinates, m.
         which: of all pairs these are, for the title; empty where they are all.
     """
     marks: list[Mark] = []
     panels, modes = [], []
     grid = _Grid(places)
-    x, y = (Axis(range=ends, hidden=True) for ends in ((-0.05, 1.1 + _OBLIQUE), (-1.15, 1.15 + _DEPTH)))
+    top = 1.15 + grid.height
+    x, y = (Axis(range=ends, hidden=True) for ends in ((-0.05, 1.1 + _OBLIQUE), (-1.15, top)))
     for row, pair in enumerate(pairs):
         measured, updated = aligned(pair.measured, pair.updated)
         padded = np.concatenate([measured, np.full(len(points) - measured.size, np.nan)])
@@ -69,8 +70,14 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
         panels,
         height=110 + max(130 * len(pairs), 260),
         margins={"l": 30},
-        meta={"points": list(points), "x_m": numbers(places[:, 0]), "y_m": numbers(places[:, 1]), "modes": modes},
+        meta={"points": list(points), **_named(places), "modes": modes},
     )
+
+
+def _named(places: FloatArray) -> dict[str, list[float | None]]:
+    """Coordinates by name; z of bodies in space."""
+    used = 3 if places.shape[1] > 2 and np.ptp(places[:, 2]) > 0 else 2
+    return {name: numbers(places[:, axis]) for axis, name in enumerate(("x_m", "y_m", "z_m")[:used])}
 
 
 def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -88,14 +95,16 @@ def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, Fl
 
 
 class _Grid:
-    """Points of a specimen in rows along x and along y, in an oblique view; each is moved up by its value."""
+    """Points of a specimen in rows along x, y and z, in an oblique view; each is moved up by its value."""
 
     def __init__(self, places: FloatArray) -> None:
         low, size = places.min(axis=0), np.ptp(places, axis=0)
         share = (places - low) / np.where(size > 0, size, 1.0)
+        z = _HEIGHT * share[:, 2] if share.shape[1] > 2 else np.zeros(len(share))  # older results have x and y alone
         self._across = share[:, 0] + _OBLIQUE * share[:, 1]
-        self._up = _DEPTH * share[:, 1]
-        self._chains = [*_rows(share, 1, 0), *_rows(share, 0, 1)]
+        self._up = _DEPTH * share[:, 1] + z
+        self.height = _DEPTH + float(z.max(initial=0.0))
+        self._chains = [chain for axis in range(share.shape[1]) for chain in _rows(share, axis)]
 
     def lines(self, values: FloatArray, color: str, dash: Dash, width: float, panel: Panel) -> list[Mark]:
         """The points joined along the rows."""
@@ -116,13 +125,18 @@ class _Grid:
         return [Points(*place, "", color, size=5, digits=4, panel=panel, ids=list(labels[: values.size]), **said)]
 
 
-def _rows(share: FloatArray, fixed: int, along: int) -> Iterator[list[int]]:
-    """Numbers of the points of each row of equal coordinate `fixed`, in the order of the other one."""
-    rows: list[list[int]] = []
-    for i in np.argsort(share[:, fixed], kind="stable"):
-        if rows and share[i, fixed] - share[rows[-1][-1], fixed] < _SAME_ROW:
-            rows[-1].append(int(i))
-        else:
-            rows.append([int(i)])
-    for row in rows:
-        yield sorted(row, key=lambda i: float(share[i, along]))
+def _rows(share: FloatArray, along: int) -> Iterator[list[int]]:
+    """Numbers of the points of each row of equal other coordinates, in the order of one."""
+    others = [_places(share[:, axis]) for axis in range(share.shape[1]) if axis != along]
+    rows: dict[tuple[int, ...], list[int]] = {}
+    for i in np.lexsort((share[:, along], *reversed(others))):
+        rows.setdefault(tuple(int(number[i]) for number in others), []).append(int(i))
+    yield from rows.values()
+
+
+def _places(share: FloatArray) -> IntArray:
+    """(p,) number of each coordinate among those that differ."""
+    order = np.argsort(share, kind="stable")
+    number = np.empty(share.size, dtype=np.int64)
+    number[order] = np.cumsum(np.diff(share[order], prepend=share[order[0]]) >= _SAME_ROW)
+    return number

@@ -79,8 +79,6 @@ _OF_INTERVALS = (
 
 def _specimen(facts: UpdateFacts) -> list[tuple[str, str]]:
     structure, campaign, document = facts.structure, facts.campaign, facts.document
-    geometry = structure["geometry"]
-    size = " × ".join(f"{1e3 * geometry[name]:.5g}" for name in ("length_m", "width_m", "thickness_m"))
     place = [
         f"{campaign[name]:g} {unit}" for name, unit in (("temperature_c", "°C"), ("humidity_percent", "% r.h."))
         if campaign[name] is not None
@@ -88,7 +86,7 @@ def _specimen(facts: UpdateFacts) -> list[tuple[str, str]]:
     band = document["band_hz"]
     rows = [
         ("project, test", f"{facts.project}, {campaign['name']}"),
-        ("size", f"{size} mm (length × width × thickness), {structure['density_kg_m3']:g} kg/m³"),
+        ("size", _size(structure)),
         ("section", _section(structure)),
         ("support", str(campaign["boundary"]).replace("_", " ")),
         ("tested", ", ".join([str(campaign["performed_at"] or "date not stated")[:16].replace("T", " "), *place])),
@@ -102,12 +100,30 @@ def _specimen(facts: UpdateFacts) -> list[tuple[str, str]]:
     return [row for row in rows if row[1]]
 
 
+def _size(structure: Mapping[str, Any]) -> str:
+    body = structure["geometry"] or structure["shape"]
+    last = "thickness" if structure["geometry"] else "height"
+    size = " × ".join(f"{1e3 * body[f'{name}_m']:.5g}" for name in ("length", "width", last) if body[f"{name}_m"])
+    named = " × ".join(name for name in ("length", "width", last) if body[f"{name}_m"])
+    density = structure["density_kg_m3"]
+    return f"{size} mm ({named})" + ("" if density is None else f", {density:g} kg/m³")
+
+
 def _section(structure: Mapping[str, Any]) -> str:
+    if (shape := structure["shape"]) is not None:
+        walls = (f"{name} {_wall(wall)}" for name, wall in shape["walls"].items())
+        return f"{shape['kind']}: {', '.join(walls)}"
     if (laminate := structure["laminate"]) is not None:
         angles = [f"{ply['angle_deg']:g}" for ply in laminate["plies"]]
         shown = "/".join(angles[:16]) + ("/…" if len(angles) > 16 else "")
         return f"laminate of {counted(len(angles), 'ply', 'plies')} [{shown}]"
     return "equivalent orthotropic plate"
+
+
+def _wall(wall: Mapping[str, Any]) -> str:
+    if wall["plies"]:
+        return f"of {counted(len(wall['plies']), 'ply', 'plies')}"
+    return f"{1e3 * wall['thickness_m']:.4g} mm"
 
 
 def _instruments(given: Mapping[str, Any]) -> str:

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 
 from fecore import __version__
 from fecore.body.specimen import LayeredSpecimen
+from fecore.body.structure import Structure
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
 from service.errors import Conflict, Invalid
@@ -77,6 +78,8 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
     specimen = body_of(structure, campaign.boundary, recipe)
+    if isinstance(specimen, Structure):
+        raise Conflict("a deck of cards describes a strip or plate; this structure is a body in space")
     if isinstance(specimen, LayeredSpecimen) or specimen.pieces:
         raise Conflict(
             "a deck describes one homogenised layer of one thickness; this structure has constants of plies, or pieces"

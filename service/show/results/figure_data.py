@@ -107,9 +107,10 @@ class UpdateFigures:
     @property
     def plan(self) -> tuple[float, float]:
         """Length and width of the specimen, m, as they were when the job was queued."""
-        geometry = describe_version(version_of(self.session, self.job.structure_version_id), "").geometry
-        assert geometry is not None, "a structure that was updated has a geometry"
-        return geometry.length_m, geometry.width_m
+        structure = describe_version(version_of(self.session, self.job.structure_version_id), "")
+        size = structure.geometry or structure.shape
+        assert size is not None, "a structure that was updated has a geometry or a shape"
+        return size.length_m, size.width_m
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,9 @@ class AddedMass(StrictModel):
 
     x_m: Coordinate = Field(description="m, on the specimen, from its end x = 0")
     y_m: Coordinate = Field(0.0, description="m, from its centre line")
+    z_m: Coordinate = Field(
+        0.0, description="m, on the surface of a body in space; of a strip or plate it does not count"
+    )
     mass_kg: float = Field(gt=0, le=1000)
     rotary_inertia_kg_m2: float = Field(0.0, ge=0, le=1000, description="about x and y through its place; 0: a point")
 

@@ -27,6 +27,7 @@ from service.store.structures.schemas import (
     StructureOut,
     StructurePatch,
 )
+from service.store.structures.shapes import Shape
 from service.web import shown_as
 from service.web.json_body import checked
 
@@ -64,6 +65,7 @@ class StructureVersion(Identified, Base):
     material: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     inputs: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     pieces: Mapped[list[dict[str, Any]] | None] = mapped_column(JSONB(none_as_null=True))
+    shape: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
 
     structure: Mapped[Structure] = relationship(back_populates="versions")
 
@@ -105,7 +107,7 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
     before = describe(session, structure)
     after = _patched(before, patch)
     structure.name = after.name
-    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces")
+    physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces", "shape")
     if any(getattr(after, field) != getattr(before, field) for field in physical):
         structure.version += 1
         _add_version(session, structure, after)
@@ -159,6 +161,7 @@ def _physical(version: StructureVersion) -> dict[str, Any]:
         "material": version.material and Material.model_validate(version.material),
         "inputs": version.inputs and StructureInputs.model_validate(version.inputs),
         "pieces": pieces,
+        "shape": version.shape and Shape.model_validate(version.shape),
     }
 
 
@@ -171,11 +174,17 @@ def _patched(before: StructureOut, patch: StructurePatch) -> StructureIn:
         raise Invalid("/material", "state a laminate or a material, not both")
     merged = before.model_dump(include=set(StructureIn.model_fields))
     merged.update(patch.model_dump(exclude_unset=True))
-    if "laminate" in sent:
-        merged["material"] = None
-    if "material" in sent:
-        merged["laminate"] = None
-    return checked(StructureIn, merged)
+    replaced = [name for member, others in _INSTEAD.items() if member in sent for name in others if name not in sent]
+    return checked(StructureIn, merged | dict.fromkeys(replaced))
+
+
+_INSTEAD = {
+    "laminate": ("material",),
+    "material": ("laminate",),
+    "shape": ("geometry", "laminate", "material", "pieces"),
+    "geometry": ("shape",),
+}
+"""What a member takes the place of."""
 
 
 def _add_version(session: Session, structure: Structure, body: StructureIn) -> None:
@@ -189,6 +198,7 @@ def _add_version(session: Session, structure: Structure, body: StructureIn) -> N
             material=body.material and body.material.model_dump(),
             inputs=body.inputs and body.inputs.model_dump(),
             pieces=[piece.model_dump() for piece in body.pieces] if body.pieces else None,
+            shape=body.shape and body.shape.model_dump(exclude_none=True),
         )
     )
     session.flush()

@@ -5,7 +5,6 @@ Units are part of the names: m, kg/m³, Pa, degrees.
 
 from __future__ import annotations
 
-import math
 from datetime import datetime
 from typing import Annotated, Self
 from uuid import UUID
@@ -14,15 +13,13 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.body import generators as core
-from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.laminate import Ply as CorePly
 from fecore.errors import InputError
+from service.store.structures.shapes import Ply, Poisson, Shape, check_poisson
 from service.web import Name, StrictModel, example
 from service.web.quantities import (
     DENSITY_SD,
     LENGTH,
     LENGTH_SD,
-    PLY_THICKNESS,
     THICKNESS,
     THICKNESS_SD,
     WIDTH,
@@ -30,8 +27,6 @@ from service.web.quantities import (
     Length,
     Modulus,
 )
-
-Poisson = Annotated[float, Field(gt=-10, lt=10)]
 
 Deviation = Annotated[float | None, Field(ge=0, le=1e9)]
 """A standard deviation: null where nobody stated it, 0 for what is exactly known."""
@@ -58,17 +53,6 @@ class Geometry(StrictModel):
         return thickness
 
 
-def _check_poisson(nu: float, along: float | None, across: float | None) -> float:
-    """Refuse ν with ν² E_across / E_along ≥ 1: the plane-stress stiffness would not be positive definite."""
-    if along is not None and across is not None and nu * nu * across / along >= 1:
-        raise PydanticCustomError(
-            "not_positive_definite",
-            "{nu} makes the stiffness not positive definite: its magnitude must be below {limit}, the root of E1/E2",
-            {"nu": nu, "limit": float(f"{math.sqrt(along / across):.6g}")},
-        )
-    return nu
-
-
 class Material(StrictModel):
     """A homogenised orthotropic material in the specimen's axes, nominal values."""
 
@@ -82,42 +66,7 @@ class Material(StrictModel):
     @field_validator("nu_xy")
     @classmethod
     def _positive_definite(cls, nu: float, info: ValidationInfo) -> float:
-        return _check_poisson(nu, info.data.get("Ex_Pa"), info.data.get("Ey_Pa"))
-
-
-class Ply(StrictModel):
-    """One ply; 1 is the fibre direction, at `angle_deg` from x towards y."""
-
-    E1_Pa: Modulus
-    E2_Pa: Modulus
-    G12_Pa: Modulus
-    G13_Pa: Modulus
-    G23_Pa: Modulus
-    nu_12: Poisson
-    density_kg_m3: Density | None = Field(None, description="kg/m³; the structure's density where it is not given")
-    thickness_m: Annotated[Length, PLY_THICKNESS]
-    angle_deg: float = Field(ge=-360, le=360)
-
-    @field_validator("nu_12")
-    @classmethod
-    def _positive_definite(cls, nu: float, info: ValidationInfo) -> float:
-        return _check_poisson(nu, info.data.get("E1_Pa"), info.data.get("E2_Pa"))
-
-    def material(self, density: float) -> OrthotropicMaterial:
-        """The ply's material in its own axes, with a density in kg/m³."""
-        return OrthotropicMaterial(
-            Ex=self.E1_Pa,
-            Ey=self.E2_Pa,
-            Gxy=self.G12_Pa,
-            Gxz=self.G13_Pa,
-            Gyz=self.G23_Pa,
-            nu_xy=self.nu_12,
-            density=density,
-        )
-
-    def to_core(self, density: float) -> CorePly:
-        """The core's ply, with the structure's density where it states none of its own."""
-        return CorePly(self.material(self.density_kg_m3 or density), self.thickness_m, self.angle_deg)
+        return check_poisson(nu, info.data.get("Ex_Pa"), info.data.get("Ey_Pa"))
 
 
 class Laminate(StrictModel):
@@ -157,6 +106,7 @@ class StructureInputs(StrictModel):
 
     length_sd_m: Annotated[Deviation, LENGTH_SD] = None
     width_sd_m: Annotated[Deviation, LENGTH_SD] = None
+    height_sd_m: Annotated[Deviation, LENGTH_SD] = None
     thickness_sd_m: Annotated[Deviation, THICKNESS_SD] = None
     density_sd_kg_m3: Annotated[Deviation, DENSITY_SD] = None
     nu_xy_sd: Deviation = None
@@ -170,7 +120,7 @@ class StructureIn(StrictModel):
     """A structure as a client describes it.
 
     A name is enough to measure and identify it. An update needs the geometry and the density of a strip or plate, and a
-    laminate or a material, not both.
+    laminate or a material, not both; or a shape.
     """
 
     model_config = example(
@@ -191,6 +141,16 @@ class StructureIn(StrictModel):
         None, description="how well geometry, density and section are known, for updates"
     )
     pieces: Pieces | None = None
+    shape: Shape | None = Field(
+        None, description="a profile, a panel or a strip by its dimensions; instead of a geometry"
+    )
+
+    @model_validator(mode="after")
+    def _one_body(self) -> Self:
+        others = [name for name in ("geometry", "laminate", "material", "pieces") if getattr(self, name)]
+        if self.shape is not None and others:
+            raise PydanticCustomError("one_body", "a shape has its own {others}", {"others": " and ".join(others)})
+        return self
 
     @model_validator(mode="after")
     def _pieces_on_it(self) -> Self:
@@ -231,6 +191,7 @@ class StructurePatch(StrictModel):
     material: Material | None = None
     inputs: StructureInputs | None = Field(None, description="takes the place of the former; {} clears it")
     pieces: Pieces | None = None
+    shape: Shape | None = None
 
 
 class StructureOut(StrictModel):
@@ -248,5 +209,6 @@ class StructureOut(StrictModel):
     material: Material | None
     inputs: StructureInputs | None
     pieces: Pieces | None
+    shape: Shape | None
     created_at: datetime
     updated_at: datetime

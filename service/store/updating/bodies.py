@@ -1,4 +1,4 @@
-"""From a described structure to the core's specimen: one homogenised layer, or its plies as they are laid up."""
+"""From a described structure to the core's body: a strip of one homogenised layer or of its plies, or a body in space."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from fecore.body.constants import kind_of
 from fecore.body.laminate import OrthotropicMaterial, homogenise, section
 from fecore.body.sections import PLY_CONSTANTS
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
-from fecore.body.supports import PointMass
+from fecore.body.structure import Structure
+from fecore.body.supports import PointMass, of_boundary
 from fecore.errors import InputError
 from service.store.structures.schemas import Geometry, Laminate, Material, StructureIn
 from service.store.updating.schemas import RecipeIn
@@ -17,16 +18,21 @@ from service.store.updating.schemas import RecipeIn
 
 def body_of(
     structure: StructureIn, boundary: str, recipe: RecipeIn, masses: tuple[PointMass, ...] = ()
-) -> Specimen | LayeredSpecimen:
+) -> Specimen | LayeredSpecimen | Structure:
     """What a recipe updates: with its springs, and with plies where it names constants of plies (E1, angle_2).
 
-    A recipe that names no parameters updates one homogenised layer where the laminate has one, else the plies.
+    A recipe that names no parameters updates one homogenised layer where the laminate has one, else the plies; of a body in
+    space the constants of each set.
 
     Raises:
         InputError: the structure lacks what a model needs, or its laminate has no equivalent single layer and the recipe
             names constants of one.
     """
     springs = tuple(spring.to_core() for spring in recipe.springs)
+    if structure.shape is not None:
+        if recipe.zones_m:
+            raise InputError("zones_m", "are of strips and plates; a body in space has sets")
+        return replace(nominal_body(structure, boundary, masses), springs=springs)
     return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
 
 
@@ -48,6 +54,23 @@ def _named(
             hint = "name constants of its plies as parameters: " + ", ".join(PLY_CONSTANTS)
             raise InputError("laminate", f"{error.message}; {hint}") from None
         return _layered(structure, structure.laminate, boundary, masses)
+
+
+def nominal_body(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Structure:
+    """A structure with a shape as the core's body in space, with nominal constants.
+
+    Raises:
+        InputError: a density is stated nowhere.
+    """
+    shape = structure.shape
+    assert shape is not None, "a body in space has a shape"
+    return Structure(
+        shape.mesh(),
+        shape.sections(structure.density_kg_m3),
+        of_boundary(boundary),  # type: ignore[arg-type]
+        masses=tuple(mass.on_surface() for mass in masses),
+        size=shape.size,
+    )
 
 
 def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointMass, ...] = ()) -> Specimen:
@@ -86,6 +109,8 @@ def _layered(
 
 def _known(structure: StructureIn) -> tuple[Geometry, float]:
     """Geometry and density of a structure that states all that a model needs."""
+    if structure.shape is not None:
+        raise InputError("structure", "is a body in space; joint updates, plans and decks are for strips and plates")
     g, density = structure.geometry, structure.density_kg_m3
     lacking = [name for name, value in (("geometry", g), ("density_kg_m3", density)) if value is None]
     lacking += ["laminate or material"] if structure.laminate is None and structure.material is None else []

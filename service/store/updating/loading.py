@@ -136,17 +136,19 @@ def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
     Raises:
         InputError: the sensor's point is not a grid point.
     """
-    point = _sensor_point(campaign)
+    point, flat = _sensor_point(campaign), campaign.structure.shape is None
     added = tuple(
-        PointMass(each.x_m, each.y_m, each.mass_kg, each.rotary_inertia_kg_m2, weighed=True)
+        PointMass(
+            each.x_m, each.y_m, each.mass_kg, each.rotary_inertia_kg_m2, weighed=True, z=0.0 if flat else each.z_m
+        )
         for each in campaign.added_masses
     )
     if not campaign.sensor_mass_kg or point is None:
         return added
     if point not in campaign.points:
         raise InputError("instruments.sensor_point", f"{point} is not a grid point of the campaign")
-    x, y, _ = campaign.points[point]
-    return (PointMass(x, y, campaign.sensor_mass_kg), *added)
+    x, y, z = campaign.points[point]
+    return (PointMass(x, y, campaign.sensor_mass_kg, z=0.0 if flat else z), *added)
 
 
 def specimen_of(campaign: MeasuredCampaign) -> Specimen:

@@ -142,6 +142,7 @@ class InputsIn(CampaignInputs, StructureInputs):
         return Inputs(
             length_sd=self.length_sd_m,
             width_sd=self.width_sd_m,
+            height_sd=self.height_sd_m,
             thickness_sd=self.thickness_sd_m,
             density_sd=self.density_sd_kg_m3,
             nu_xy_sd=self.nu_xy_sd,

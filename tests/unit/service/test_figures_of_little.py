@@ -3,14 +3,11 @@
 import json
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
-from uuid import UUID
 
 import numpy as np
 import pytest
 
-from fecore.frf import Dof
 from service.errors import Conflict, NotFound
 from service.show.figures.budget import OTHERS, budget_figure
 from service.show.figures.correlation import PointValues, points_figure
@@ -26,10 +23,9 @@ from service.show.pages.grid import draw_grid
 from service.show.reports import update_report
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report
-from service.show.results import figure_data, figure_frf
-from service.show.results.figure_data import JointFigures, UpdateFigures
+from service.show.results.figure_data import UpdateFigures
 from service.show.results.figure_frf import Wanted, _row_at
-from service.show.results.figures import FIGURES, JOINT_FIGURES, _shapes, draw_figure, draw_sheets
+from service.show.results.figures import FIGURES, _shapes, draw_figure, draw_sheets
 
 
 def names(figure: Figure) -> list[str]:
@@ -305,21 +301,6 @@ def test_lines_modes_and_points_that_a_result_has_not() -> None:
         _row_at(pairs, Wanted(point=1, reference=1))
 
 
-def test_points_are_shown_without_held_out_ones() -> None:
-    arrays = {
-        "frequency_hz": np.ones(1), "fitted": np.array([0]), "held": np.array([1]), "shape_points": np.array([1, 2]),
-        "shape_places_m": np.array([[0.1, 0.0], [0.2, 0.0]]), "responses": np.array([[1, 3], [2, 3]]),
-        "references": np.array([[1, 3], [1, 3]]),
-    }  # fmt: skip
-    found = {"sac": [0.9], "frac": [0.8]}
-    for held, shown in ((None, [[1], [1]]), (found, [[1], [2], [1], [2]])):
-        data = a_result(arrays, correlation=found | {"held_out": {"frfs": held}})
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(UpdateFigures, "plan", (1.0, 0.1))
-            figure = FIGURES["sac"].draw(data, Wanted())
-        assert [trace["customdata"] for trace in screen(figure)["data"]] == shown
-
-
 def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
     flat, upright = ({1: (0.0, 0.0, 0.0), 2: (1.0, y, z)} for y, z in ((0.5, 0.0), (0.0, 0.5)))
     for points in (flat, upright):
@@ -327,32 +308,6 @@ def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
         assert drawn.outline is None
         assert [(mark.label, mark.frfs) for mark in drawn.marks] == [(1, 0), (2, 3)]
         assert drawn.marks[0].y > drawn.marks[1].y
-
-
-def test_an_earlier_versions_prediction_has_no_interval(monkeypatch: pytest.MonkeyPatch) -> None:
-    one = np.array([[1, 3]])
-    arrays = {"frequency_hz": np.ones(2), "responses": one, "references": one, "initial": np.ones((1, 2))}
-    stored = type("Stored", (dict,), {"row": lambda self, name, row: self[name][row]})(
-        updated=np.ones((1, 2)), **arrays
-    )
-    data = a_result(stored, band_hz=None, provenance={"recipe": {"hold_out": {"band_hz": None}}})
-    drawn: list[Any] = []
-    monkeypatch.setattr(UpdateFigures, "measured_frf", lambda *_: SimpleNamespace(quantity="accelerance"))
-    monkeypatch.setattr(UpdateFigures, "measured", lambda *_: (np.ones(2, dtype=complex), None))
-    monkeypatch.setattr(figure_frf, "frf_figure", lambda curves: drawn.append(curves) or Figure("", [], []))
-    FIGURES["frf"].draw(data, Wanted())
-    assert drawn[0].spread is None
-    asked: Any = a_result(provenance={"frfs": [{"id": str(UUID(int=1))}] * 2})
-    vars(asked).update(job=None, session=None, dofs=[(Dof(1, 3), Dof(1, 3))])
-    monkeypatch.undo()
-    monkeypatch.setattr(figure_data, "frfs_of", lambda *_: ["a", "b"])
-    monkeypatch.setattr(figure_data, "used_frfs", lambda *_: ["b"])
-    assert asked.measured_frf(0) == "b"  # one of the two was left out
-
-
-def test_a_joint_result_without_anything_to_draw_says_so() -> None:
-    with pytest.raises(Conflict, match="no campaign has an estimate of its own"):
-        draw_figure(JOINT_FIGURES, JointFigures(SimpleNamespace(), {"campaigns": [{"alone": {}}]}), "campaigns")
 
 
 def test_the_report_names_the_largest_parts_of_a_variance() -> None:

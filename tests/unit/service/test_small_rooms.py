@@ -1,132 +1,94 @@
 """Small parts of the service where something is missing, has ended or cannot be: no process, no database."""
 
 import asyncio
-import os
-import signal
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from markdown_it.token import Token
+from pydantic import ValidationError
 from starlette.datastructures import Headers
-from starlette.exceptions import HTTPException
 
 from fecore.errors import InputError, UpdatingError
 from modalbase.client.errors import ClientError, Exit
-from modalbase.formats import uff
-from service.app import doctor, supervisor
-from service.app.cli import people, running
-from service.app.supervisor import LocalService, Part, StartError, how_it_ended
-from service.compute.reading import _why_unused
-from service.db import opening, schema
-from service.db.opening import DataFolderError
-from service.errors import UnsupportedMediaType
-from service.jobs.metrics import _open_metrics
-from service.jobs.process import LOST, SERVER_GONE, Child
-from service.jobs.worker import _clear_if_dead, run_to_end, run_worker
-from service.monitoring.notifications.messages import as_mail
+from modalbase.formats.records import TimeBlock
+from service.app.cli import people
+from service.errors import Invalid, NotFound, UnsupportedMediaType
+from service.jobs.worker import _clear_if_dead, run_to_end
+from service.monitoring.schemas import WatchedIn
 from service.settings import Settings
 from service.show.guide.markdown import _lead
 from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
-from service.store.frfs.routes import _uff_axis
-from service.store.storage.operations import _require_that_all_fits, book
-from service.web import openapi
+from service.store.frfs.data import MeasuredFrfs
+from service.store.records.operations import RecordIntake
+from service.store.updating.batches import _placed
 from service.web.middleware import RequestMiddleware
-from service.web.problems import _core_error, _http_exception
 from service.web.routing import _require_json
 
 
-class Clock:
-    """Seconds that pass when they are let."""
-
-    now = 1000.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-
-def test_a_part_that_ran_for_long_has_all_its_tries_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock, ended = Clock(), ["ended with status 1"]
-    monkeypatch.setattr(supervisor, "time", clock)
-    part = Part("worker", lambda: ended.clear(), lambda: ended[0] if ended else None, (1.0, 2.0))
-    said = [part.tend()]
-    for seconds, dies in ((1.0, True), (2.0, True), (supervisor.STEADY_SECONDS + 1, False)):
-        clock.now += seconds
-        said.append(part.tend())
-        if dies:
-            ended.append("ended with status 1")
-            said.append(part.tend()) if seconds < 2 else None
-    assert [line and line.split("; ")[-1] for line in said] == [
-        "it is started again in 1 s",
-        "worker runs again",
-        "it is started again in 2 s",
-        "worker runs again",
-        "it is started again in 1 s",  # it ran for long before it ended
+def test_faults_of_a_batch_are_placed_in_its_job() -> None:
+    errors: list[tuple[Any, str, str]] = [
+        (NotFound("campaign", "x"), "/jobs/2/campaign_id", "no campaign x"),
+        (Invalid("/hold_out", "is too much"), "/jobs/2/recipe/hold_out", "is too much"),
+        (InputError("identification.band_hz", "is empty"), "/jobs/2/recipe/identification/band_hz", "is empty"),
+        (UpdatingError("no modes", {}, ()), "/jobs/2", "no modes"),
     ]
-    assert not part.runs
+    for error, pointer, detail in errors:
+        (fault,) = _placed(error, 2)
+        assert (fault.pointer, fault.detail) == (pointer, detail)
 
 
 @pytest.mark.parametrize(
-    ("status", "words"),
+    ("given", "why"),
     [
-        (None, None),
-        (-signal.SIGKILL, "was killed, perhaps for lack of memory"),
-        (-signal.SIGSEGV, "was ended by SIGSEGV"),
-        (3, "ended with status 3"),
+        ([("acceleration", 0, 0)], {0: "is a time block without a point and direction"}),
+        ([("acceleration", 2, 0)], {0: "names no force and comes before any force block"}),
+        ([("force", 1, 0)], {0: "is the force of hit 1 at point 1, of which the file has no response"}),
+        ([("acceleration", 2, 1)], {0: "is a response to hit 1 at point 1, of which the file has no force block"}),
+        (
+            [("force", 1, 0), ("acceleration", 2, 0, 5)],
+            {1: "has 5 samples at 100 Hz, the force of its hit 4 at 100 Hz", 0: "is the force of hit 1 at point 1"},
+        ),
+        ([("force", 1, 0), ("acceleration", 2, 0)], {}),
     ],
 )
-def test_how_a_process_ended(status: int | None, words: str | None) -> None:
-    assert how_it_ended(SimpleNamespace(poll=lambda: status)) == words
-    if status is None:
-        return
-    child = Child.__new__(Child)
-    child._killed_for, child._process = None, SimpleNamespace(join=lambda: None, exitcode=status)
-    said = {-signal.SIGKILL: "ran out of memory", -signal.SIGSEGV: "crashed with SIGSEGV", 3: "ended with status 3"}
-    assert said[status] in child._post_mortem().detail
-    child._process.exitcode = SERVER_GONE
-    assert child._post_mortem() == LOST
-    child._killed_for = LOST
-    assert child._post_mortem() is LOST
+def test_time_blocks_of_a_file_that_make_no_whole_hit(given: list[tuple[Any, ...]], why: dict[int, str]) -> None:
+    with RecordIntake() as intake:
+        refused: dict[int, str] = {}
+        for number, (quantity, point, force, *samples) in enumerate(given):
+            block = TimeBlock(
+                quantity=quantity, samples=np.zeros(*(samples or (4,))), sample_rate_hz=100.0, point=point,
+                direction=3 if point else 0, force_point=force, force_direction=3 if force else 0, hit=0,
+            )  # fmt: skip
+            if (reason := intake.take(number, block)) is not None:
+                refused[number] = reason
+        refused |= intake.finish()
+    assert refused.keys() == why.keys()
+    assert all(words in refused[number] for number, words in why.items())
 
 
-def test_metrics_keep_what_waits_and_what_runs_apart() -> None:
-    rows: Any = [
-        SimpleNamespace(kind="update", queue="updates", state=state, jobs=jobs, oldest=oldest)
-        for state, jobs, oldest in (("queued", 3, -0.5), ("running", 2, None))
-    ]
-    found = {family.name: [sample.value for sample in family.samples] for family in _open_metrics(rows)}
-    assert found == {
-        "modalbase_jobs_queued": [3],
-        "modalbase_jobs_oldest_wait_seconds": [0.0],  # a clock that goes back
-        "modalbase_jobs_running": [2],
-    }
+def test_windows_are_remarked_upon_where_there_are_any() -> None:
+    def frfs(*rates: float | None) -> MeasuredFrfs:
+        return MeasuredFrfs(None, (), (), frozenset(rates))
+
+    assert (frfs(None).window_remark, frfs(None).window_rate) == ([], None)
+    assert "an exponential window of 2, 3 per second" in frfs(3.0, 2.0, None).window_remark[0]
+    assert (frfs(3.0).window_rate, frfs(3.0, 2.0).window_rate) == (3.0, None)
 
 
-def test_errors_of_core_and_framework_are_problems_in_words() -> None:
-    request: Any = SimpleNamespace(url=SimpleNamespace(path="/x"), method="PUT")
-    shown = [
-        answer.body.decode()
-        for answer in (
-            _core_error(request, UpdatingError("no modes", {}, ())),
-            _core_error(request, InputError("band.0", "is empty")),
-            _http_exception(request, HTTPException(404)),
-            _http_exception(request, HTTPException(405, headers={"Allow": "GET"})),
-            _http_exception(request, HTTPException(413, "too long")),
-        )
-    ]
-    words = (
-        "no modes",
-        '"pointer":"/band/0"',
-        "no such address: /x",
-        "PUT is not possible at this address, GET is",
-        "too long",
-    )
-    assert [text in body for text, body in zip(words, shown, strict=True)] == [True] * 5
+@pytest.mark.parametrize(
+    ("name", "direction"),
+    [("Ex", "fall"), ("frequency_2", "fall"), ("density", "both"), ("damping_ratio_1", "rise"), ("a0", "rise")],
+)
+def test_a_parameter_is_watched_where_it_is_worse(name: str, direction: str) -> None:
+    assert WatchedIn(name=name).watched_direction == direction
+    assert WatchedIn(name=name, direction="both").watched_direction == "both"
+    with pytest.raises(ValidationError):
+        WatchedIn(name=name, direction="up")
 
 
 @pytest.mark.parametrize("begun", [False, True])
@@ -160,38 +122,6 @@ def test_a_body_has_a_type_and_no_body_needs_none() -> None:
     for wrong in ({"content-length": "2"}, {"transfer-encoding": "chunked"}, {"content-type": "text/plain"}):
         with pytest.raises(UnsupportedMediaType):
             _require_json(Headers(wrong))
-
-
-def test_systems_and_installations_that_cannot_do_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    windows = SimpleNamespace(name="nt")
-    with monkeypatch.context() as patch:
-        patch.setattr(opening, "os", windows)
-        patch.setattr(supervisor, "os", windows)
-        with (
-            pytest.raises(DataFolderError, match="does not run on Windows; use WSL"),
-            opening.open_database(Settings()),
-        ):
-            raise AssertionError("it was opened")
-        with pytest.raises(StartError, match="run it in WSL 2 or on a server"), LocalService(Settings()):
-            raise AssertionError("it was started")
-    monkeypatch.setattr(openapi, "find_spec", lambda _: None)
-    with pytest.raises(RuntimeError, match="fastapi-offline is not installed"):
-        openapi._assets()
-    monkeypatch.setattr(schema, "_parents", lambda: {"b": "a", "c": "a"})
-    with pytest.raises(schema.SchemaError, match="migrations are not whole; install modalbase again"):
-        schema.head_revision()
-    monkeypatch.setattr(schema, "require_version", lambda _: None)
-    monkeypatch.setattr(schema, "_revision", lambda connection: connection)
-    assert schema.require_known("b") == "b"
-    for found, words in ((None, schema.NO_SCHEMA), ("z", "the schema is at z, which")):
-        with pytest.raises(schema.SchemaError) as refused:
-            schema.require_known(found)
-        assert words in str(refused.value)
-    with pytest.raises(ValueError, match=r"settings\.database_url is not set"):
-        run_worker(Settings(), ())
-    with monkeypatch.context() as patch:
-        patch.setattr(os, "access", lambda *_: False)
-        assert "is closed to you; run this as" in doctor._folder(tmp_path).words
 
 
 def test_a_workers_end_does_not_wait_for_what_it_left() -> None:
@@ -231,13 +161,6 @@ def test_the_password_of_a_file_goes_into_the_url() -> None:
     assert found == [url, "postgresql://ada:a%2Fb@host/lab", None, "no url"]
 
 
-def test_nothing_is_booked_for_nothing_and_no_quota_is_no_limit() -> None:
-    session: Any = SimpleNamespace(info={})  # whatever else is asked of it fails
-    book(session, None, "records", 0)
-    _require_that_all_fits(session)
-    assert session.info == {}
-
-
 def test_links_of_the_guide() -> None:
     def lead(href: str) -> tuple[str, dict[str, Any]]:
         token = Token("link_open", "a", 1, attrs={"href": href})
@@ -248,13 +171,6 @@ def test_links_of_the_guide() -> None:
     assert lead("c.svg") == ("a", {"href": "c.svg"})
     assert lead("d.md") == ("span", {"class": "source"})
     assert lead("https://e.f") == ("a", {"href": "https://e.f"})
-
-
-def test_drawings_stay_in_the_original_file() -> None:
-    trace, element = uff.TraceLine.__new__(uff.TraceLine), uff.Element.__new__(uff.Element)
-    assert _why_unused(trace) == "is a trace line of the drawing; it stays in the original file"
-    assert _why_unused(element) == "holds elements of the drawing; they stay in the original file"
-    assert _why_unused(uff.GridPoint.__new__(uff.GridPoint)) is None
 
 
 class Answers:
@@ -293,39 +209,6 @@ def test_keys_by_rest() -> None:
             assert list(people.keys_at(refused)) == outcome
 
 
-@pytest.mark.parametrize("more", [True, False])
-def test_the_welcome_names_what_there_is(more: bool, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    service: Any = SimpleNamespace(
-        settings=Settings(pages=more, docs=more),
-        url="http://x",
-        has_keys=lambda: False,
-        new_key=lambda *_, **__: "mb_1_2",
-    )
-    running._welcome(service, tmp_path if more else None)
-    said = capsys.readouterr().out
-    assert [f"{name} " in said for name in ("pages", "guide", "documentation", "API")] == [more, more, more, True]
-    assert "API key: mb_1_2  (shown this once" in said
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["mb_1_2\n"] * more
-
-
-def test_mail_of_what_is_no_alarm_names_structure_monitor_and_state() -> None:
-    body = (
-        '{"timestamp": "2026-03-02T12:00:00+00:00", "data": {"structure": {"name": "s", "id": "1"},'
-        ' "monitor": {"name": "m", "id": "2", "state": "normal"}}}'
-    )
-    delivery: Any = SimpleNamespace(body=body, recipient="a@b.de", event="ping", message_id="msg_1")
-    mail = as_mail(delivery, "lab@b.de")
-    assert mail.get_content().splitlines() == ["structure   s (1)", "monitor     m (2)", "state       normal"]
-
-
-def test_an_axis_of_a_file_keeps_its_lines() -> None:
-    one, even, odd = (
-        _uff_axis(SimpleNamespace(frequency_hz=np.array(hz))) for hz in ([5.0], [1.0, 2.0, 3.0], [1.0, 2.0, 4.0])
-    )
-    assert (one.values, even.values, odd.values.tolist()) == ([5.0], None, [1.0, 2.0, 4.0])
-    assert even.step == 1.0
-
-
 def a_mode(number: int) -> dict[str, Any]:
     return {"number": number, "kind": "bending"} | dict.fromkeys(
         ("measured_hz", "initial_hz", "updated_hz", "error_percent", "mac", "measured_damping", "predicted_damping")
@@ -342,7 +225,8 @@ def a_report(modes: int, structure: dict[str, Any], **document: Any) -> list[Any
         },
     }  # fmt: skip
     body = {
-        "name": "s", "geometry": {"length_m": 1, "width_m": 0.1, "thickness_m": 0.01}, "density_kg_m3": 2000, "laminate": None
+        "name": "s", "geometry": {"length_m": 1, "width_m": 0.1, "thickness_m": 0.01}, "density_kg_m3": 2000, "laminate": None,
+        "shape": None,
     }  # fmt: skip
     campaign = {
         "name": "c", "boundary": "free", "performed_at": None, "temperature_c": None, "humidity_percent": None,

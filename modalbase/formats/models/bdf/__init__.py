@@ -1,0 +1,22 @@
+"""Nastran bulk data to the neutral model.
+
+card        one card: its fields as numbers, each with its place
+lines       a deck and its INCLUDE files to lines, and these to cards
+case        executive and case control: which sets hold
+frames      coordinate systems and grids
+labels      names of sets from the comments of pre-processors
+materials   MAT1, MAT2, MAT8
+shells      plates and laminates
+shapes      cross sections by their dimensions
+sections    properties of bars, beams and rods
+beams       bars, beams and rods
+carried     masses and springs
+held        rigid elements and constraints
+nonstructural   NSM cards
+unused      what every other card would have done
+read        all of them
+"""
+
+from modalbase.formats.models.bdf.read import read_bdf
+
+__all__ = ["read_bdf"]

@@ -1,0 +1,148 @@
+"""Bars, beams and rods."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.models.bdf.frames import Grids
+from modalbase.formats.models.bdf.sections import Property, Sections
+from modalbase.formats.models.bdf.unused import Notes
+from modalbase.formats.models.model import BeamSection, Elements, Floats
+
+_RODS = {"CROD": (2, 3), "CTUBE": (2, 3), "CONROD": (1, 2)}
+ELEMENTS = ("CBAR", "CBEAM", *_RODS)
+
+
+@dataclass
+class _Group:
+    """Elements of one set as they are read."""
+
+    property: Property
+    numbers: list[int] = field(default_factory=list)
+    nodes: list[tuple[int, int]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    axes: list[Floats] = field(default_factory=list)
+    offsets: list[Floats] = field(default_factory=list)
+
+
+@dataclass
+class Beams:
+    """Reader of beams.
+
+    Attributes:
+        properties: their sections.
+        grids, notes: of the deck.
+        defaults: BAROR and BEAMOR by the name of the element.
+        sections: of the sets that elements use, by name.
+    """
+
+    properties: Sections
+    grids: Grids
+    notes: Notes
+    defaults: dict[str, Card]
+    sections: dict[str, BeamSection] = field(default_factory=dict)
+
+    def blocks(self, cards: Iterable[Card]) -> list[Elements]:
+        """Elements by set, in the order in which these appear."""
+        groups: dict[str, _Group] = {}
+        for card in cards:
+            number = card.integer(0, "EID")
+            found = self._property(card, number)
+            group = groups.setdefault(found.set, _Group(found))
+            self.sections[found.set] = found.section
+            ends = _RODS.get(card.name, (2, 3))
+            a, b = (self.grids.row(card, index, f"G{end}") for index, end in zip(ends, "AB", strict=True))
+            group.numbers.append(number)
+            group.nodes.append((a, b))
+            group.lines.append(card.line)
+            if card.name in _RODS:
+                self._rod(card, group, a, b)
+            else:
+                self._bar(card, group, a, b)
+        return [_block(group) for group in groups.values()]
+
+    def _property(self, card: Card, number: int) -> Property:
+        if card.name == "CONROD":
+            return self.properties.rod(card)
+        default = self.defaults.get(card.name)
+        if not card.text(1) and default is not None and default.text(1):
+            number = default.integer(1, "PID")
+        return self.properties.get(card, card.integer(1, "PID", number))
+
+    def _rod(self, card: Card, group: _Group, a: int, b: int) -> None:
+        along = self.grids.places[b] - self.grids.places[a]
+        size = _length(card, along)
+        group.axes.append(np.cross(along / size, np.eye(3)[np.argmin(np.abs(along))]))
+        group.offsets.append(np.zeros((2, 3)))
+
+    def _bar(self, card: Card, group: _Group, a: int, b: int) -> None:
+        frames = self.grids.axes(a), self.grids.axes(b)
+        default = self.defaults.get(card.name)
+        source = card if any(map(card.text, (4, 5, 6))) or default is None else default
+        kinds = (card.text(7) or (default.text(7) if default else "")) or "GGG"
+        if len(kinds) != 3 or set(kinds) - set("GBOE"):
+            kinds = "GGG"  # BIT of a beam is a number
+        axis = self._orientation(card, source, a, frames[0] if kinds[0] == "G" else np.eye(3))
+        along = self.grids.places[b] - self.grids.places[a]
+        own = _axes(along, axis) if "O" in kinds[1:] or "E" in kinds[1:] else np.eye(3)
+        arms = np.zeros((2, 3))
+        if any(map(card.text, range(10, 16))):
+            stated = [card.real(10 + k, f"W{k % 3 + 1}{'AB'[k // 3]}", 0.0) for k in range(6)]
+            for end in (0, 1):
+                frame = own if kinds[1 + end] in "OE" else frames[end] if kinds[1 + end] == "G" else np.eye(3)
+                arms[end] = np.array(stated[3 * end : 3 * end + 3]) @ frame
+        self._straight(card, group, along + arms[1] - arms[0], axis, arms)
+        if any(card.text(index) not in ("", "0") for index in (8, 9)):
+            self.notes.add(card, f"{card.name} PA, PB", "a released end is not released here", True)
+
+    def _orientation(self, card: Card, source: Card, a: int, frame: Floats) -> Floats:
+        """The direction v in the model's frame, from a grid G0 or by its components."""
+        if source.is_integer(4) and not source.text(5) and not source.text(6):
+            return np.asarray(self.grids.places[self.grids.row(source, 4, "G0")] - self.grids.places[a])
+        if not any(map(source.text, (4, 5, 6))):
+            raise card.wrong(4, "X1", "a direction X1, X2, X3 or a grid G0 for the section's plane 1")
+        return np.array([source.real(4 + k, f"X{k + 1}", 0.0) for k in range(3)]) @ frame
+
+    def _straight(self, card: Card, group: _Group, along: Floats, axis: Floats, arms: Floats) -> None:
+        size = _length(card, along)
+        across = np.cross(along / size, axis)
+        if not np.linalg.norm(across) > 1e-8 * np.linalg.norm(axis) or not np.any(axis):
+            raise card.error("the orientation vector is along the beam; give a direction across it", 4)
+        group.axes.append(axis)
+        y, z = group.property.centroid
+        if y or z:
+            frame = _axes(along, axis)
+            arms = arms + y * frame[1] + z * frame[2]
+        group.offsets.append(arms)
+
+
+def _length(card: Card, along: Floats) -> float:
+    size = float(np.linalg.norm(along))
+    if not size > 0:
+        raise card.error("its length is zero; both ends are in one place")
+    return size
+
+
+def _axes(along: Floats, axis: Floats) -> Floats:
+    """(3, 3) x, y and z of a bar, as rows."""
+    x = along / (np.linalg.norm(along) or 1.0)
+    y = axis - (axis @ x) * x
+    y = y / (np.linalg.norm(y) or 1.0)
+    return np.array([x, y, np.cross(x, y)])
+
+
+def _block(group: _Group) -> Elements:
+    offsets = np.array(group.offsets)
+    return Elements(
+        "beam2",
+        np.array(group.numbers, dtype=np.int64),
+        np.array(group.nodes, dtype=np.int64),
+        group.property.set,
+        np.array(group.axes),
+        np.array(group.lines, dtype=np.int64),
+        offsets if offsets.any() else None,
+    )

@@ -1,0 +1,219 @@
+"""Coordinate systems and grids."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
+
+import numpy as np
+
+from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.models.model import Floats, Integers
+
+
+@dataclass(frozen=True)
+class System:
+    """A coordinate system: its origin, its axes as rows, and its kind R, C or S."""
+
+    origin: Floats
+    axes: Floats
+    kind: str = "R"
+
+    def place(self, points: Floats) -> Floats:
+        """(n, 3) places in the model's frame of (n, 3) coordinates; angles in degrees."""
+        local = np.array(points, dtype=float)
+        if self.kind != "R":
+            first, second, third = points.T
+            turn = np.radians(second)
+            if self.kind == "C":
+                local = np.column_stack([first * np.cos(turn), first * np.sin(turn), third])
+            else:
+                flat, around = first * np.sin(turn), np.radians(third)
+                local = np.column_stack([flat * np.cos(around), flat * np.sin(around), first * np.cos(turn)])
+        return np.asarray(self.origin + local @ self.axes)
+
+    def axes_at(self, place: Floats) -> Floats:
+        """(3, 3) the axes, as rows, in which vectors at a place are stated."""
+        if self.kind == "R":
+            return self.axes
+        x, y, z = self.axes @ (place - self.origin)
+        radius = float(np.hypot(x, y))
+        c, s = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
+        rows = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        if self.kind == "S":
+            length = float(np.hypot(radius, z))
+            up, out = (z / length, radius / length) if length > 0 else (1.0, 0.0)
+            rows = np.array([[out * c, out * s, up], [up * c, up * s, -out], [-s, c, 0.0]])
+        return np.asarray(rows @ self.axes)
+
+
+BASIC = System(np.zeros(3), np.eye(3))
+
+
+@dataclass
+class Grids:
+    """The grids of a deck.
+
+    Attributes:
+        numbers: (n,) the user's, ascending.
+        places: (n, 3) in the model's frame.
+        rows: of each number.
+        by_text: the same by the number as text.
+        systems: by number, with the model's as 0.
+        displacement: CD of the rows that have one.
+        held: PS of the rows that have one, with the card.
+    """
+
+    numbers: Integers
+    places: Floats
+    rows: dict[int, int]
+    by_text: dict[str, int]
+    systems: dict[int, System]
+    displacement: dict[int, int] = field(default_factory=dict)
+    held: dict[int, tuple[tuple[int, ...], Card]] = field(default_factory=dict)
+    superelements: list[Card] = field(default_factory=list)
+
+    def row(self, card: Card, index: int, what: str) -> int:
+        """The row of the grid that a field names."""
+        number = card.integer(index, what)
+        row = self.rows.get(number)
+        if row is None:
+            raise card.wrong(index, what, f"a grid of the deck; there is no GRID {number}")
+        return row
+
+    def axes(self, row: int) -> Floats:
+        """(3, 3) axes, as rows, of the displacements of a grid."""
+        system = self.displacement.get(row)
+        return BASIC.axes if system is None else self.systems[system].axes_at(self.places[row])
+
+    def system(self, card: Card, index: int, what: str, default: int | None = 0) -> System:
+        """The coordinate system that a field names."""
+        number = card.integer(index, what, default)
+        if number not in self.systems:
+            raise card.wrong(index, what, f"a coordinate system of the deck; there is no CORD {number}")
+        return self.systems[number]
+
+
+def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Card]) -> Grids:
+    """Grids in the model's frame.
+
+    Args:
+        cards: GRID.
+        defaults: GRDSET.
+        frames: CORD1R … CORD2S.
+
+    Raises:
+        FormatError: a grid or system stands twice, refers to one that is not there, or to itself in a circle.
+    """
+    by_number: dict[int, Card] = {}
+    for card in cards:
+        number = card.integer(0, "ID")
+        if by_number.setdefault(number, card) is not card:
+            raise card.error(f"the grid is there twice, first in line {by_number[number].line}", 0)
+    numbers = np.array(sorted(by_number), dtype=np.int64)
+    ordered = [by_number[number] for number in numbers.tolist()]
+    points = np.array([_point(card) for card in ordered], dtype=float).reshape(-1, 3)
+    rows = {number: row for row, number in enumerate(numbers.tolist())}
+    in_system = [_inherited(card, 1, "CP", defaults) for card in ordered]
+    found = Grids(numbers, points.copy(), rows, {str(number): row for number, row in rows.items()}, {0: BASIC})
+    stated = _stated(frames)
+    _resolve(stated, found, in_system, ordered)
+    for system in set(in_system) - {0}:
+        own = np.flatnonzero(np.array(in_system) == system)
+        if system not in found.systems:
+            raise ordered[own[0]].wrong(1, "CP", f"a coordinate system of the deck; there is no CORD {system}")
+        found.places[own] = found.systems[system].place(points[own])
+    for row, card in enumerate(ordered):
+        _constrain(found, row, card, defaults)
+    return found
+
+
+def _point(card: Card) -> tuple[float, float, float]:
+    return card.real(2, "X1", 0.0), card.real(3, "X2", 0.0), card.real(4, "X3", 0.0)
+
+
+def _inherited(card: Card, index: int, what: str, defaults: Card | None) -> int:
+    if card.text(index) or defaults is None:
+        return card.integer(index, what, 0)
+    return defaults.integer(index, what, 0)
+
+
+def _constrain(grids: Grids, row: int, card: Card, defaults: Card | None) -> None:
+    """Take a grid's CD and PS."""
+    system = _inherited(card, 5, "CD", defaults)
+    if system:
+        if system not in grids.systems:
+            raise card.wrong(5, "CD", f"a coordinate system of the deck; there is no CORD {system}")
+        grids.displacement[row] = system
+    source = card if card.text(6) or defaults is None else defaults
+    if source.text(6):
+        dofs = source.dofs(6, "PS")
+        if dofs:
+            grids.held[row] = (dofs, card)
+    if card.integer(7, "SEID", 0):
+        grids.superelements.append(card)
+
+
+def _stated(frames: Iterable[Card]) -> dict[int, tuple[Card, int]]:
+    """Each system's card, and the field where it begins: two CORD1R may share a card."""
+    found: dict[int, tuple[Card, int]] = {}
+    for card in frames:
+        starts = [0] if card.name.startswith("CORD2") else [at for at in (0, 4) if card.text(at)]
+        for at in starts or [0]:
+            number = card.integer(at, "CID")
+            if number <= 0:
+                raise card.wrong(at, "CID", "a number above zero")
+            if number in found:
+                raise card.error(
+                    f"the coordinate system {number} is there twice, first in line {found[number][0].line}"
+                )
+            found[number] = (card, at)
+    return found
+
+
+def _resolve(stated: dict[int, tuple[Card, int]], grids: Grids, in_system: list[int], ordered: list[Card]) -> None:
+    """Build the systems in an order in which each finds those that it needs."""
+    needs: dict[int, set[int]] = {}
+    for number, (card, at) in stated.items():
+        if card.name.startswith("CORD2"):
+            needs[number] = {card.integer(1, "RID", 0)}
+            unknown = needs[number] - {0, *stated}
+            if unknown:
+                raise card.wrong(1, "RID", f"a coordinate system of the deck; there is no CORD {unknown.pop()}")
+        else:
+            needs[number] = {in_system[grids.row(card, at + i, f"G{i}")] for i in (1, 2, 3)}
+    try:
+        order = list(TopologicalSorter(needs).static_order())
+    except CycleError as error:
+        circle = error.args[1]
+        card = stated[circle[0]][0]
+        raise card.error(
+            f"coordinate systems refer to one another in a circle: {' → '.join(map(str, circle))}"
+        ) from error
+    for number in order:
+        if number not in stated:
+            if number:
+                row = in_system.index(number)
+                raise ordered[row].wrong(1, "CP", f"a coordinate system of the deck; there is no CORD {number}")
+            continue
+        card, at = stated[number]
+        if card.name.startswith("CORD2"):
+            values = [card.real(2 + k, f"{'ABC'[k // 3]}{k % 3 + 1}") for k in range(9)]
+            corners = grids.systems[card.integer(1, "RID", 0)].place(np.array(values).reshape(3, 3))
+        else:
+            found = [grids.row(card, at + i, f"G{i}") for i in (1, 2, 3)]
+            corners = np.vstack([grids.systems[in_system[row]].place(grids.places[row : row + 1]) for row in found])
+        grids.systems[number] = _system(card, corners)
+
+
+def _system(card: Card, corners: Floats) -> System:
+    """The system with origin A, z through B, and x in the half plane of C."""
+    origin, on_z, in_xz = corners
+    z = on_z - origin
+    y = np.cross(z, in_xz - origin)
+    scale = np.linalg.norm(z) * np.linalg.norm(in_xz - origin)
+    if not np.linalg.norm(y) > 1e-12 * scale or not np.isfinite(scale):
+        raise card.error("the points A, B and C lie on a line; expected three that span a plane")
+    z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
+    return System(origin, np.array([np.cross(y, z), y, z]), card.name[5])

@@ -1,0 +1,203 @@
+"""Rigid elements and constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from modalbase.formats.models.bdf.card import Card, whole
+from modalbase.formats.models.bdf.case import Case
+from modalbase.formats.models.bdf.frames import BASIC, Grids
+from modalbase.formats.models.bdf.unused import Notes
+from modalbase.formats.models.model import Floats, Link, Support
+
+Cards = Mapping[str, list[Card]]
+ALL = (0, 1, 2, 3, 4, 5)
+
+
+def listed(card: Card, first: int, grids: Grids, what: str) -> Iterator[int]:
+    """Rows of the grids that fields list from one on, `7`, `1 THRU 9`; ends at a field that is no grid, such as ALPHA.
+
+    Of a range those count that are there, as Nastran has it.
+    """
+    fields = list(card.words(first))
+    at = 0
+    while at < len(fields):
+        index, text = fields[at]
+        if at + 2 < len(fields) and fields[at + 1][1] == "THRU":
+            low, high = card.integer(index, what), card.integer(fields[at + 2][0], what)
+            if high < low:
+                raise card.wrong(fields[at + 2][0], what, f"a number above {low}, where the range begins")
+            start, end = np.searchsorted(grids.numbers, [low, high + 1])
+            yield from range(int(start), int(end))
+            at += 3
+            continue
+        if whole(text) is None:
+            if at == len(fields) - 1 and at > 0:
+                return
+            raise card.wrong(index, what, "a grid's number or THRU")
+        yield grids.row(card, index, what)
+        at += 1
+
+
+def _turned(grids: Grids, row: int, dofs: tuple[int, ...]) -> Floats | None:
+    """Axes of a grid's own; None where they are the model's, or all dofs of a kind are meant."""
+    if row not in grids.displacement:
+        return None
+    kinds = {dof // 3 for dof in dofs}
+    if all({3 * kind, 3 * kind + 1, 3 * kind + 2} <= set(dofs) for kind in kinds):
+        return None
+    axes = grids.axes(row)
+    return None if np.allclose(axes, BASIC.axes, atol=1e-12) else axes
+
+
+def read_links(cards: Iterable[Card], grids: Grids, notes: Notes) -> list[Link]:
+    """RBE2, RBE3 and RBAR.
+
+    Raises:
+        FormatError: a grid is led twice, or leads itself.
+    """
+    found: list[Link] = []
+    led: dict[int, dict[int, Card]] = {}
+    for card in cards:
+        card.integer(0, "EID")
+        for link in _READERS[card.name](card, grids, notes):
+            if link.node in link.leaders:
+                raise card.error(f"grid {grids.numbers[link.node]} leads itself")
+            own = led.setdefault(link.node, {})
+            for dof in link.dofs:
+                if dof in own and own[dof] is not card:
+                    other = f"{own[dof].title} (line {own[dof].line})"
+                    raise card.error(
+                        f"grid {grids.numbers[link.node]} is led by {other} already, in component {dof + 1}"
+                    )
+                own[dof] = card
+            found.append(link)
+    return found
+
+
+def _rbe2(card: Card, grids: Grids, _: Notes) -> Iterator[Link]:
+    leader, dofs = grids.row(card, 1, "GN"), card.dofs(2, "CM")
+    rows = dict.fromkeys(listed(card, 3, grids, "GM"))
+    if not rows:
+        raise card.wrong(3, "GM1", "a grid that is led")
+    for row in rows:
+        yield Link(row, (leader,), dofs, card.line, axes=_turned(grids, row, dofs))
+
+
+def _rbar(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
+    ends = grids.row(card, 1, "GA"), grids.row(card, 2, "GB")
+    lead = [card.dofs(3 + k, name, "0") for k, name in enumerate(("CNA", "CNB"))]
+    for leader, follower, index in ((0, 1, 6), (1, 0, 5)):
+        if lead[leader] == ALL and not lead[follower]:
+            dofs = card.dofs(index, "CM", "123456") or ALL
+            yield Link(ends[follower], (ends[leader],), dofs, card.line, axes=_turned(grids, ends[follower], dofs))
+            return
+    notes.add(card, "RBAR led by both ends", "a rigid bar that both ends lead in part is not used", True)
+
+
+def _rbe3(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
+    node, dofs = grids.row(card, 2, "REFGRID"), card.dofs(3, "REFC")
+    weights: dict[int, float] = {}
+    weight, expects = 0.0, "weight"
+    fields = list(card.words(4))
+    at = 0
+    while at < len(fields):
+        index, text = fields[at]
+        at += 1
+        if text in ("UM", "ALPHA"):
+            break
+        if whole(text) is None or expects == "weight":
+            weight, expects = card.real(index, "WT"), "component"
+        elif expects == "component":
+            components = card.dofs(index, "C")
+            expects = "grid"
+            if not {0, 1, 2} <= set(components):
+                notes.add(card, "RBE3 without C = 123", "leaders are read with all three displacements", True)
+            elif len(components) > 3:
+                notes.add(card, "RBE3 with C = 123456", "leaders are read without their rotations")
+        elif at + 1 < len(fields) and fields[at][1] == "THRU":
+            low, high = card.integer(index, "G"), card.integer(fields[at + 1][0], "G")
+            start, end = np.searchsorted(grids.numbers, [low, high + 1])
+            for row in range(int(start), int(end)):
+                weights[row] = weights.get(row, 0.0) + weight
+            at += 2
+        else:
+            row = grids.row(card, index, "G")
+            weights[row] = weights.get(row, 0.0) + weight
+    if not weights or not min(weights.values()) > 0:
+        raise card.error("it has no leaders with a weight above zero")
+    values = tuple(weights.values())
+    equal = len(set(values)) == 1
+    yield Link(node, tuple(weights), dofs, card.line, () if equal else values, _turned(grids, node, dofs))
+
+
+_READERS = {"RBE2": _rbe2, "RBE3": _rbe3, "RBAR": _rbar}
+
+
+def read_supports(cards: Cards, case: Case, grids: Grids, notes: Notes) -> list[Support]:
+    """Constraints of the set that holds, and those that grids state themselves."""
+    holding = _holding(cards, case, notes)
+    rows: dict[tuple[int, tuple[int, ...]], list[int]] = {}
+    for card in (*cards.get("SPC", ()), *cards.get("SPC1", ())):
+        if card.integer(0, "SID") not in holding:
+            notes.add(
+                card, f"{card.name} of another set", "constraints of sets that the deck does not select are not used"
+            )
+        elif card.name == "SPC":
+            for at in (1, 4):
+                if at == 1 or card.text(at):
+                    row, dofs = grids.row(card, at, "G"), card.dofs(at + 1, "C", "0")
+                    rows.setdefault((card.line, dofs), []).append(row)
+        else:
+            rows.setdefault((card.line, card.dofs(1, "C", "0")), []).extend(listed(card, 2, grids, "G"))
+    first: dict[tuple[int, ...], int] = {}
+    for row, (dofs, card) in grids.held.items():
+        rows.setdefault((first.setdefault(dofs, card.line), dofs), []).append(row)
+    return [support for (line, dofs), own in rows.items() if dofs for support in _parted(grids, own, dofs, line)]
+
+
+def _parted(grids: Grids, rows: list[int], dofs: tuple[int, ...], line: int) -> Iterator[Support]:
+    """Nodes that are held in the model's frame together, others by themselves."""
+    plain = []
+    for row in rows:
+        axes = _turned(grids, row, dofs)
+        if axes is None:
+            plain.append(row)
+        else:
+            yield Support(np.array([row]), dofs, line, axes)
+    if plain:
+        yield Support(np.array(plain, dtype=np.int64), dofs, line)
+
+
+def _holding(cards: Cards, case: Case, notes: Notes) -> set[int]:
+    """Numbers of the sets that hold, with those that an SPCADD joins."""
+    joined = {card.integer(0, "SID"): card for card in cards.get("SPCADD", ())}
+    stated = {card.integer(0, "SID") for name in ("SPC", "SPC1") for card in cards.get(name, ())}
+    for value, line in case.others.get("SPC", ()):
+        notes.at(
+            line,
+            "SPC of another subcase",
+            f"the modes are read with SPC = {case.selected.get('SPC', 'none')}, not {value}",
+        )
+    selected = case.number("SPC")
+    if selected is None:
+        if case.is_stated or not stated:
+            return set()
+        if len(joined) == 1:
+            selected = next(iter(joined))
+        elif len(stated) == 1:
+            return stated
+        else:
+            names = ", ".join(map(str, sorted(stated)))
+            line = min(card.line for name in ("SPC", "SPC1") for card in cards.get(name, ()))
+            notes.at(line, "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
+            return stated
+    if selected in joined:
+        return {whole(text) or 0 for _, text in joined[selected].words(1)}
+    if selected not in stated:
+        notes.at(
+            1, "SPC", f"the case control selects SPC = {selected}, which is not in the deck; nothing is held", True
+        )
+    return {selected}

@@ -1,0 +1,326 @@
+"""Plates and laminates: their properties and elements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.models.bdf.frames import Grids
+from modalbase.formats.models.bdf.labels import Labels
+from modalbase.formats.models.bdf.materials import Materials
+from modalbase.formats.models.bdf.unused import Notes
+from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
+
+_BENDING = 1.0, 1e-3  # 12I/T³ of a plate, and how near to it
+_SHEAR = 0.833333, 1e-2  # TS/T of a plate, and how near to it
+_MOST_PLIES = 2000
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Fields of an element, from 0 behind the name: grids, the angle, the offset, thicknesses, and their flag."""
+
+    kind: Kind
+    grids: tuple[int, ...]
+    angle: int
+    offset: int
+    thickness: tuple[int, ...]
+    flag: int
+
+
+_QUAD4 = _Layout("quad4", (2, 3, 4, 5), 6, 7, (10, 11, 12, 13), 9)
+_TRI3 = _Layout("tri3", (2, 3, 4), 5, 6, (10, 11, 12), 9)
+LAYOUTS = {
+    "CQUAD4": _QUAD4,
+    "CQUADR": _QUAD4,
+    "CTRIA3": _TRI3,
+    "CTRIAR": _TRI3,
+    "CQUAD8": _Layout("quad8", (2, 3, 4, 5, 6, 7, 8, 9), 14, 15, (10, 11, 12, 13), 16),
+    "CTRIA6": _Layout("tri6", (2, 3, 4, 5, 6, 7), 8, 9, (10, 11, 12), 13),
+}
+PROPERTIES = ("PSHELL", "PCOMP", "PCOMPG")
+
+
+@dataclass
+class _Property:
+    """A property as its elements need it; the thickness is None where they state their own."""
+
+    card: Card
+    set: str
+    plies: tuple[Ply, ...]
+    offset: float
+    extra_mass: float
+    is_isotropic: bool
+
+    @property
+    def thickness(self) -> float | None:
+        return sum(ply.thickness for ply in self.plies) or None
+
+
+@dataclass
+class _Group:
+    """Elements of one kind and one set as they are read."""
+
+    layout: _Layout
+    section: _Property
+    numbers: list[int] = field(default_factory=list)
+    nodes: list[list[int]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+    cards: list[Card] = field(default_factory=list)
+    angles: list[float] = field(default_factory=list)
+    offsets: list[float] = field(default_factory=list)
+    special: dict[int, int] = field(default_factory=dict)
+    own_thickness: dict[int, list[float]] = field(default_factory=dict)
+
+
+@dataclass
+class Shells:
+    """Reader of shells.
+
+    Attributes:
+        properties: their cards by number.
+        materials, grids, labels, notes: of the deck.
+        extra: non-structural mass per area by property.
+        sections: of the sets that elements use, by name.
+    """
+
+    properties: dict[int, Card]
+    materials: Materials
+    grids: Grids
+    labels: Labels
+    notes: Notes
+    extra: dict[int, float]
+    sections: dict[str, ShellSection] = field(default_factory=dict)
+    _read: dict[int, _Property] = field(default_factory=dict)
+
+    def blocks(self, cards: Iterable[Card]) -> list[Elements]:
+        """Elements by kind and set, in the order in which these appear."""
+        groups: dict[tuple[str, int], _Group] = {}
+        for card in cards:
+            layout = LAYOUTS[card.name]
+            if card.name in ("CQUAD8", "CTRIA6"):
+                layout = _without_middles(card, layout)
+            number = card.integer(0, "EID")
+            own = card.integer(1, "PID", number)
+            group = groups.get((layout.kind, own))
+            if group is None:
+                group = groups[layout.kind, own] = _Group(layout, self._property(card, own))
+            self._take(group, card, number)
+        return [self._block(group) for group in groups.values()]
+
+    def _take(self, group: _Group, card: Card, number: int) -> None:
+        layout, at = LAYOUTS[card.name], len(group.numbers)
+        rows, fields = self.grids.by_text, card.fields
+        try:  # what almost all elements are
+            nodes = [rows[fields[index]] for index in group.layout.grids]
+        except (KeyError, IndexError):
+            nodes = [self.grids.row(card, i, f"G{k}") for k, i in enumerate(group.layout.grids, start=1)]
+        if len(set(nodes)) < len(nodes):
+            raise card.error("a grid stands in it twice; a corner less makes a CTRIA3", 2)
+        group.numbers.append(number)
+        group.nodes.append(nodes)
+        group.lines.append(card.line)
+        group.cards.append(card)
+        angle = 0.0
+        if card.text(layout.angle):
+            if card.is_integer(layout.angle):
+                self.grids.system(card, layout.angle, "MCID")
+                group.special[at] = card.integer(layout.angle, "MCID")
+            else:
+                angle = card.real(layout.angle, "THETA")
+        group.angles.append(angle)
+        group.offsets.append(card.real(layout.offset, "ZOFFS", 0.0))
+        if len(card) > layout.thickness[0]:
+            self._thickness(group, card, layout, at)
+
+    def _thickness(self, group: _Group, card: Card, layout: _Layout, at: int) -> None:
+        """Thicknesses that an element states at its corners."""
+        if not any(card.text(index) for index in layout.thickness):
+            return
+        whole = group.section.thickness
+        relative = card.integer(layout.flag, "TFLAG", 0) == 1
+        default = 1.0 if relative else whole
+        own = [card.real(index, f"T{k}", default) for k, index in enumerate(layout.thickness, start=1)]
+        for k, value in enumerate(own):
+            if value < 0 or not any(own):  # an edge may taper to nothing
+                raise card.wrong(
+                    layout.thickness[k], f"T{k + 1}", "a thickness that is not negative, and not zero all round"
+                )
+        if relative and whole is None:
+            raise card.error("TFLAG is 1, but the property states no thickness", layout.flag)
+        group.own_thickness[at] = [value * (whole or 1.0) for value in own] if relative else own
+
+    def _property(self, card: Card, number: int) -> _Property:
+        if number not in self._read:
+            source = self.properties.get(number)
+            if source is None:
+                raise card.wrong(1, "PID", f"a property of shells; there is no PSHELL or PCOMP {number}")
+            reader = self._plate if source.name == "PSHELL" else self._laminate
+            self._read[number] = reader(source, self.labels.of(source.name, number))
+        return self._read[number]
+
+    def _plate(self, card: Card, name: str) -> _Property:
+        bending_only = not card.text(1)
+        material = self.materials.get(card, 3 if bending_only else 1, "MID1")
+        thickness = card.positive(2, "T") if card.text(2) else 0.0
+        notes = self.notes
+        if bending_only:
+            notes.add(card, "PSHELL without MID1", "it bends alone in the deck; here it stretches too", True)
+        elif not card.text(3):
+            notes.add(card, "PSHELL without MID2", "it is a membrane in the deck; here it bends too", True)
+        elif card.text(3) not in (card.text(1), "-1") or card.text(10):
+            notes.add(card, "PSHELL with MID2, MID4", "bending by a material of its own is lost", True)
+        if card.text(3) == "-1":
+            notes.add(card, "PSHELL with MID2 = -1", "plane strain; here it is plane stress", True)
+        if abs(card.real(4, "12I/T**3", 1.0) - _BENDING[0]) > _BENDING[1]:
+            notes.add(card, "PSHELL 12I/T**3", "it bends as a plate of its thickness here", True)
+        if card.text(3) and not card.text(5):
+            notes.add(card, "PSHELL without MID3", "the deck has it rigid in transverse shear; here it shears")
+        elif card.text(5) and (
+            abs(card.real(6, "TS/T", _SHEAR[0]) - _SHEAR[0]) > _SHEAR[1] or card.text(5) != card.text(1)
+        ):
+            notes.add(card, "PSHELL MID3, TS/T", "it shears as a plate of MID1 with TS/T = 5/6 here", True)
+        extra = card.real(7, "NSM", 0.0) * self.materials.mass_factor + self.extra.get(card.integer(0, "PID"), 0.0)
+        ply = Ply(material.name, thickness, place=card.place(2))
+        return _Property(card, name, (ply,), card.real(12, "ZOFFS", 0.0), extra, material.is_isotropic)
+
+    def _laminate(self, card: Card, name: str) -> _Property:
+        step = 8 if card.name == "PCOMPG" else 4
+        lamina = card.text(7)
+        plies: list[Ply] = []
+        material, thickness, place = "", 0.0, card.place(9)
+        shift = 1 if step == 8 else 0
+        isotropic = True
+        for at in range(8, len(card), step):
+            if not any(card.text(at + shift + k) for k in range(3)):
+                if any(card.text(k) for k in range(at + 1, len(card))) or plies:
+                    continue
+                break
+            if card.text(at + shift):
+                found = self.materials.get(card, at + shift, "MID")
+                material, isotropic = found.name, isotropic and found.is_isotropic
+            elif not material:
+                raise card.wrong(at + shift, "MID1", "the material of the first ply")
+            if card.text(at + shift + 1) or not plies:
+                thickness, place = card.positive(at + shift + 1, "T"), card.place(at + shift + 1)
+            plies.append(Ply(material, thickness, card.real(at + shift + 2, "THETA", 0.0), place))
+            if len(plies) > _MOST_PLIES:
+                raise card.error(f"more than {_MOST_PLIES} plies")
+        if not plies:
+            raise card.error("it has no plies")
+        if lamina == "SYM":
+            plies += plies[::-1]
+        elif lamina and lamina not in ("BLANK", "NO"):
+            self.notes.add(card, f"{card.name} LAM={lamina}", "the laminate is read with all of its stiffness", True)
+        total = sum(ply.thickness for ply in plies)
+        offset = card.real(1, "Z0", -total / 2) + total / 2
+        extra = card.real(2, "NSM", 0.0) * self.materials.mass_factor + self.extra.get(card.integer(0, "PID"), 0.0)
+        return _Property(card, name, tuple(plies), offset, extra, isotropic)
+
+    def _block(self, group: _Group) -> Elements:
+        section, nodes = group.section, np.array(group.nodes, dtype=np.int64)
+        normals, sides = _frames(self.grids.places[nodes], group.cards)
+        axes = _turned(sides, normals, np.radians(group.angles))
+        for at, number in group.special.items():
+            axes[at] = self._projected(group.cards[at], number, nodes[at], normals[at], section) or axes[at]
+        offsets = None
+        if any(group.offsets):
+            arms = np.array(group.offsets)[:, None] * normals
+            offsets = np.repeat(arms[:, None, :], nodes.shape[1], axis=1)
+        thickness = self._thicknesses(group)
+        self._store(section, thickness)
+        numbers, lines = np.array(group.numbers, dtype=np.int64), np.array(group.lines, dtype=np.int64)
+        return Elements(
+            group.layout.kind, numbers, nodes, section.set, axes, lines, offsets=offsets, thickness=thickness
+        )
+
+    def _projected(
+        self, card: Card, number: int, nodes: Floats, normal: Floats, section: _Property
+    ) -> tuple[float, float, float] | None:
+        """Axis 1 of a coordinate system on an element; None where it has none and needs none."""
+        axis = self.grids.systems[number].axes_at(self.grids.places[nodes].mean(axis=0))[0]
+        flat = axis - (axis @ normal) * normal
+        size = float(np.linalg.norm(flat))
+        if size < 1e-6:
+            if section.is_isotropic:
+                return None
+            raise card.error(f"axis 1 of the system {number} (MCID) stands on the element; it gives plies no direction")
+        x, y, z = (flat / size).tolist()
+        return x, y, z
+
+    def _thicknesses(self, group: _Group) -> Floats | None:
+        """(e, n) at the nodes, where elements state their own; a side's middle has the mean of its ends."""
+        if not group.own_thickness:
+            if group.section.thickness is None:
+                raise group.cards[0].error(
+                    f"neither it nor {group.section.card.title} (line {group.section.card.line}) states a thickness"
+                )
+            return None
+        corners = len(group.layout.thickness)
+        found = np.full((len(group.numbers), corners), group.section.thickness or np.nan)
+        for at, own in group.own_thickness.items():
+            found[at] = own
+        bare = np.flatnonzero(np.isnan(found).any(axis=1))
+        if bare.size:
+            raise group.cards[bare[0]].error(f"neither it nor {group.section.card.title} states a thickness")
+        if len(group.layout.grids) > corners:
+            found = np.hstack([found, (found + np.roll(found, -1, axis=1)) / 2])
+        return found
+
+    def _store(self, section: _Property, thickness: Floats | None) -> None:
+        plies = section.plies
+        if section.thickness is None and thickness is not None and section.set not in self.sections:
+            plies = (Ply(plies[0].material, float(thickness.mean())),)
+        found = ShellSection(plies, section.card.line, section.offset, section.extra_mass, section.card.rows[0].file)
+        self.sections.setdefault(section.set, found)
+
+
+def _without_middles(card: Card, layout: _Layout) -> _Layout:
+    """The layout of four nodes, or three, where an element leaves out the middles of its sides."""
+    corners = len(layout.thickness)
+    left_out = [not card.text(index) for index in layout.grids[corners:]]
+    if not any(left_out):
+        return layout
+    if not all(left_out):
+        index = layout.grids[corners + left_out.index(True)]
+        raise card.wrong(index, f"G{index - 1}", "a grid; the middles of all sides, or of none, can be left out")
+    return _QUAD4 if corners == 4 else _TRI3
+
+
+def _frames(places: Floats, cards: list[Card]) -> tuple[Floats, Floats]:
+    """(e, 3) unit normals, and directions of the first side on the surface.
+
+    Raises:
+        FormatError: an element has no area, or is crossed or re-entrant.
+    """
+    corners = places[:, : 4 if places.shape[1] in (4, 8) else 3]
+    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
+    length = np.linalg.norm(ahead, axis=-1)
+    pointed = np.flatnonzero(~(length.min(axis=1) > 1e-9 * length.max(axis=1)))
+    if pointed.size:
+        raise cards[pointed[0]].error("two of its corners are in one place; a corner less makes a CTRIA3")
+    across = np.cross(ahead, behind)
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
+    if corners.shape[1] == 3:
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normals, axis=1)
+    scale = length.max(axis=1) ** 2
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        none = np.flatnonzero(~(size > 1e-9 * scale))
+        normals = normals / size[:, None]
+        crossed = np.flatnonzero(np.einsum("eck,ek->ec", across, normals).min(axis=1) < -1e-9 * scale)
+    if none.size:
+        raise cards[none[0]].error("its area is zero; expected corners that do not lie on a line, each once")
+    if crossed.size:
+        raise cards[crossed[0]].error("it is crossed or re-entrant; expected corners in their order around the element")
+    sides = ahead[:, 0] - np.einsum("ek,ek->e", ahead[:, 0], normals)[:, None] * normals
+    return normals, sides / np.linalg.norm(sides, axis=1, keepdims=True)
+
+
+def _turned(directions: Floats, normals: Floats, angles: Floats) -> Floats:
+    """Directions turned about normals."""
+    c, s = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    return np.asarray(c * directions + s * np.cross(normals, directions))

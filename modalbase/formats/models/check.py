@@ -1,0 +1,112 @@
+"""What a model must satisfy before it is worth solving: elements that have a shape, and parts that hang together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.measures import sizes, worst_corner
+from modalbase.formats.models.model import Elements, FiniteElementModel, Integers
+
+NAMED = 5
+"""At most so many elements, nodes or parts are named in a message."""
+
+
+def check(model: FiniteElementModel) -> None:
+    """Look for faults that no single line shows.
+
+    Raises:
+        FormatError: there is no element; elements have no size or fold over; masses or springs hang on nothing; the model
+            falls into parts, of which one is free.
+    """
+    if not model.elements:
+        raise FormatError("", "the model has no shell or beam element; nothing would vibrate")
+    faults = [fault for block in model.elements for fault in _shapes(model, block)]
+    if faults:
+        raise FormatError(faults[:NAMED])
+    _hangs_together(model)
+
+
+def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:
+    size = sizes(block, model.nodes)
+    worst = worst_corner(block, model.nodes)
+    for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
+        where, number = f"line {block.lines[k]}", int(block.numbers[k])
+        if not size[k] > 0:
+            yield (
+                where,
+                f"element {number} of the set {block.set} has no size: its nodes lie at one place or on one line",
+            )
+        elif block.kind.startswith("beam"):
+            yield (
+                where,
+                f"element {number} of the set {block.set} has its middle node outside the middle half between its ends",
+            )
+        else:
+            yield (
+                where,
+                (
+                    f"element {number} of the set {block.set} folds over (the least Jacobian is {worst[k]:.2g} of the mean); "
+                    "its nodes are in the wrong order or place"
+                ),
+            )
+
+
+def parts_of(model: FiniteElementModel) -> Integers:
+    """(n,) the number of the part that each node belongs to; nodes hang together by elements, links and springs."""
+    pairs = [np.stack([np.repeat(b.nodes[:, 0], b.nodes.shape[1]), b.nodes.ravel()]) for b in model.elements]
+    joined = [(link.node, leader) for link in model.links for leader in link.leaders]
+    joined += [(spring.node, spring.second) for spring in model.springs if spring.second is not None]
+    if joined:
+        pairs.append(np.array(joined, dtype=np.int64).T)
+    edges = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.int64)
+    part = np.arange(len(model.nodes))
+    while True:
+        least = np.minimum(part[edges[0]], part[edges[1]])
+        following = part.copy()
+        for end in edges:
+            np.minimum.at(following, part[end], least)
+        following = following[following]
+        if np.array_equal(following, part):
+            return part
+        part = following
+
+
+def _hangs_together(model: FiniteElementModel) -> None:
+    part = parts_of(model)
+    has_element = np.zeros(len(model.nodes), dtype=bool)
+    for block in model.elements:
+        has_element[part[block.nodes].ravel()] = True
+    for line, node, what in [
+        *((mass.line, mass.node, "a mass") for mass in model.masses),
+        *((spring.line, spring.node, "a spring") for spring in model.springs),
+    ]:
+        if not has_element[part[node]]:
+            raise FormatError(
+                f"line {line}",
+                f"{what} is on node {model.numbers[node]}, which no element, link or spring joins to the model",
+            )
+    roots = np.flatnonzero(has_element & (part == np.arange(len(part))))
+    if len(roots) == 1:
+        return
+    held = {int(part[node]) for support in model.supports for node in support.nodes.tolist()}
+    held |= {int(part[spring.node]) for spring in model.springs if spring.second is None}
+    free = [root for root in roots.tolist() if root not in held]
+    if free:
+        named = "; ".join(_described(model, part, root) for root in roots.tolist()[:NAMED])
+        raise FormatError(
+            "",
+            f"the model falls into {len(roots)} parts that nothing joins, and nothing holds {len(free)} of them: {named}. "
+            "Give them common nodes, or join them by a constraint",
+        )
+
+
+def _described(model: FiniteElementModel, part: Integers, root: int) -> str:
+    """A part by one of its elements."""
+    for block in model.elements:
+        chosen = np.flatnonzero(part[block.nodes[:, 0]] == root)
+        if chosen.size:
+            return f"element {block.numbers[chosen[0]]} of the set {block.set} (line {block.lines[chosen[0]]})"
+    raise AssertionError(root)

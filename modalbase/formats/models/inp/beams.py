@@ -1,0 +1,124 @@
+"""Sections of beams."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modalbase.formats.models.inp.lines import Card, Row
+from modalbase.formats.models.inp.materials import Materials
+from modalbase.formats.models.inp.mesh import Element
+from modalbase.formats.models.inp.profiles import Profile, profile
+from modalbase.formats.models.inp.types import SLENDER
+from modalbase.formats.models.model import BeamSection, Floats, Material, Place
+
+_SHORT = {"RECTANGULAR": "RECT", "CIRCULAR": "CIRC"}
+_CONSTANTS = ("area", "I1", "I12", "I2", "J")
+
+
+def beam_section(
+    card: Card, name: str, elements: list[Element], materials: Materials
+) -> tuple[BeamSection, Floats, tuple[float, float]]:
+    """A section, its direction n1, and the centroid's y and z from the nodes.
+
+    Raises:
+        FormatError: the constants are none of a real section.
+    """
+    row = card.first
+    kind = card.get("SECTION").upper() or ("GENERAL" if card.name == "BEAMGENERALSECTION" else "RECT")
+    places = {}
+    if kind == "GENERAL":
+        if card.name == "BEAMSECTION":
+            raise card.error("has SECTION=GENERAL; *BEAM GENERAL SECTION states a beam by its constants")
+        found = _general(row)
+        places = {name: row.place(k) for k, name in enumerate(_CONSTANTS) if name != "I12"}
+    else:
+        try:
+            found = profile(_SHORT.get(kind, kind), row.numbers("dimensions"))
+        except ValueError as error:
+            raise row.error(str(error)) from None
+    own = card.name == "BEAMGENERALSECTION" and not card.get("MATERIAL")
+    material = _own_material(card, name, materials) if own else materials.named(card.needs("MATERIAL"), card)
+    slender = {element.type.name in SLENDER for element in elements}
+    if len(slender) > 1:
+        raise card.error("has elements that are rigid in shear and others that are not; split the set")
+    shear = None if True in slender else (found.shear, found.shear)
+    section = BeamSection(
+        material, found.area, found.inertia, found.torsion, card.line, shear, places=places, file=card.file
+    )
+    y, z = found.centroid
+    shifts = [-card.number(card.get(f"OFFSET{k + 1}") or "0", f"OFFSET{k + 1}") * found.extent[k] for k in (0, 1)]
+    return section, _direction(card), (y + shifts[0], z + shifts[1])
+
+
+def _general(row: Row) -> Profile:
+    values = row.numbers("A, I11, I12, I22, J", 5)
+    area, first, mixed, second, torsion = values[:5]
+    if min(area, first, second, torsion) <= 0 or mixed**2 >= first * second:
+        raise row.error("expected A, I11, I12, I22 and J of a real section: above 0, and I12² < I11 I22")
+    return Profile(area, (first, second, mixed), torsion, 1.0)
+
+
+def _direction_row(card: Card) -> Row | None:
+    """The second line, unless an empty one stands for it."""
+    if len(card.rows) > 1 and not card.rows[1].after_blank:
+        return card.rows[1]
+    return None
+
+
+def _direction(card: Card) -> Floats:
+    """n1, by default (0, 0, −1)."""
+    row = _direction_row(card)
+    if row is None or not any(row.fields):
+        return np.array([0.0, 0.0, -1.0])
+    values = np.array([*row.numbers("the direction n1"), 0.0, 0.0][:3])
+    if not np.linalg.norm(values) > 0:
+        raise row.error("the direction n1 is zero, expected the section's axis 1")
+    return values
+
+
+def _own_material(card: Card, name: str, materials: Materials) -> str:
+    """Of *BEAM GENERAL SECTION, which states E, G and density itself."""
+    rows = card.rows[2 if _direction_row(card) is not None else 1 :]
+    if not rows:
+        raise card.error("has no line of E and G, the third (an empty second one stands for the default direction)")
+    values = rows[0].numbers("E and G", 2)
+    try:
+        density = float(card.needs("DENSITY"))
+    except ValueError:
+        raise card.error(f"has DENSITY={card.get('DENSITY')}, expected a number") from None
+    E, G = values[:2]
+    if not (0 < E < 1e20 and 0 < G < 1e20 and 0 < density < 1e12):
+        raise rows[0].error(f"E = {E:g}, G = {G:g} and density {density:g}: expected numbers above 0")
+    places: dict[str, Place] = {"E": rows[0].place(0), "G": rows[0].place(1)}
+    constants = {"E": E, "G": G, "nu": E / (2 * G) - 1, "density": density}
+    materials.add(Material(name, constants, card.line, places, card.file))
+    return name
+
+
+def directions(places: Floats, elements: list[Element], first: Floats) -> tuple[Floats, Floats]:
+    """(e, 3) axes 1 and 2 across beams: n1 made square to the beam, and t × n1.
+
+    An element with a node more than its type has takes n1 from its first node to that one.
+
+    Raises:
+        FormatError: a beam has no length, or n1 lies along it.
+    """
+    axes, seconds = [], []
+    for element in elements:
+        order = element.type.order
+        ends = places[[element.nodes[order[0]], element.nodes[order[1]]]]
+        t = ends[1] - ends[0]
+        length = float(np.linalg.norm(t))
+        if not length > 0:
+            raise element.row.error(f"gives element {element.number} no length")
+        t = t / length
+        n1 = places[element.nodes[-1]] - ends[0] if len(element.nodes) > len(order) else first
+        n2 = np.cross(t, n1)
+        if not np.linalg.norm(n2) > 1e-6 * np.linalg.norm(n1):
+            raise element.row.error(
+                f"has element {element.number}, along which its direction n1 lies; give the section's second line another"
+            )
+        n2 = n2 / np.linalg.norm(n2)
+        axes.append(np.cross(n2, t))
+        seconds.append(n2)
+    return np.array(axes), np.array(seconds)

@@ -1,0 +1,145 @@
+"""What a structure carries: masses at points, rotary inertia, springs, and mass that is spread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from modalbase.formats.models.inp.lines import Card, Row
+from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.mesh import Element, Mesh
+from modalbase.formats.models.inp.sections import Part, Sections
+from modalbase.formats.models.measures import sizes
+from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring
+
+PROPERTIES = {"mass": "MASS", "inertia": "ROTARYINERTIA", "spring": "SPRING"}
+"""The card that elements of a role need."""
+
+
+class Carried:
+    """Masses and springs as they are read."""
+
+    def __init__(self, mesh: Mesh, losses: Losses) -> None:
+        self.masses: list[PointMass] = []
+        self.springs: list[Spring] = []
+        self._mesh, self._losses = mesh, losses
+        self._done: set[int] = set()
+
+    def read(self, card: Card, part: Part, axes: dict[int, Floats]) -> None:
+        """Take a card *MASS, *ROTARY INERTIA or *SPRING; `axes` are those of nodes, by row."""
+        role = next(role for role, name in PROPERTIES.items() if name == card.name)
+        chosen = self._mesh.select_elements(card.needs("ELSET"), part.scope, card).tolist()
+        for at in chosen:
+            element = self._mesh.elements[at]
+            if element.type.role != role:
+                raise card.error(f"has element {element.number}, whose type is {element.type.name}")
+            if at in self._done:
+                raise card.error(f"has element {element.number}, which has a {card.label} already")
+            self._done.add(at)
+        elements = [self._mesh.elements[at] for at in chosen]
+        {"mass": self._mass, "inertia": self._inertia, "spring": self._spring}[role](card, part, elements, axes)
+
+    def _mass(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
+        del part, axes
+        mass = card.first.numbers("a mass")[0]
+        if not 0 <= mass < 1e12:
+            raise card.first.error(f"is a mass of {mass:g}, expected one of at least 0")
+        self.masses += [PointMass(element.nodes[0], mass, card.line) for element in elements]
+
+    def _inertia(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
+        del axes
+        a, b, c, ab, ac, bc = [*card.first.numbers("I11, I22, I33, I12, I13, I23", 3), 0.0, 0.0, 0.0][:6]
+        tensor = np.array([[a, ab, ac], [ab, b, bc], [ac, bc, c]])
+        if np.linalg.eigvalsh(tensor).min() < -1e-9 * np.abs(tensor).max():
+            raise card.first.error("is an inertia below 0 about some axis")
+        if (system := part.system(card.get("ORIENTATION"), card)) is not None:
+            turn = system.axes
+            tensor = turn.T @ tensor @ turn
+        rows = tuple(tuple(row) for row in tensor.tolist())
+        self.masses += [PointMass(element.nodes[0], 0.0, card.line, rows) for element in elements]
+
+    def _spring(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
+        if "NONLINEAR" in card.parameters:
+            self._losses.add(card, "a spring that is not linear", changes=True)
+            return
+        system = part.system(card.get("ORIENTATION"), card)
+        for element in elements:
+            if element.type.name == "SPRINGA":
+                self.springs.append(self._axial(card, element))
+                continue
+            if len(card.rows) < 2:
+                raise card.error("has one data line, expected the dofs and below them the stiffness")
+            dofs = [card.first.whole(text, "a dof") for text in card.first.fields]
+            if len(dofs) < len(element.nodes) or any(not 1 <= dof <= 6 for dof in dofs):
+                raise card.first.error(f"expected {len(element.nodes)} dof(s) from 1 to 6")
+            k = _stiffness(card.rows[1])
+            turned = system.axes if system is not None else axes.get(element.nodes[0])
+            self.springs.append(_between(element, dofs, k, card.line, turned))
+
+    def _axial(self, card: Card, element: Element) -> Spring:
+        a, b = (np.array(self._mesh.places[node]) for node in element.nodes)
+        length = float(np.linalg.norm(b - a))
+        if not length > 0:
+            raise element.row.error(f"puts both nodes of the spring {element.number} at one place; use SPRING2")
+        x, y, z = ((b - a) / length).tolist()
+        stiffness = _stiffness(card.rows[-1] if card.rows else card.first)
+        first, second = element.nodes
+        return Spring(first, 0, stiffness, card.line, second=second, second_dof=0, direction=(x, y, z))
+
+    def complete(self) -> None:
+        """Raise where an element of a mass or spring has no value."""
+        for at, element in enumerate(self._mesh.elements):
+            if element.type.role in PROPERTIES and at not in self._done:
+                raise element.row.error(
+                    f"has element {element.number} of {element.type.name}, to which no card gives a value"
+                )
+
+
+def _stiffness(row: Row) -> float:
+    k = row.numbers("a stiffness")[0]
+    if not 0 <= k < 1e25:
+        raise row.error(f"is a stiffness of {k:g}, expected one of at least 0")
+    return k
+
+
+def _between(element: Element, dofs: list[int], k: float, line: int, turned: Floats | None) -> Spring:
+    """A spring between dofs, or from one to the ground."""
+    first = dofs[0] - 1
+    second, second_dof = (element.nodes[1], dofs[1] - 1) if len(element.nodes) > 1 else (None, None)
+    if turned is None:
+        return Spring(element.nodes[0], first, k, line, second, second_dof)
+    if second_dof is not None and second_dof != first:
+        raise element.row.error(
+            f"joins two different dofs in turned axes by the spring {element.number}; use the model's axes"
+        )
+    x, y, z = turned[first % 3].tolist()
+    kind = first - first % 3
+    last = None if second is None else kind
+    return Spring(element.nodes[0], kind, k, line, second=second, second_dof=last, direction=(x, y, z))
+
+
+def spread_mass(
+    card: Card, mesh: Mesh, sections: Sections, part: Part, blocks: Iterable[Elements], losses: Losses
+) -> None:
+    """Take *NONSTRUCTURAL MASS into the sections of the sets that it covers as a whole."""
+    units = card.get("UNITS").replace(" ", "").upper()
+    chosen = set(mesh.select_elements(card.needs("ELSET"), part.scope, card).tolist())
+    value = card.first.numbers("a mass")[0]
+    if not 0 <= value < 1e12:
+        raise card.first.error(f"is a mass of {value:g}, expected one of at least 0")
+    names = [name for name, members in sections.members.items() if chosen & set(members)]
+    whole = all(chosen >= set(sections.members[name]) for name in names)
+    beams = {isinstance(sections.found[name], BeamSection) for name in names}
+    fits = {"MASSPERAREA": beams == {False}, "MASSPERLENGTH": beams == {True}, "TOTALMASS": len(beams) == 1}
+    if not whole or not fits.get(units, False):
+        losses.add(card, "spread mass on part of a set, on shells and beams at once, or in other units", changes=True)
+        return
+    if units == "TOTALMASS":
+        places = np.array(mesh.places)
+        total = sum(float(sizes(block, places).sum()) for block in blocks if block.set in names)
+        value /= total
+    for name in names:
+        section = sections.found[name]
+        sections.found[name] = replace(section, extra_mass=section.extra_mass + value)

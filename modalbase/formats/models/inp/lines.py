@@ -1,0 +1,261 @@
+"""Cards of a deck and their data lines, with the files that it includes put in their place."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import PurePosixPath
+from typing import NamedTuple
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.model import Place
+
+MOST_LINES = 10_000_000
+DEEPEST_INCLUDE = 20
+LARGEST = 1e25
+"""No number of a deck in any units reaches it, and products of several stay finite."""
+
+_SPACE = re.compile(r"\s+")
+_INCLUDE = re.compile(r"\s*\*\s*INCLUDE\s*(,|$)", re.IGNORECASE)
+_FORTRAN = re.compile(r"([0-9.])[dD]([-+]?[0-9])")
+_PARAMETER = re.compile(r'((?:[^,"]|"[^"]*"?)*)(?:,|$)')
+
+
+def squeezed(name: str) -> str:
+    """A name of a card or parameter as it is compared: capitals without spaces, as `*Shell Section` and `*SHELLSECTION`."""
+    return _SPACE.sub("", name).upper()
+
+
+def card_names(text: str) -> frozenset[str]:
+    """Squeezed names of cards, separated by spaces."""
+    return frozenset(text.split())
+
+
+def folded(name: str) -> str:
+    """A name that the user gave, as it is compared: without quotes, capitals and spaces around it."""
+    return name.strip().strip('"').strip().lower()
+
+
+@dataclass(frozen=True)
+class Row:
+    """A data line.
+
+    Attributes:
+        card: name of the card that it belongs to, for messages.
+        text: without the end of the line.
+        line: from 1.
+        file: that it stands in; empty for the deck itself.
+        after_blank: whether an empty line is before it, which says that what could stand there is left out.
+    """
+
+    card: str
+    text: str
+    line: int
+    file: str
+    after_blank: bool = False
+
+    def error(self, message: str) -> FormatError:
+        """A fault of this line."""
+        return fault(self.file, self.line, self.card, message)
+
+    @property
+    def fields(self) -> list[str]:
+        """Texts between commas; empty ones at the end are left out."""
+        found = [text.strip() for text in self.text.split(",")]
+        while found and not found[-1]:
+            found.pop()
+        return found
+
+    def place(self, column: int) -> Place:
+        """Where a field stands."""
+        start = 0
+        for text in self.text.split(",")[:column]:
+            start += len(text) + 1
+        return Place(self.line, start, start + len(self.text[start:].split(",", 1)[0]), self.file)
+
+    def number(self, text: str, what: str) -> float:
+        """A finite number."""
+        try:
+            found = float(_FORTRAN.sub(r"\1e\2", text))
+        except ValueError:
+            found = math.nan
+        if not abs(found) < LARGEST or "_" in text:
+            raise self.error(f"{what} is {text[:40]!r}, expected a number below {LARGEST:g}")
+        return found
+
+    def whole(self, text: str, what: str) -> int:
+        """A whole number that fits 9 digits, as both solvers ask."""
+        if not text.lstrip("+-").isdecimal() or not text.isascii() or len(text) > 11:
+            raise self.error(f"{what} is {text[:40]!r}, expected a whole number of at most 9 digits")
+        found = int(text)
+        if abs(found) > 999_999_999:
+            raise self.error(f"{what} is {text}, expected a whole number of at most 9 digits")
+        return found
+
+    def numbers(self, what: str, least: int = 1) -> list[float]:
+        """All fields as numbers, empty ones as 0."""
+        fields = self.fields
+        if len(fields) < least:
+            raise self.error(f"has {len(fields)} fields, expected at least {least}: {what}")
+        return [self.number(text or "0", f"field {k} ({what})") for k, text in enumerate(fields, start=1)]
+
+
+@dataclass(frozen=True)
+class Card:
+    """A card with its data lines.
+
+    Attributes:
+        name: squeezed, without the star.
+        label: as the user wrote it, with the star.
+        parameters: by squeezed name; empty where they have no value.
+        line: where it begins.
+        file: that it stands in; empty for the deck itself.
+        rows: its data lines.
+    """
+
+    name: str
+    label: str
+    parameters: Mapping[str, str]
+    line: int
+    file: str
+    rows: list[Row] = field(default_factory=list)
+
+    def error(self, message: str) -> FormatError:
+        """A fault of this card."""
+        return fault(self.file, self.line, self.label, message)
+
+    def get(self, parameter: str) -> str:
+        """A parameter's value, empty where it is not given."""
+        return self.parameters.get(squeezed(parameter), "")
+
+    def needs(self, parameter: str) -> str:
+        """A parameter's value.
+
+        Raises:
+            FormatError: it is missing.
+        """
+        if not (found := self.get(parameter)):
+            raise self.error(f"has no {parameter}=, which says what it belongs to")
+        return found
+
+    def says(self, parameter: str) -> bool:
+        """Whether a parameter is there, other than as NO."""
+        return self.parameters.get(squeezed(parameter), "NO").upper() != "NO"
+
+    def number(self, text: str, what: str) -> float:
+        """A parameter as a finite number."""
+        return Row(self.label, text, self.line, self.file).number(text, what)
+
+    @property
+    def first(self) -> Row:
+        """The first data line.
+
+        Raises:
+            FormatError: there is none.
+        """
+        if not self.rows:
+            raise self.error("has no data line behind it; is the file cut?")
+        return self.rows[0]
+
+
+def fault(file: str, line: int, card: str, message: str) -> FormatError:
+    """A fault at a line of a card."""
+    return FormatError(f"{file} line {line}" if file else f"line {line}", f"{card} {message}")
+
+
+def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
+    """All cards in their order; those of included files stand where *INCLUDE does.
+
+    Raises:
+        FormatError: the file is no deck, a line is broken, or an included file is missing or includes itself.
+    """
+    if b"\0" in content[:4096]:
+        raise FormatError(
+            "", "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as *NODE"
+        )
+    found = list(_cards(_Files(included).lines(content)))
+    if not found:
+        raise FormatError("", "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX")
+    return found
+
+
+class _Line(NamedTuple):
+    """A line of a file, without the blanks at its end."""
+
+    file: str
+    number: int
+    text: str
+
+
+class _Files:
+    """A deck and the files that it includes, which may be read several times, so that their lines are counted."""
+
+    def __init__(self, included: Mapping[str, bytes]) -> None:
+        self._included = included
+        self._lines = 0
+
+    def lines(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[_Line]:
+        """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
+        file = within[-1] if within else ""
+        text = content.decode("latin-1").split("\n")  # a character is a byte, so that columns are too
+        self._lines += len(text)
+        if self._lines > MOST_LINES:
+            raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")
+        lines = (_Line(file, number, raw.rstrip()) for number, raw in enumerate(text, start=1))
+        for line in lines:
+            if _INCLUDE.match(line.text):
+                name = self._named(_card(line, lines), within)
+                yield from self.lines(self._included[name], (*within, name))
+            else:
+                yield line
+
+    def _named(self, card: Card, within: tuple[str, ...]) -> str:
+        """The included file that a card means, by its path or the last part of it."""
+        name = card.needs("INPUT").strip('"')
+        last = PurePosixPath(name.replace("\\", "/")).name
+        found = next((each for each in self._included if each in (name, last)), None)
+        if found is None:
+            raise card.error(f"names {name!r}, which was not handed in; give that file too")
+        if found in within:
+            raise card.error(f"of {name!r} goes in a circle: {' → '.join((*within, found))}")
+        if len(within) >= DEEPEST_INCLUDE:
+            raise card.error(f"of {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that is read")
+        return found
+
+
+def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
+    """Cards of lines."""
+    card: Card | None = None
+    blank = False
+    for line in lines:
+        text = line.text.lstrip()
+        if text.startswith("**") or not text:
+            blank = not text
+            continue
+        if text.startswith("*"):
+            if card is not None:
+                yield card
+            card = _card(line, lines)
+        elif card is None:
+            raise fault(line.file, line.number, "the data line", f"{line.text[:40]!r} stands before any card")
+        else:
+            card.rows.append(Row(card.label, line.text, line.number, line.file, blank))
+        blank = False
+    if card is not None:
+        yield card
+
+
+def _card(line: _Line, following: Iterator[_Line]) -> Card:
+    """A card of its line and those that continue it, which are taken."""
+    text = line.text.strip()
+    while text.endswith(","):
+        text += next(following, _Line("", 0, "")).text.strip() or " "
+    label, *parts = (match.group(1) for match in _PARAMETER.finditer(text))
+    parameters = {}
+    for part in parts:
+        name, _, value = part.partition("=")
+        if name.strip():
+            parameters[squeezed(name)] = value.strip()
+    return Card(squeezed(label[1:]), label.strip(), parameters, line.number, line.file)

@@ -1,0 +1,165 @@
+"""Local axes of elements and nodes: *ORIENTATION and *TRANSFORM."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalbase.formats.models.inp.lines import Card, Row, folded
+from modalbase.formats.models.inp.mesh import Mesh, Move, frame
+from modalbase.formats.models.model import Floats, Integers
+
+ALONG_NORMAL = np.cos(np.radians(0.1))
+"""The x axis is taken to lie along a normal from here on, and z is projected in its stead (Abaqus and CalculiX)."""
+
+
+@dataclass(frozen=True)
+class System:
+    """A rectangular or cylindrical system.
+
+    Attributes:
+        cylindrical: axes are radial, tangential and along axis 3.
+        origin: of it, in the model's frame.
+        axes: (3, 3) rows.
+        about: axis (0 … 2) about which the others are turned, which lies along the normal of shells.
+        turn: that turn, rad.
+        own: axes of elements that have their own, by their place.
+    """
+
+    cylindrical: bool
+    origin: Floats
+    axes: Floats
+    about: int | None = None
+    turn: float = 0.0
+    own: dict[int, Floats] = field(default_factory=dict)
+
+    def at(self, points: Floats) -> Floats:
+        """(p, 3, 3) axes as rows at (p, 3) points."""
+        found = np.broadcast_to(self.axes, (len(points), 3, 3))
+        if self.cylindrical:
+            along = self.axes[2]
+            radial = points - self.origin
+            radial = radial - (radial @ along)[:, None] * along
+            length = np.linalg.norm(radial, axis=1, keepdims=True)
+            radial = np.where(length > 1e-12, radial / np.where(length > 0, length, 1), self.axes[0])
+            found = np.stack([radial, np.cross(along, radial), np.broadcast_to(along, radial.shape)], axis=1)
+        return self._turned(found)
+
+    def of(self, elements: Integers, points: Floats) -> Floats:
+        """(e, 3, 3) axes as rows of elements whose middles are at (e, 3) points."""
+        found = np.array(self.at(points))
+        for row, element in enumerate(elements.tolist()):
+            if element in self.own:
+                found[row] = self._turned(self.own[element][None])[0]
+        return found
+
+    def _turned(self, axes: Floats) -> Floats:
+        if not self.turn:
+            return axes
+        k = 2 if self.about is None else self.about
+        i, j = (k + 1) % 3, (k + 2) % 3
+        found = np.array(axes)
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        found[:, i], found[:, j] = c * axes[:, i] + s * axes[:, j], c * axes[:, j] - s * axes[:, i]
+        return found
+
+    @property
+    def projected(self) -> int:
+        """Which axis becomes axis 1 of a shell: the one after that along its normal."""
+        return 0 if self.about is None else (self.about + 1) % 3
+
+
+def axis_of_shells(system: System | None, elements: Integers, points: Floats, normals: Floats) -> Floats:
+    """(e, 3) axis 1 of shells, not projected; without a system the model's x axis, or z where x is their normal."""
+    if system is not None:
+        return system.of(elements, points)[:, system.projected]
+    along = np.abs(normals[:, 0]) > ALONG_NORMAL
+    return np.where(along[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+
+
+def orientation(card: Card, move: Move, mesh: Mesh, scope: str, tables: dict[str, Card]) -> System:
+    """The system of *ORIENTATION.
+
+    Raises:
+        FormatError: it is none that is read, or its points do not make one.
+    """
+    if card.get("DEFINITION").upper() not in ("", "COORDINATES"):
+        raise card.error(f"has DEFINITION={card.get('DEFINITION')}, expected COORDINATES; give the points by numbers")
+    system = card.get("SYSTEM").upper() or "RECTANGULAR"
+    if system[0] not in "RCZ":
+        raise card.error(f"has SYSTEM={system}, expected RECTANGULAR, Z RECTANGULAR or CYLINDRICAL")
+    first = card.first
+    named = first.fields[:1]
+    own: dict[int, Floats] = {}
+    if named and (table := tables.get(folded(named[0]))):
+        values, own = _distributed(table, move, mesh, scope)
+    else:
+        values = first.numbers("coordinates of two or three points", 6)
+    origin, axes = _points(values, system, first)
+    about, turn = _turn(card)
+    return System(system[0] == "C", move.turn @ origin + move.shift, axes @ move.turn.T, about, turn, own)
+
+
+def _points(values: list[float], system: str, row: Row) -> tuple[Floats, Floats]:
+    """Origin and axes of a, b and c."""
+    a, b = np.array(values[:3]), np.array(values[3:6])
+    if system[0] == "C":
+        return a, _about(b - a, row)
+    c = np.array([*values[6:9], 0.0, 0.0, 0.0][:3])
+    axes = frame(a - c, b - c, row)
+    return c, axes[[1, 2, 0]] if system[0] == "Z" else axes
+
+
+def _about(along: Floats, row: Row) -> Floats:
+    """Axes of which the third lies along a direction."""
+    helper = np.eye(3)[np.argmin(np.abs(along))]
+    return frame(along, helper, row)[[1, 2, 0]]
+
+
+def _turn(card: Card) -> tuple[int | None, float]:
+    """The second line: an axis from 0, and the angle about it in rad."""
+    if len(card.rows) < 2 or not card.rows[1].fields:
+        return None, 0.0
+    row = card.rows[1]
+    about, angle, *_ = (*row.fields, "0")
+    axis = row.whole(about or "1", "the axis of the turn")
+    if axis not in (1, 2, 3):
+        raise row.error(f"turns about axis {axis}, expected 1, 2 or 3")
+    return axis - 1, float(np.radians(row.number(angle or "0", "the angle")))
+
+
+def _distributed(card: Card, move: Move, mesh: Mesh, scope: str) -> tuple[list[float], dict[int, Floats]]:
+    """Points that hold where elements have none of their own, and the axes of those that have."""
+    default = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    own: dict[int, Floats] = {}
+    for row in card.rows:
+        fields = row.fields
+        if len(fields) < 7:
+            raise row.error(f"has {len(fields)} fields, expected an element and two points")
+        values = [row.number(text or "0", "a coordinate") for text in fields[1:7]]
+        if not fields[0]:
+            default = values
+            continue
+        axes = frame(np.array(values[:3]), np.array(values[3:]), row) @ move.turn.T
+        for element in mesh.select_elements(fields[0], scope, row).tolist():
+            own[element] = axes
+    return default, own
+
+
+def transforms(cards: list[Card], mesh: Mesh, scope: str, move: Move) -> dict[int, Floats]:
+    """(3, 3) axes, as rows, of the nodes that *TRANSFORM names, by row."""
+    found: dict[int, Floats] = {}
+    for card in cards:
+        if card.name != "TRANSFORM":
+            continue
+        kind = card.get("TYPE").upper() or "R"
+        if kind not in ("R", "C"):
+            raise card.error(f"has TYPE={kind}, expected R or C")
+        values = card.first.numbers("coordinates of two points", 6)
+        a, b = np.array(values[:3]), np.array(values[3:6])
+        axes = frame(a, b, card.first) if kind == "R" else _about(b - a, card.first)
+        system = System(kind == "C", move.turn @ a + move.shift, axes @ move.turn.T)
+        nodes = mesh.select_nodes(card.needs("NSET"), scope, card)
+        found |= dict(zip(nodes.tolist(), system.at(np.array(mesh.places)[nodes].reshape(-1, 3)), strict=True))
+    return found

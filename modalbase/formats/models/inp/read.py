@@ -1,0 +1,307 @@
+"""A deck to the neutral model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from modalbase.formats.models.check import check
+from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
+from modalbase.formats.models.inp.constraints import NAMES, Constraints
+from modalbase.formats.models.inp.held import note_prestress, supports
+from modalbase.formats.models.inp.lines import Card, card_names, folded, read_cards
+from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.materials import Materials
+from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move
+from modalbase.formats.models.inp.orientations import System, orientation, transforms
+from modalbase.formats.models.inp.sections import BEAMS, SHELLS, Part, Sections
+from modalbase.formats.models.model import FiniteElementModel, Floats
+
+MOST_INSTANCES = 1000
+MOST_CARDS = 1_000_000
+"""Of all instances together, each of which reads its part's cards again."""
+
+_GENERATORS = frozenset(["NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY"])
+_USED = card_names(
+    "NODE ELEMENT NSET ELSET SYSTEM HEADING MATERIAL ELASTIC DENSITY ORIENTATION TRANSFORM DISTRIBUTION "
+    "DISTRIBUTIONTABLE NODALTHICKNESS BOUNDARY SURFACE COUPLING ENDCOUPLING NONSTRUCTURALMASS FREQUENCY STEP "
+    "ENDSTEP ASSEMBLY ENDASSEMBLY"
+)
+
+
+@dataclass
+class Deck:
+    """Cards by where they belong.
+
+    Attributes:
+        parts: cards of each part, by folded name.
+        instances: card and cards of each instance.
+        own: those of the assembly and of the model.
+        steps: those of each step, with the card *STEP.
+    """
+
+    parts: dict[str, list[Card]] = field(default_factory=dict)
+    instances: list[tuple[Card, list[Card]]] = field(default_factory=list)
+    own: list[Card] = field(default_factory=list)
+    steps: list[list[Card]] = field(default_factory=list)
+
+
+def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> FiniteElementModel:
+    """The model of a deck of Abaqus or CalculiX.
+
+    An element belongs to the set of its section, whose name is the section's ELSET in small letters, since names are alike in
+    capitals and without; so a constant is `flange.E1`. Where two parts have one name, the second has its part's name before it.
+    Nodes of several instances may have one number; those of later instances then have a million more for each.
+
+    Args:
+        content: the deck.
+        included: files that it includes, by name.
+
+    Raises:
+        FormatError: it is no such deck, is broken, or has what is not read; names file, line and card.
+    """
+    deck = _sorted(read_cards(content, included or {}))
+    losses = Losses()
+    mesh = Mesh()
+    scopes = _meshed(deck, mesh)
+    materials = Materials()
+    materials.read([card for _, cards, _ in scopes for card in cards])
+    for card in materials.hot:
+        losses.add(card, "constants at other temperatures: those of the first line are taken", changes=True)
+    return _Reading(deck, losses, mesh, materials).model(scopes)
+
+
+Scopes = list[tuple[Part, list[Card], Move]]
+
+
+def _sorted(cards: list[Card]) -> Deck:
+    """Cards by part, instance and step.
+
+    Raises:
+        FormatError: one is not closed, or closed before it begins.
+    """
+    deck = Deck()
+    opened: Card | None = None
+    taken = deck.own
+    for card in cards:
+        if card.name in ("PARAMETER", *_GENERATORS):
+            raise card.error(
+                "makes numbers as the solver reads it; write the deck out with numbers, nodes and elements"
+            )
+        if card.name in ("PART", "INSTANCE", "STEP"):
+            if opened is not None:
+                raise card.error(
+                    f"stands within {opened.label} of line {opened.line}, which is not closed; is the file cut?"
+                )
+            opened = card
+            taken = _begun(deck, card)
+        elif card.name in ("ENDPART", "ENDINSTANCE", "ENDSTEP"):
+            if opened is None or f"END{opened.name}" != card.name:
+                raise card.error(f"closes nothing: there is no *{card.name[3:]} before it")
+            opened, taken = None, deck.own
+        else:
+            taken.append(card)
+    if opened is not None:
+        raise opened.error(f"is not closed by *END {opened.name}; is the file cut?")
+    return deck
+
+
+def _begun(deck: Deck, card: Card) -> list[Card]:
+    """Where the cards of a part, instance or step go."""
+    if card.name == "STEP":
+        deck.steps.append([card])
+        return deck.steps[-1]
+    if card.name == "INSTANCE":
+        deck.instances.append((card, []))
+        return deck.instances[-1][1]
+    name = folded(card.needs("NAME"))
+    if name in deck.parts:
+        raise card.error(f"{name} is there already; give it another name")
+    deck.parts[name] = []
+    return deck.parts[name]
+
+
+def _meshed(deck: Deck, mesh: Mesh) -> Scopes:
+    """Read the mesh of each instance and then the deck's own."""
+    if len(deck.instances) > MOST_INSTANCES:
+        raise deck.instances[-1][0].error(f"is instance {len(deck.instances)}; at most {MOST_INSTANCES} are read")
+    scopes: Scopes = []
+    read = 0
+    for card, cards in deck.instances:
+        name, part = folded(card.needs("NAME")), folded(card.get("PART"))
+        if part not in deck.parts:
+            there = ", ".join(deck.parts) or "none"
+            raise card.error(f"names the part {part!r}, which no *PART has; there are {there}")
+        if name in mesh.scopes:
+            raise card.error(f"{name} is there already; give it another name")
+        every = deck.parts[part] + cards
+        read += len(every)
+        if read > MOST_CARDS:
+            raise card.error(f"takes the cards of all instances above {MOST_CARDS}, which is the most that is read")
+        move = _move(card)
+        mesh.read(every, name, move)
+        scopes.append((Part(name, part, move, {}), every, move))
+    mesh.read(deck.own, "")
+    scopes.append((Part("", "", AT_REST, {}), deck.own, AT_REST))
+    return scopes
+
+
+def _move(card: Card) -> Move:
+    """Where an instance stands: moved by the first line, then turned about the axis of the second."""
+    if not card.rows:
+        return AT_REST
+    shift = np.array([*card.first.numbers("a translation"), 0.0, 0.0][:3])
+    if len(card.rows) < 2:
+        return Move(np.eye(3), shift)
+    row = card.rows[1]
+    values = row.numbers("two points of an axis, and an angle", 7)
+    a, along = np.array(values[:3]), np.array(values[3:6]) - np.array(values[:3])
+    if not np.linalg.norm(along) > 0:
+        raise row.error("gives one point twice, expected two points of an axis")
+    x, y, z = along / np.linalg.norm(along)
+    spin = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = np.radians(values[6])
+    turn = np.eye(3) + np.sin(angle) * spin + (1 - np.cos(angle)) * spin @ spin
+    return Move(turn, turn @ (shift - a) + a)
+
+
+class _Reading:
+    """The model's members, taken from cards scope by scope."""
+
+    def __init__(self, deck: Deck, losses: Losses, mesh: Mesh, materials: Materials) -> None:
+        self._deck, self._losses, self._mesh = deck, losses, mesh
+        self._sections = Sections(mesh, materials)
+        self._carried = Carried(mesh, losses)
+        self._materials = materials
+
+    def model(self, scopes: Scopes) -> FiniteElementModel:
+        """The whole."""
+        mesh, deck = self._mesh, self._deck
+        axes: dict[int, Floats] = {}
+        for part, cards, move in scopes:
+            axes |= transforms(cards, mesh, part.scope, move)
+        constraints = Constraints(mesh, self._losses, axes)
+        ready = self._with_systems(scopes, constraints)
+        for part, cards in ready:
+            self._properties(part, cards, axes)
+        blocks = self._sections.joined()
+        self._carried.complete()
+        self._note_types()
+        for part, cards in ready:
+            for card in cards:
+                if card.name in NAMES:
+                    constraints.read(card, part)
+                elif card.name == "NONSTRUCTURALMASS":
+                    spread_mass(card, mesh, self._sections, part, blocks, self._losses)
+        constraints.finish()
+        initial = [(card, part.scope) for part, cards in ready for card in cards if card.name == "BOUNDARY"]
+        held = supports(initial, deck.steps, mesh, axes, self._losses)
+        note_prestress(deck.steps, self._losses)
+        self._note_unused()
+        used = {ply.material for s in self._sections.found.values() if not hasattr(s, "material") for ply in s.plies}
+        used |= {s.material for s in self._sections.found.values() if hasattr(s, "material")}
+        found = FiniteElementModel(
+            "inp",
+            self._title(),
+            self._numbers(),
+            np.array(mesh.places).reshape(-1, 3),
+            blocks,
+            self._sections.found,
+            {name: material for name, material in self._materials.found.items() if name in used},
+            self._node_sets(),
+            axes,
+            tuple(self._carried.masses),
+            tuple(self._carried.springs),
+            tuple(constraints.links),
+            (*constraints.supports, *held),
+            self._losses.found,
+        )
+        check(found)
+        return found
+
+    def _with_systems(self, scopes: Scopes, constraints: Constraints) -> list[tuple[Part, list[Card]]]:
+        """Each scope with its orientations, those of the deck itself where it has no other; surfaces are noted by the way."""
+        ready = []
+        everywhere: dict[str, System] = {}
+        for part, cards, move in reversed(scopes):
+            tables = {folded(card.get("NAME")): card for card in cards if card.name == "DISTRIBUTION"}
+            systems = dict(everywhere)
+            for card in cards:
+                if card.name == "ORIENTATION":
+                    systems[folded(card.needs("NAME"))] = orientation(card, move, self._mesh, part.scope, tables)
+                elif card.name == "SURFACE":
+                    constraints.surfaces[part.scope, folded(card.needs("NAME"))] = card, part.scope
+            if not part.scope:
+                everywhere = systems
+            ready.append((Part(part.scope, part.name, move, systems), cards))
+        return ready[::-1]
+
+    def _properties(self, part: Part, cards: list[Card], axes: dict[int, Floats]) -> None:
+        thickness = self._thickness(part, cards)
+        for card in cards:
+            if card.get("SECTION").upper() == "CIRC" and card.rows and len(card.first.fields) == 1 and not part.scope:
+                loss = "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as CalculiX does"
+                self._losses.add(card, loss, changes=True)
+            if card.name in SHELLS or card.name in BEAMS:
+                self._sections.read(card, part, thickness)
+            elif card.name in PROPERTIES.values():
+                self._carried.read(card, part, axes)
+
+    def _thickness(self, part: Part, cards: list[Card]) -> dict[int, float]:
+        """Of the nodes that *NODAL THICKNESS names, by row."""
+        found: dict[int, float] = {}
+        for row in (row for card in cards if card.name == "NODALTHICKNESS" for row in card.rows):
+            name, value = [*row.fields, "", ""][:2]
+            thickness = row.number(value, "the thickness")
+            if not 0 < thickness < 1e9:
+                raise row.error(f"the thickness is {thickness:g}, expected a length above 0")
+            found |= dict.fromkeys(self._mesh.select_nodes(name, part.scope, row).tolist(), thickness)
+        return found
+
+    def _note_types(self) -> None:
+        for element in self._mesh.elements:
+            if element.type.loss:
+                self._losses.add(element.row, element.type.loss, changes=element.type.changes)
+
+    def _note_unused(self) -> None:
+        used = _USED | NAMES | set(SHELLS) | set(BEAMS) | set(PROPERTIES.values())
+        deck = self._deck
+        within_steps = [card for step in deck.steps for card in step[1:]]
+        seen = {id(card): card for card in (*deck.own, *within_steps)}
+        seen |= {id(card): card for cards in deck.parts.values() for card in cards}
+        seen |= {id(card): card for _, cards in deck.instances for card in cards}
+        for card in seen.values():
+            if card.name not in used:
+                self._losses.unused(card)
+
+    def _title(self) -> str:
+        heading = next((card for card in self._deck.own if card.name == "HEADING" and card.rows), None)
+        text = heading.rows[0].text.strip() if heading else ""
+        return text.encode("latin-1").decode("utf-8", "replace")[:200]
+
+    def _numbers(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+        """The user's numbers of nodes; where instances share one, a million more for each instance before."""
+        numbers = np.array(self._mesh.numbers, dtype=np.int64)
+        if len(np.unique(numbers)) == len(numbers):
+            return numbers
+        step = 10 ** len(str(int(np.abs(numbers).max())))
+        for k, scope in enumerate([name for name in self._mesh.scopes if name]):
+            rows = np.fromiter(self._mesh.scopes[scope].nodes.values(), dtype=np.int64)
+            numbers[rows] += k * max(step, 1_000_000)
+        own = np.fromiter(self._mesh.scopes[""].nodes.values(), dtype=np.int64)
+        numbers[own] += (len(self._mesh.scopes) - 1) * max(step, 1_000_000)
+        return numbers
+
+    def _node_sets(self) -> dict[str, np.ndarray[tuple[int], np.dtype[np.int64]]]:
+        """All named sets; of an instance with its name before them, unless it is the only one."""
+        alone = len(self._mesh.scopes) == 2
+        found = {}
+        for scope, own in self._mesh.scopes.items():
+            for name, defined in own.node_sets.items():
+                full = (
+                    f"{scope}.{name}" if scope and not (alone and name not in self._mesh.scopes[""].node_sets) else name
+                )
+                found[full] = self._mesh.select_nodes(name, scope, defined[0].card)
+        return found

@@ -1,0 +1,338 @@
+"""Sections of a deck, and the elements that have them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalbase.formats.models.inp.beams import beam_section, directions
+from modalbase.formats.models.inp.lines import Card, Row, folded
+from modalbase.formats.models.inp.materials import Materials
+from modalbase.formats.models.inp.mesh import Element, Mesh, Move
+from modalbase.formats.models.inp.orientations import System, axis_of_shells
+from modalbase.formats.models.model import BeamSection, Elements, Floats, Integers, Kind, Ply, ShellSection
+
+SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
+BEAMS = ("BEAMSECTION", "BEAMGENERALSECTION")
+MOST_PLIES = 1000
+ROUNDING = 1e-9
+"""A centroid this close to the nodes, by the root of the section's area, lies on them."""
+ALIKE_DEG = 0.05
+"""Angles of a ply may differ so much between elements where they are read from orientations, for rounding."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a section is read with: its scope, the part's name, how it stands, and its orientations by folded name."""
+
+    scope: str
+    name: str
+    move: Move
+    systems: Mapping[str, System]
+
+    def system(self, name: str, where: Card | Row) -> System | None:
+        """An orientation by its name.
+
+        Raises:
+            FormatError: there is none.
+        """
+        if not name:
+            return None
+        if folded(name) not in self.systems:
+            there = ", ".join(self.systems) or "none"
+            raise where.error(f"names the orientation {name!r}, which no *ORIENTATION has; there are {there}")
+        return self.systems[folded(name)]
+
+
+class Sections:
+    """Sections and their elements as they are read.
+
+    Attributes:
+        found: sections by the name of their set.
+        blocks: elements.
+    """
+
+    def __init__(self, mesh: Mesh, materials: Materials) -> None:
+        self.found: dict[str, ShellSection | BeamSection] = {}
+        self.blocks: dict[tuple[str, Kind], list[Elements]] = {}
+        self.members: dict[str, list[int]] = {}
+        self._mesh, self._materials = mesh, materials
+        self._places = np.array(mesh.places).reshape(-1, 3)
+        self._of: dict[int, Card] = {}
+        self._names: dict[tuple[str, int], str] = {}
+
+    def read(self, card: Card, part: Part, thickness: Mapping[int, float]) -> None:
+        """Take a section's card.
+
+        Args:
+            card: of the section.
+            part: what it belongs to.
+            thickness: of nodes that *NODAL THICKNESS names, by row.
+        """
+        chosen = self._mesh.select_elements(card.needs("ELSET"), part.scope, card)
+        role = "shell" if card.name in SHELLS else "beam"
+        for at in chosen.tolist():
+            element = self._mesh.elements[at]
+            if element.type.role != role:
+                raise card.error(f"has element {element.number} of line {element.row.line}, which is no {role} element")
+            if at in self._of:
+                before = self._of[at].line
+                raise card.error(f"gives element {element.number} a section, which has that of line {before}")
+            self._of[at] = card
+        if not chosen.size:
+            return
+        name = self._name(card, part)
+        self.members.setdefault(name, []).extend(chosen.tolist())
+        kinds: dict[Kind, list[int]] = {}
+        for at in chosen.tolist():
+            kind = self._mesh.elements[at].type.kind
+            assert kind is not None
+            kinds.setdefault(kind, []).append(at)
+        (self._shells if role == "shell" else self._beams)(card, part, name, kinds, thickness)
+
+    def _name(self, card: Card, part: Part) -> str:
+        """Of the set: the deck's ELSET in small letters, with the part's before it where two have one name."""
+        key = (card.file, card.line)
+        if key not in self._names:
+            own = "_".join(folded(card.get("ELSET")).split())
+            longer = f"{'_'.join(folded(part.name).split())}.{own}" if part.name else f"{own}_{card.line}"
+            self._names[key] = own if own not in self._names.values() else longer
+        return self._names[key]
+
+    def _shells(
+        self, card: Card, part: Part, name: str, kinds: Mapping[Kind, list[int]], thickness: Mapping[int, float]
+    ) -> None:
+        system = part.system(card.get("ORIENTATION"), card)
+        by_nodes = "NODALTHICKNESS" in card.parameters
+        stack = self._stack(card, by_nodes)
+        if system is None and "COMPOSITE" in card.parameters and (first := _named_orientation(stack[0])):
+            system = part.system(first, card)
+        parts = [(kind, np.array(chosen), *self._shell_axes(chosen, system)) for kind, chosen in kinds.items()]
+        plies = tuple(self._ply(row, parts, part, card) for row in stack)
+        total = sum(ply.thickness for ply in plies)
+        section = ShellSection(plies, card.line, -_offset(card) * total, file=card.file)
+        self.found[name] = section
+        for kind, chosen, axes, _ in parts:
+            nodes = self._nodes(chosen)
+            own = self._nodal(card, nodes, thickness, None if by_nodes else total)
+            if own is not None and (section.offset or len(plies) > 1):
+                raise card.error(
+                    "has OFFSET or plies where *NODAL THICKNESS names its nodes; give the thickness by sets"
+                )
+            self._add(name, kind, chosen, nodes, axes, thickness=own)
+
+    def _nodal(self, card: Card, nodes: Integers, thickness: Mapping[int, float], else_: float | None) -> Floats | None:
+        """Thickness at the elements' nodes; None where *NODAL THICKNESS names none of them.
+
+        That card goes before the section's own thickness, as CalculiX has it.
+        """
+        used = np.unique(nodes).tolist()
+        missing = [node for node in used if node not in thickness]
+        if missing and else_ is None:
+            raise card.error(
+                f"has NODAL THICKNESS, but *NODAL THICKNESS gives none to node {self._mesh.numbers[missing[0]]}"
+            )
+        if len(missing) == len(used):
+            return None
+        return np.array([[thickness.get(node, else_ or 0.0) for node in row] for row in nodes.tolist()])
+
+    def _shell_axes(self, chosen: list[int], system: System | None) -> tuple[Floats, Floats]:
+        """(e, 3) axis 1 and normals."""
+        corners = self._places[[self._mesh.elements[at].nodes[:4] for at in chosen]] if chosen else np.zeros((0, 4, 3))
+        if len({len(self._mesh.elements[at].nodes) for at in chosen}) == 1 and self._mesh.elements[
+            chosen[0]
+        ].type.kind in (
+            "tri3",
+            "tri6",
+        ):
+            corners = corners[:, :3]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0])
+        if corners.shape[1] == 4:
+            normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        if np.any(bad := ~(length[:, 0] > 0)):
+            element = self._mesh.elements[chosen[int(np.argmax(bad))]]
+            raise element.row.error(f"gives element {element.number} no area")
+        normals = normals / length
+        axes = axis_of_shells(system, np.array(chosen), corners.mean(axis=1), normals)
+        flat = np.linalg.norm(np.cross(axes, normals), axis=1)
+        if np.any(bad := ~(flat > 1e-6)):
+            element = self._mesh.elements[chosen[int(np.argmax(bad))]]
+            raise element.row.error(
+                f"has element {element.number}, on whose normal axis 1 of its orientation lies; state another *ORIENTATION"
+            )
+        return np.array(axes), normals
+
+    def _stack(self, card: Card, by_nodes: bool) -> list[tuple[Row, float, str, str]]:
+        """Row, thickness, material and angle or orientation of each ply."""
+        if "COMPOSITE" not in card.parameters:
+            if card.name == "SHELLGENERALSECTION" and not card.get("MATERIAL"):
+                raise card.error("states stiffnesses by numbers; give MATERIAL= and a thickness, or COMPOSITE")
+            if card.get("SHELLTHICKNESS"):
+                raise card.error(
+                    "has SHELL THICKNESS from a distribution; give the thickness by sets or by NODAL THICKNESS"
+                )
+            row = Row(card.label, "1", card.line, card.file) if by_nodes and not card.rows else card.first
+            return [
+                (row, self._thickness(row, row.fields[0] if row.fields else "", by_nodes), card.needs("MATERIAL"), "")
+            ]
+        if by_nodes:
+            raise card.error("is COMPOSITE with NODAL THICKNESS; give the plies by sets")
+        if len(card.rows) > MOST_PLIES:
+            raise card.error(f"has {len(card.rows)} plies, at most {MOST_PLIES} are read")
+        found = []
+        for row in [card.first, *card.rows[1:]]:
+            fields = [*row.fields, "", "", ""]
+            if not fields[2]:
+                raise row.error("names no material; expected thickness, points, material, angle or orientation")
+            found.append((row, self._thickness(row, fields[0], False), fields[2], fields[3]))
+        return found + found[::-1] if "SYMMETRIC" in card.parameters else found
+
+    def _thickness(self, row: Row, text: str, by_nodes: bool) -> float:
+        value = row.number(text, "the thickness")
+        if not (0 < value < 1e9 or by_nodes):
+            raise row.error(f"the thickness is {value:g}, expected a length above 0")
+        return value
+
+    def _ply(
+        self,
+        stacked: tuple[Row, float, str, str],
+        parts: list[tuple[Kind, Integers, Floats, Floats]],
+        part: Part,
+        card: Card,
+    ) -> Ply:
+        row, thickness, material, angle = stacked
+        name = self._materials.named(material, row if "COMPOSITE" in card.parameters else card)
+        other = _named_orientation(stacked)
+        degrees = self._angle(part.system(other, row), parts, row) if other else row.number(angle or "0", "the angle")
+        return Ply(name, thickness, degrees, row.place(0))
+
+    def _angle(self, system: System | None, parts: list[tuple[Kind, Integers, Floats, Floats]], row: Row) -> float:
+        """Angle in degrees from the section's axis 1 to that of a ply's own orientation, about the normals."""
+        angles = []
+        for _, chosen, axes, normals in parts:
+            own, _ = self._shell_axes(chosen.tolist(), system)
+            first = axes - np.sum(axes * normals, axis=1, keepdims=True) * normals
+            sine = np.sum(np.cross(first, own) * normals, axis=1)
+            angles.append(np.degrees(np.arctan2(sine, np.sum(first * own, axis=1))))
+        every = np.concatenate(angles)
+        apart = (every - every[0] + 180) % 360 - 180
+        if np.abs(apart).max() > ALIKE_DEG:
+            raise row.error(
+                f"turns its ply by {every[0]:.2f}° in one element and {every[np.argmax(np.abs(apart))]:.2f}° in another; "
+                "give the section an ORIENTATION and the plies angles, or split the set"
+            )
+        return float(np.round(every[0] + apart.mean(), 9))
+
+    def _beams(
+        self, card: Card, part: Part, name: str, kinds: Mapping[Kind, list[int]], thickness: Mapping[int, float]
+    ) -> None:
+        if any(
+            node in thickness for chosen in kinds.values() for at in chosen for node in self._mesh.elements[at].nodes
+        ):
+            raise card.error("is a beam whose nodes *NODAL THICKNESS names; give its dimensions by sets")
+        every = [self._mesh.elements[at] for chosen in kinds.values() for at in chosen]
+        section, first, centroid = beam_section(card, name, every, self._materials)
+        self.found[name] = section
+        for kind, chosen in kinds.items():
+            nodes = self._nodes(np.array(chosen))
+            axes, second = directions(
+                self._places, [self._mesh.elements[at] for at in chosen], first @ part.move.turn.T
+            )
+            offsets = None
+            if np.hypot(*centroid) > ROUNDING * section.area**0.5:
+                arm = centroid[0] * axes + centroid[1] * second
+                offsets = np.repeat(arm[:, None], nodes.shape[1], axis=1)
+            self._add(name, kind, np.array(chosen), nodes, axes, offsets=offsets)
+
+    def _nodes(self, chosen: Integers) -> Integers:
+        elements: list[Element] = [self._mesh.elements[at] for at in chosen.tolist()]
+        return np.array([[element.nodes[k] for k in element.type.order] for element in elements], dtype=np.int64)
+
+    def _add(
+        self,
+        name: str,
+        kind: Kind,
+        chosen: Integers,
+        nodes: Integers,
+        axes: Floats,
+        *,
+        thickness: Floats | None = None,
+        offsets: Floats | None = None,
+    ) -> None:
+        elements = [self._mesh.elements[at] for at in chosen.tolist()]
+        numbers = np.array([element.number for element in elements], dtype=np.int64)
+        lines = np.array([element.row.line for element in elements], dtype=np.int64)
+        block = Elements(
+            kind=kind,
+            numbers=numbers,
+            nodes=nodes,
+            set=name,
+            axes=axes,
+            lines=lines,
+            offsets=offsets,
+            thickness=thickness,
+        )
+        self.blocks.setdefault((name, kind), []).append(block)
+
+    def joined(self) -> tuple[Elements, ...]:
+        """The blocks, one of each set and kind.
+
+        Raises:
+            FormatError: an element has no section.
+        """
+        for at, element in enumerate(self._mesh.elements):
+            if element.type.role in ("shell", "beam") and at not in self._of:
+                raise element.row.error(
+                    f"has element {element.number}, which no *{element.type.role.upper()} SECTION has; give its set one"
+                )
+        return tuple(_together(blocks, self.found[name]) for (name, _), blocks in self.blocks.items())
+
+
+def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> Elements:
+    """One block of those of several instances."""
+    if len(blocks) == 1:
+        return blocks[0]
+    first = blocks[0]
+    offsets = [b.offsets for b in blocks if b.offsets is not None]  # a section's own, so that all have them or none
+    thickness = []
+    if isinstance(section, ShellSection) and any(b.thickness is not None for b in blocks):
+        total = sum(ply.thickness for ply in section.plies)
+        thickness = [np.full(b.nodes.shape, total) if b.thickness is None else b.thickness for b in blocks]
+    return Elements(
+        kind=first.kind,
+        numbers=np.concatenate([b.numbers for b in blocks]),
+        nodes=np.concatenate([b.nodes for b in blocks]),
+        set=first.set,
+        axes=np.concatenate([b.axes for b in blocks]),
+        lines=np.concatenate([b.lines for b in blocks]),
+        offsets=np.concatenate(offsets) if offsets else None,
+        thickness=np.concatenate(thickness) if thickness else None,
+    )
+
+
+def _named_orientation(stacked: tuple[Row, float, str, str]) -> str:
+    """The orientation that a ply names instead of an angle; empty where it states an angle or none."""
+    angle = stacked[3]
+    try:
+        float(angle or "0")
+    except ValueError:
+        return angle
+    return ""
+
+
+def _offset(card: Card) -> float:
+    """Of the nodes from the middle, in thicknesses."""
+    text = card.get("OFFSET").upper()
+    named = {"": 0.0, "SPOS": 0.5, "SNEG": -0.5, "MID": 0.0, "MIDDLE": 0.0}
+    if text in named:
+        return named[text]
+    try:
+        value = float(text)
+    except ValueError:
+        raise card.error(f"has OFFSET={text}, expected a number, SPOS or SNEG") from None
+    if not abs(value) <= 1000:
+        raise card.error(f"has OFFSET={text}, expected a number of thicknesses of at most 1000")
+    return value

@@ -1,0 +1,253 @@
+"""A finite element model as a deck states it: numbers in the deck's own units, each with its line.
+
+Readers make it from any deck; nothing after them asks which. Nodes are known by their place in the table, and by their
+number to the user.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+Kind = Literal["quad4", "quad8", "tri3", "tri6", "beam2", "beam3"]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a number stands, so that another can be written there.
+
+    Attributes:
+        line: from 1, of its file.
+        start, end: columns from 0, the end excluded; the field without the comma behind it.
+        file: of an INCLUDE, empty for the deck itself.
+    """
+
+    line: int
+    start: int
+    end: int
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Elements of one kind and one set, that is of one section.
+
+    Attributes:
+        kind: of elements; corners in order around the element, then the middles of its sides; of a beam its ends, then its
+            middle.
+        numbers: (e,) the user's.
+        nodes: (e, n) rows of the table of nodes.
+        set: name of the set that the section belongs to.
+        axes: (e, 3) axis 1 of the material in a shell, not yet projected on its surface; of a beam axis 1 of its section.
+        lines: (e,) where each begins.
+        offsets: (e, n, 3) from the nodes to the beam's axis or the shell's reference surface; None where there are none.
+        thickness: (e, n) thickness at the nodes where elements state their own; None where the section's holds.
+    """
+
+    kind: Kind
+    numbers: Integers
+    nodes: Integers
+    set: str
+    axes: Floats
+    lines: Integers
+    offsets: Floats | None = None
+    thickness: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Material:
+    """A material.
+
+    Attributes:
+        name: as the deck has it; a number as text.
+        constants: `E`, `nu` and `G` of an isotropic one; else `E1`, `E2`, `nu12`, `G12`, `G13`, `G23`, and `E3`, `nu13`,
+            `nu23` where stated; `density` where stated.
+        line: where it begins.
+        places: of the constants.
+        file: of an INCLUDE, empty for the deck itself.
+    """
+
+    name: str
+    constants: Mapping[str, float]
+    line: int
+    places: Mapping[str, Place] = field(default_factory=dict)
+    file: str = ""
+
+    @property
+    def is_isotropic(self) -> bool:
+        """Whether it is stated by E and ν."""
+        return "E" in self.constants
+
+
+@dataclass(frozen=True)
+class Ply:
+    """One ply: its material's name, thickness, and angle in degrees from the elements' axis 1 about their normal."""
+
+    material: str
+    thickness: float
+    angle_deg: float = 0.0
+    place: Place | None = None
+
+
+@dataclass(frozen=True)
+class ShellSection:
+    """Plies from the bottom to the top along the elements' normal.
+
+    Attributes:
+        plies: the stack.
+        line: where it begins.
+        offset: from the nodes to the middle of the stack along the normal.
+        extra_mass: non-structural mass per area.
+        file: of an INCLUDE, empty for the deck itself.
+    """
+
+    plies: tuple[Ply, ...]
+    line: int
+    offset: float = 0.0
+    extra_mass: float = 0.0
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class BeamSection:
+    """A beam's section; axes 1 and 2 lie across the beam, axis 2 = tangent × axis 1.
+
+    Attributes:
+        material: its name.
+        area: of the section.
+        inertia: ∫z² dA, ∫y² dA and ∫yz dA of places y n₁ + z n₂ from the centroid.
+        torsion: J.
+        line: where it begins.
+        shear: factors κ of the areas that resist shear along axes 1 and 2; None where the deck has them rigid in shear.
+        extra_mass: non-structural mass per length.
+        places: of `area`, `I1`, `I2`, `J`, where the deck states them themselves.
+        file: of an INCLUDE, empty for the deck itself.
+    """
+
+    material: str
+    area: float
+    inertia: tuple[float, float, float]
+    torsion: float
+    line: int
+    shear: tuple[float, float] | None = (5 / 6, 5 / 6)
+    extra_mass: float = 0.0
+    places: Mapping[str, Place] = field(default_factory=dict)
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A mass that a node carries: its (3, 3) rotary inertia about its own centre, and the offset of that from the node."""
+
+    node: int
+    mass: float
+    line: int
+    inertia: tuple[tuple[float, float, float], ...] = ((0.0,) * 3,) * 3
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring from a node's dof (0 … 5, in the model's frame) to the ground, or to the dof of a second node.
+
+    Where it lies askew, `direction` is a unit vector in the model's frame: `dof` and `second_dof` are then 0 for displacements
+    along it and 3 for turns about it. `arms` reach from its nodes, as rigid bodies, to where it acts; None where it acts at the
+    nodes.
+    """
+
+    node: int
+    dof: int
+    stiffness: float
+    line: int
+    second: int | None = None
+    second_dof: int | None = None
+    direction: tuple[float, float, float] | None = None
+    arms: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+
+
+@dataclass(frozen=True)
+class Link:
+    """A node whose dofs (0 … 5) others lead: one as a rigid body, or several as their weighted mean.
+
+    The dofs are along the model's axes, or along those (3, 3, as rows) of `axes`.
+    """
+
+    node: int
+    leaders: tuple[int, ...]
+    dofs: tuple[int, ...]
+    line: int
+    weights: tuple[float, ...] = ()
+    axes: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Support:
+    """Nodes whose dofs (0 … 5) are held, along the model's axes or along those (3, 3, as rows) of `axes`."""
+
+    nodes: Integers
+    dofs: tuple[int, ...]
+    line: int
+    axes: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Ignored:
+    """Cards that were not used.
+
+    Attributes:
+        card: name, such as `*CONTACT PAIR` or `PLOAD4`.
+        lines: where they stand.
+        loss: what is lost by that, in a sentence.
+        changes: whether modes and frequencies change; such a card stops an import unless the user accepts it by name.
+    """
+
+    card: str
+    lines: tuple[int, ...]
+    loss: str
+    changes: bool = False
+
+
+@dataclass(frozen=True)
+class FiniteElementModel:
+    """What a deck says.
+
+    Attributes:
+        format: `inp`, `bdf`, `uff`, `mesh`.
+        title: the heading.
+        numbers: (n,) the user's numbers of the nodes.
+        nodes: (n, 3) coordinates in the model's frame.
+        elements: blocks.
+        sections: of each set of elements.
+        materials: by name.
+        node_sets: named nodes, rows of the table.
+        node_axes: (3, 3) axes, as rows, of nodes whose displacements a deck states in a system of their own, by row.
+        masses, springs, links, supports: what it carries and what holds it.
+        ignored: what was not used.
+    """
+
+    format: str
+    title: str
+    numbers: Integers
+    nodes: Floats
+    elements: tuple[Elements, ...]
+    sections: Mapping[str, ShellSection | BeamSection]
+    materials: Mapping[str, Material]
+    node_sets: Mapping[str, Integers] = field(default_factory=dict)
+    node_axes: Mapping[int, Floats] = field(default_factory=dict)
+    masses: tuple[PointMass, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    links: tuple[Link, ...] = ()
+    supports: tuple[Support, ...] = ()
+    ignored: tuple[Ignored, ...] = ()
+
+    @property
+    def sets(self) -> tuple[str, ...]:
+        """Names of the sets of elements, in the order of the blocks."""
+        return tuple(dict.fromkeys(block.set for block in self.elements))

@@ -1,0 +1,276 @@
+"""Units of a deck, which states none: length, force and mass by name, scaled to SI.
+
+They are guessed and checked by what materials there are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.model import BeamSection, FiniteElementModel, Material, PointMass, ShellSection, Spring
+
+_INCH, _FOOT = 0.0254, 0.3048
+_POUND = POUND_FORCE / STANDARD_GRAVITY
+LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": _INCH, "ft": _FOOT}
+FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY}
+MASSES = {
+    "kg": 1.0,
+    "t": 1e3,
+    "g": 1e-3,
+    "lb": _POUND,
+    "slug": POUND_FORCE / _FOOT,
+    "slinch": POUND_FORCE / _INCH,
+}
+"""SI value of one unit. A slug is a lbf s²/ft, a slinch a lbf s²/in."""
+
+COMMON = (
+    "m-N-kg",
+    "mm-N-t",
+    "mm-N-kg",
+    "mm-kN-kg",
+    "m-kN-t",
+    "cm-N-kg",
+    "in-lbf-slinch",
+    "in-lbf-lb",
+    "ft-lbf-slug",
+)
+"""Those that a guess tries. Units need not be coherent: mm-N-kg is not, and its solver's frequencies are then in odd units."""
+
+
+class Units(NamedTuple):
+    """SI value of one unit of length, force and mass."""
+
+    length: float
+    force: float
+    mass: float
+
+    @property
+    def stress(self) -> float:
+        """Of one unit of force per area, Pa."""
+        return self.force / self.length**2
+
+    @property
+    def density(self) -> float:
+        """Of one unit of mass per volume, kg/m³."""
+        return self.mass / self.length**3
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Units that a deck seems to be in, and why: a sentence. They are to be confirmed."""
+
+    units: str
+    reason: str
+
+
+class _Known(NamedTuple):
+    """A kind of material: ranges of its density in kg/m³ and of its largest Young's modulus in Pa."""
+
+    name: str
+    density: tuple[float, float]
+    modulus: tuple[float, float]
+
+
+_KNOWN = (
+    _Known("steel", (7500, 8300), (1.7e11, 2.3e11)),
+    _Known("aluminium", (2500, 2900), (6e10, 8.5e10)),
+    _Known("titanium", (4200, 4800), (9e10, 1.3e11)),
+    _Known("magnesium", (1700, 1850), (4e10, 4.8e10)),
+    _Known("brass or copper", (8300, 9000), (9e10, 1.4e11)),
+    _Known("fibre reinforced plastic", (1200, 2300), (4e9, 4.5e11)),
+    _Known("wood", (250, 1200), (4e9, 3e10)),
+    _Known("plastic", (850, 1600), (5e8, 6e9)),
+    _Known("concrete or glass", (2000, 2700), (1.5e10, 9e10)),
+    _Known("core of foam, balsa or honeycomb", (25, 350), (5e6, 6e9)),
+)
+_DENSITIES, _MODULI, _SPEEDS, _SIZES = (10.0, 2.5e4), (1e6, 2e12), (30.0, 3e4), (1e-3, 1e4)
+"""What no solid goes beyond: kg/m³, Pa, √(E/ρ) in m/s, and the extent of a structure in m."""
+
+
+def units_of(name: str) -> Units:
+    """Units by name: of length, force and mass, with hyphens between.
+
+    >>> units_of("m-kN-t").density
+    1000.0
+
+    Raises:
+        FormatError: the name is none.
+    """
+    parts = name.split("-")
+    if len(parts) != 3 or parts[0] not in LENGTHS or parts[1] not in FORCES or parts[2] not in MASSES:
+        raise FormatError(
+            "units",
+            f"{name!r} names no units, expected length-force-mass, such as {', '.join(COMMON)}; "
+            f"lengths {' '.join(LENGTHS)}, forces {' '.join(FORCES)}, masses {' '.join(MASSES)}",
+        )
+    return Units(LENGTHS[parts[0]], FORCES[parts[1]], MASSES[parts[2]])
+
+
+def in_si(model: FiniteElementModel, units: str) -> FiniteElementModel:
+    """The model with all numbers in SI.
+
+    Args:
+        model: in the deck's units.
+        units: their names, such as `mm-N-t`.
+
+    Raises:
+        FormatError: `units` names none.
+    """
+    u = units_of(units)
+    return replace(
+        model,
+        nodes=model.nodes * u.length,
+        elements=tuple(
+            replace(
+                block,
+                offsets=None if block.offsets is None else block.offsets * u.length,
+                thickness=None if block.thickness is None else block.thickness * u.length,
+            )
+            for block in model.elements
+        ),
+        sections={name: _section(section, u) for name, section in model.sections.items()},
+        materials={name: _material(material, u) for name, material in model.materials.items()},
+        masses=tuple(_mass(mass, u) for mass in model.masses),
+        springs=tuple(_spring(spring, u) for spring in model.springs),
+    )
+
+
+def _section(section: ShellSection | BeamSection, u: Units) -> ShellSection | BeamSection:
+    if isinstance(section, ShellSection):
+        plies = tuple(replace(ply, thickness=ply.thickness * u.length) for ply in section.plies)
+        extra = section.extra_mass * u.mass / u.length**2
+        return replace(section, plies=plies, offset=section.offset * u.length, extra_mass=extra)
+    first, second, mixed = (value * u.length**4 for value in section.inertia)
+    return replace(
+        section,
+        area=section.area * u.length**2,
+        inertia=(first, second, mixed),
+        torsion=section.torsion * u.length**4,
+        extra_mass=section.extra_mass * u.mass / u.length,
+    )
+
+
+def _material(material: Material, u: Units) -> Material:
+    return replace(material, constants={name: value * _factor(name, u) for name, value in material.constants.items()})
+
+
+def _factor(constant: str, u: Units) -> float:
+    """SI value of one unit of a material's constant."""
+    if constant == "density":
+        return u.density
+    return 1.0 if constant.startswith("nu") else u.stress
+
+
+def _mass(mass: PointMass, u: Units) -> PointMass:
+    x, y, z = (value * u.length for value in mass.offset)
+    inertia = tuple(
+        (a * u.mass * u.length**2, b * u.mass * u.length**2, c * u.mass * u.length**2) for a, b, c in mass.inertia
+    )
+    return replace(mass, mass=mass.mass * u.mass, inertia=inertia, offset=(x, y, z))
+
+
+def _spring(spring: Spring, u: Units) -> Spring:
+    """N/m between displacements, N·m between turns, N between the two."""
+    turns = [dof >= 3 for dof in (spring.dof, spring.dof if spring.second_dof is None else spring.second_dof)]
+    return replace(spring, stiffness=spring.stiffness * u.force * u.length ** (sum(turns) - 1))
+
+
+def guess(model: FiniteElementModel) -> Guess | None:
+    """Units in which every material is one that is known, and the structure has the size of one; None where none are.
+
+    The first of `COMMON` that fits is offered, and the others that fit are named.
+    """
+    fitting: dict[str, list[str]] = {}
+    for name in COMMON:
+        u = units_of(name)
+        kinds = [_kind(material, u) for material in model.materials.values()]
+        if kinds and all(kinds) and _within(_extent(model) * u.length, _SIZES):
+            fitting[name] = [kind for kind in kinds if kind]
+    if not fitting:
+        return None
+    first, *others = fitting
+    u = units_of(first)
+    said = "; ".join(
+        f"{name} would be {kind} (E {_modulus(material) * u.stress:.3g} Pa, density "
+        f"{material.constants['density'] * u.density:.4g} kg/m³)"
+        for (name, material), kind in zip(model.materials.items(), fitting[first], strict=True)
+    )
+    also = f"; {', '.join(others)} would fit too" if others else ""
+    return Guess(first, f"in {first} the structure is {_extent(model) * u.length:.3g} m large, and {said}{also}")
+
+
+def check(model: FiniteElementModel, units: str) -> None:
+    """Refuse units in which a material is none that exists, or a structure has an impossible size.
+
+    Args:
+        model: in the deck's units.
+        units: what they are said to be.
+
+    Raises:
+        FormatError: `units` names none, or the numbers make no sense in them; offers those that would.
+    """
+    u = units_of(units)
+    faults = [fault for material in model.materials.values() if (fault := _nonsense(material, u, units))]
+    size = _extent(model) * u.length
+    if not _within(size, _SIZES):
+        faults.append(f"the structure would be {size:.3g} m large in {units}")
+    if faults:
+        better = guess(model)
+        hint = f"; {better.units} would fit: {better.reason}" if better else "; see the deck's units and constants"
+        raise FormatError("units", "; ".join(faults) + hint)
+
+
+def _nonsense(material: Material, u: Units, units: str) -> str:
+    """What is wrong with a material, empty where it may exist."""
+    density, E = material.constants["density"] * u.density, _modulus(material) * u.stress
+    if _within(density, _DENSITIES) and _within(E, _MODULI) and _within(float(np.sqrt(E / density)), _SPEEDS):
+        return ""
+    return (
+        f"in {units} the material {material.name} (line {material.line}) has the density {density:.4g} kg/m³ and the modulus "
+        f"{E:.3g} Pa, which no solid has"
+    )
+
+
+def _kind(material: Material, u: Units) -> str:
+    """A known kind of material that has these constants; empty where none has."""
+    density, E = material.constants.get("density", 0.0) * u.density, _modulus(material) * u.stress
+    return next((k.name for k in _KNOWN if _within(density, k.density) and _within(E, k.modulus)), "")
+
+
+def _modulus(material: Material) -> float:
+    """The largest Young's modulus."""
+    return max(value for name, value in material.constants.items() if name in ("E", "E1", "E2", "E3"))
+
+
+def _extent(model: FiniteElementModel) -> float:
+    """Diagonal of the box around the elements."""
+    used = np.unique(np.concatenate([block.nodes.ravel() for block in model.elements]))
+    return float(np.linalg.norm(np.ptp(model.nodes[used], axis=0)))
+
+
+def _within(value: float, limits: tuple[float, float]) -> bool:
+    return limits[0] <= value <= limits[1]
+
+
+def scale_of(constant: str, units: str) -> float:
+    """SI value of one deck unit of a constant that an update has: `E1`, `nu12`, `density`, `t`, `area`, `I1`, `J`, `factor`.
+
+    >>> scale_of("E1", "mm-N-t"), scale_of("nu12", "mm-N-t"), scale_of("t", "mm-N-t")
+    (1000000.0, 1.0, 0.001)
+
+    Raises:
+        FormatError: `units` names none.
+    """
+    u = units_of(units)
+    power = {"t": 1, "area": 2, "I1": 4, "I2": 4, "J": 4}.get(constant)
+    if power is not None:
+        return u.length**power
+    name = constant.partition("_")[0]
+    if name == "density":
+        return u.density
+    return u.stress if name[0] in "EG" else 1.0

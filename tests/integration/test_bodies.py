@@ -1,0 +1,140 @@
+"""Bodies in space over HTTP: a shape goes in, FRFs along several directions, and the constants of each wall come out."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.support.places import shared_file
+from tests.support.profiles import ANGLE, TRUTH, measured
+from tests.support.rest import finished, ok
+
+
+def made(api: httpx.Client, project: str, **shape: Any) -> dict[str, Any]:
+    """A structure like the angle, with other members of its shape."""
+    body = {**ANGLE, "shape": {**ANGLE["shape"], **shape}}
+    return ok(api.post(f"projects/{project}/structures", json=body), 201)
+
+
+def updated(api: httpx.Client, structure: str, content: bytes, boundary: str, **campaign: Any) -> tuple[str, Any]:
+    """The address of an update with an empty recipe, and its result."""
+    sent = {"name": boundary, "boundary": boundary, "inputs": {"window_rate_per_s": 0}, **campaign}
+    key = ok(api.post(f"structures/{structure}/campaigns", json=sent), 201)["id"]
+    queued = api.post(f"campaigns/{key}/imports", params={"filename": "test.uff"}, content=content)
+    report = finished(api, queued.headers["Location"])
+    assert (report["status"], report["warnings"]) == ("succeeded", [])
+    job = api.post(f"campaigns/{key}/update-jobs", json={})
+    done = finished(api, job.headers["Location"])
+    assert done["status"] == "succeeded", done["error"]
+    return job.headers["Location"], ok(api.get(api.base_url.join(job.headers["Location"] + "/result")), 200)
+
+
+@pytest.mark.parametrize("boundary", ["free", "cantilever", "simply_supported"])
+def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client, project: str, boundary: str) -> None:
+    structure = made(api, project)
+    address, result = updated(api, structure["id"], measured(boundary=boundary), boundary)
+    assert result["verdict"]["level"] in ("usable", "with_care")
+    found = {row["name"]: row for row in result["parameters"]}
+    assert list(found)[:10] == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
+    for name, value in TRUTH.items():
+        low, high = found[name]["interval_95"]
+        assert low < value < high, name
+    assert found["flange.E1"]["unit"] == "Pa"
+    sources = {entry["source"] for entry in found["web.E1"]["budget"]}
+    assert {"model of the joints", "common material of the sets", "web.t", "height"} <= sources
+    assert min(mode["mac"] for mode in result["modes"] if mode["mac"] is not None) > 0.95
+    assert len(result["provenance"]["frfs"]) == 28
+    get_shown(api, address)
+
+
+def get_shown(api: httpx.Client, address: str) -> None:
+    """Everything that is drawn and written of a result is there."""
+    base = api.base_url.join(address)
+    listed = ok(api.get(f"{base}/figures"), 200)["items"]
+    drawn = [figure["name"] for figure in listed if figure["available"]]
+    assert {"frf", "parameters", "shapes", "mac", "sac"} <= set(drawn)
+    for name in drawn:
+        assert ok(api.get(f"{base}/figures/{name}"), 200)["data"], name
+    shapes = ok(api.get(f"{base}/figures/shapes"), 200)["layout"]["meta"]
+    assert shapes["z_m"][:2] == [-0.04, 0.034]
+    report = api.get(f"{base}/report").text
+    assert "400 × 60 × 80 mm (length × width × height), 1850 kg/m³" in report
+    assert "angle: flange 4 mm, web 4 mm" in report
+    assert api.get(f"{base}/report", params={"format": "pdf"}).content.startswith(b"%PDF")
+    assert "body in space" in ok(api.get(f"{base}/cards"), 409)["detail"]
+
+
+def test_a_sensor_on_a_wall_is_a_mass_there(api: httpx.Client, project: str) -> None:
+    structure = made(api, project)
+    sensor = {"sensor_mass_kg": 0.002, "sensor_point": 2}
+    _, result = updated(api, structure["id"], measured(), "free", instruments=sensor)
+    sources = {entry["source"] for row in result["parameters"] for entry in row["budget"]}
+    assert "sensor_mass" in sources
+
+
+def test_a_shape_is_kept_in_versions(api: httpx.Client, project: str) -> None:
+    structure = made(api, project)
+    assert structure["shape"]["walls"]["web"]["thickness_m"] == 0.004
+    address = f"structures/{structure['id']}"
+    edit = {"If-Match": api.get(address).headers["ETag"]}
+    longer = {**ANGLE["shape"], "length_m": 0.5}
+    changed = ok(api.patch(address, json={"shape": longer}, headers=edit), 200)
+    assert (changed["version"], changed["shape"]["length_m"]) == (2, 0.5)
+    assert ok(api.get(f"{address}/versions/1"), 200)["shape"]["length_m"] == 0.4
+    edit = {"If-Match": api.get(address).headers["ETag"]}
+    flat = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
+    changed = ok(api.patch(address, json={"geometry": flat}, headers=edit), 200)
+    assert (changed["version"], changed["shape"], changed["geometry"]) == (3, None, flat)
+
+
+WRONG: list[tuple[Callable[[dict[str, Any]], Any], str, str]] = [
+    (lambda s: s.update(kind="z"), "/shape/kind", "'i'"),
+    (lambda s: s.update(height_m=None), "/shape/walls", "height_m: is missing"),
+    (lambda s: s.update(height_m=0.006), "/shape/walls", "no room for walls"),
+    (lambda s: s.update(length_m=80), "/shape/walls", "are all dimensions in m?"),
+    (lambda s: s.update(ribs_m=[0.01]), "/shape/ribs_m", "angle has no ribs"),
+    (lambda s: s.update(kind="panel"), "/shape/ribs_m", "at least one rib"),
+    (lambda s: s["walls"].pop("web"), "/shape/walls", "angle has flange and web"),
+    (lambda s: s["walls"].update(web={}), "/shape/walls", "web states neither"),
+    (lambda s: s.pop("material"), "/shape/walls", "flange states no material"),
+    (lambda s: s["material"].update(nu_12=2), "/shape/material/nu_12", "positive definite"),
+    (lambda s: s["material"].update(density_kg_m3=1.85), "/shape/material/density_kg_m3", "did you mean 1850"),
+    (lambda s: s["walls"]["web"].update(thickness_m=4), "/shape/walls", "no room for walls"),
+]
+
+
+@pytest.mark.parametrize(("change", "pointer", "words"), WRONG)
+def test_what_is_wrong_with_a_shape_is_said_at_its_member(
+    api: httpx.Client, project: str, change: Callable[[dict[str, Any]], Any], pointer: str, words: str
+) -> None:
+    body = deepcopy(ANGLE)
+    change(body["shape"])
+    problem = ok(api.post(f"projects/{project}/structures", json=body), 422)
+    faults = {fault["pointer"]: fault["detail"] for fault in problem["errors"]}
+    assert words in faults[pointer]
+
+
+def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> None:
+    body = {**ANGLE, "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}}
+    assert "has its own geometry" in ok(api.post(f"projects/{project}/structures", json=body), 422)["detail"]
+    weightless = {name: value for name, value in ANGLE.items() if name != "density_kg_m3"}
+    structure = ok(api.post(f"projects/{project}/structures", json=weightless), 201)["id"]
+    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 422)
+    assert "wall flange: a model needs it" in problem["detail"]
+    plan = ok(api.post(f"structures/{made(api, project)['id']}/plans", json={}), 422)
+    assert "body in space" in plan["detail"]
+
+
+def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> None:
+    content = shared_file("BLIND_OPEN", "blind-open", "structures/i-1.uff").read_bytes()
+    wall = {"thickness_m": 0.006}
+    structure = made(
+        api, project, kind="i", length_m=1.5, width_m=0.06, height_m=0.12, walls={"flange": wall, "web": wall}
+    )
+    _, result = updated(api, structure["id"], content, "free")
+    flange = next(row for row in result["parameters"] if row["name"] == "flange.E1")
+    assert flange["identifiable"]
+    assert flange["interval_95"][0] < 24_381_645_391 < flange["interval_95"][1]

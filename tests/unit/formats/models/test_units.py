@@ -1,0 +1,135 @@
+"""Units of decks: scaled by dimension, guessed from materials, refused where they make no sense."""
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.inp import read_inp
+from modalbase.formats.models.model import FiniteElementModel
+from modalbase.formats.models.units import COMMON, check, guess, in_si, units_of
+from tests.unit.formats.models.decks import OPEN, PLATE, open_deck
+from tests.unit.formats.models.test_inp import CARRIED, beam, shell
+
+
+def deck(units: str, *, E: float = 7e10, density: float = 2700.0, size: float = 0.1) -> str:
+    """An aluminium frame with a mass, springs and a beam, written in units."""
+    u = units_of(units)
+    stress, rho, m = E / u.stress, density / u.density, size / u.length
+    return f"""\
+*NODE
+1, 0., 0., 0.
+2, {m!r}, 0., 0.
+3, {m!r}, {m!r}, 0.
+4, 0., {m!r}, 0.
+*ELEMENT, TYPE=S4, ELSET=PLATE
+1, 1, 2, 3, 4
+*ELEMENT, TYPE=B31, ELSET=RIB
+2, 1, 2
+*ELEMENT, TYPE=MASS, ELSET=M
+3, 3
+*ELEMENT, TYPE=ROTARYI, ELSET=R
+4, 3
+*ELEMENT, TYPE=SPRING1, ELSET=S
+5, 4
+*ELEMENT, TYPE=SPRING1, ELSET=T
+6, 4
+*MATERIAL, NAME=METAL
+*ELASTIC
+{stress!r}, 0.33
+*DENSITY
+{rho!r}
+*SHELL SECTION, ELSET=PLATE, MATERIAL=METAL
+{0.002 / u.length!r}
+*BEAM SECTION, ELSET=RIB, MATERIAL=METAL, SECTION=T
+{0.02 / u.length!r}, {0.03 / u.length!r}, {0.03 / u.length!r}, {0.002 / u.length!r}, {0.002 / u.length!r}
+*NODAL THICKNESS
+3, {0.003 / u.length!r}
+*NONSTRUCTURAL MASS, ELSET=PLATE, UNITS=MASS PER AREA
+{1.5 / u.mass * u.length**2!r}
+*NONSTRUCTURAL MASS, ELSET=RIB, UNITS=MASS PER LENGTH
+{0.2 / u.mass * u.length!r}
+*MASS, ELSET=M
+{0.25 / u.mass!r}
+*ROTARY INERTIA, ELSET=R
+{1e-3 / u.mass / u.length**2!r}, {2e-3 / u.mass / u.length**2!r}, {3e-3 / u.mass / u.length**2!r}
+*SPRING, ELSET=S
+3
+{5e4 / u.force * u.length!r}
+*SPRING, ELSET=T
+4
+{70 / u.force / u.length!r}
+"""
+
+
+def numbers(model: FiniteElementModel) -> Iterator[float]:
+    """Every number of a model that has a unit."""
+    yield from model.nodes.ravel().tolist()
+    for block in model.elements:
+        yield from ([] if block.offsets is None else block.offsets.ravel().tolist())
+        yield from ([] if block.thickness is None else block.thickness.ravel().tolist())
+    section, rib = shell(model, "plate"), beam(model, "rib")
+    yield from (section.plies[0].thickness, section.offset, section.extra_mass)
+    yield from (rib.area, *rib.inertia, rib.torsion, rib.extra_mass)
+    yield from model.materials["METAL"].constants.values()
+    for mass in model.masses:
+        yield from (mass.mass, *(value for row in mass.inertia for value in row), *mass.offset)
+    yield from (spring.stiffness for spring in model.springs)
+
+
+@pytest.mark.parametrize("units", COMMON)
+def test_one_structure_in_all_units(units: str) -> None:
+    expected = read_inp(deck("m-N-kg").encode())
+    found = in_si(read_inp(deck(units).encode()), units)
+    np.testing.assert_allclose(list(numbers(found)), list(numbers(expected)), rtol=1e-12, atol=1e-18)
+    check(read_inp(deck(units).encode()), units)
+    offered = guess(read_inp(deck(units).encode()))
+    assert offered is not None
+    assert offered.units == units
+    assert re.search(r"METAL would be aluminium \(E 7e\+10 Pa, density 2700 kg/m³\)", offered.reason)
+
+
+def test_offsets_of_shells() -> None:
+    text = PLATE.replace("MATERIAL=GFRP\n", "MATERIAL=GFRP, OFFSET=SPOS\n").replace("*STEP", CARRIED + "*STEP", 1)
+    model = read_inp(text.encode())
+    found = in_si(model, "mm-N-t")
+    assert shell(found, "plate").offset == pytest.approx(-2.5e-6, rel=1e-12)
+    assert found.springs[0].direction == model.springs[0].direction
+
+
+@pytest.mark.parametrize("name", OPEN)
+def test_open_decks_are_in_si(name: str) -> None:
+    offered = guess(read_inp(open_deck(name)))
+    assert offered is not None
+    assert (offered.units, offered.reason.partition(", and ")[2][:46]) == (
+        "m-N-kg",
+        "GFRP would be fibre reinforced plastic (E 2.3e",
+    )
+
+
+@pytest.mark.parametrize(
+    ("density", "modulus", "said"),
+    [
+        (7.8, 2.1e11, "density 7.8 kg/m³"),
+        (7.85e-9, 2.1e5, "density 7.85e-09 kg/m³ .* mm-N-t would fit: .* steel"),
+        (2700.0, 70.0, "modulus 70 Pa"),
+    ],
+)
+def test_nonsense_is_refused(density: float, modulus: float, said: str) -> None:
+    model = read_inp(deck("m-N-kg", E=modulus, density=density, size=100.0).encode())
+    with pytest.raises(FormatError, match=rf"^units: in m-N-kg the material METAL \(line 18\) has the .*{said}"):
+        check(model, "m-N-kg")
+
+
+def test_a_structure_as_large_as_a_town_is_refused() -> None:
+    model = read_inp(deck("mm-N-t", size=300.0).encode())
+    with pytest.raises(FormatError, match=r"^units: .* the structure would be 4.24e\+05 m large in m-N-t"):
+        check(model, "m-N-t")
+
+
+@pytest.mark.parametrize("name", ["", "si", "mm-N", "mm-n-t", "t-N-mm", "mm-N-t-s"])
+def test_names_that_are_no_units(name: str) -> None:
+    with pytest.raises(FormatError, match="names no units, expected length-force-mass, such as m-N-kg, mm-N-t"):
+        units_of(name)

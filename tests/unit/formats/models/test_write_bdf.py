@@ -1,0 +1,181 @@
+"""A Nastran deck that goes back to its user with updated numbers."""
+
+from __future__ import annotations
+
+import difflib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.bdf import read_bdf
+from modalbase.formats.models.bdf.card import number
+from modalbase.formats.models.bdf.edit import fitted
+from modalbase.formats.models.write_bdf import write_bdf
+
+DECK = """\
+SOL 103
+CEND
+SPC = 1
+BEGIN BULK
+$ A comment: ENDDATA is not here
+GRID           1              0.      0.      0.
+GRID           2              1.      0.      0.
+GRID           3              1.      1.      0.
+GRID           4              0.      1.      0.
+GRID           5              0.      0.      1.
+GRID           6              0.      1.      1.
+CQUAD4         1      10       1       2       3       4
+CQUAD4         2      20       1       4       6       5
+CQUAD4         3      30       2       3       6       5
+CBAR           4      40       2       3      0.      0.      1.
+CONROD,5,1,5,2,1.-4
+$ Femap Property 10 : flange
+PSHELL        10       1    .005       1               1              .5$keep me
+$ Femap Property 20 : web
+PSHELL  20      1       .003    1               1
+PCOMP,30,,,,,,,SYM
+,3,.001,45.,YES,4,.002,0.,YES
+,3,,90.
+PBAR    40      2       1.-3    2.-7    1.-7    3.-8    .1
+MAT1           1  7.2+10              .3   2700.  2.3-5
+MAT1,2,2.1+11,, .3,7850. $ steel
+MAT8           3  1.4+11    9.+9      .3    5.+9    5.+9    3.+9   1600.
+MAT8*                  4           5.+10            5.+9              .1+Z
+*Z                  4.+9                                           2000.
+PARAM   WTMASS  .5
+SPC1           1  123456       1       2
+ENDDATA
+after the end
+"""
+
+
+def changed(before: str, after: bytes) -> tuple[list[str], list[str]]:
+    """Lines that went, and that came."""
+    lines = list(difflib.ndiff(before.splitlines(), after.decode("latin-1").splitlines()))
+    return [line[2:] for line in lines if line[0] == "-"], [line[2:] for line in lines if line[0] == "+"]
+
+
+def test_nothing_updated_changes_no_byte() -> None:
+    for text in (DECK, DECK.replace("\n", "\r\n"), DECK.replace("keep me", "é\tü")):
+        content = text.encode("latin-1")
+        model = read_bdf(content)
+        assert write_bdf(content, model, {}) == content
+        nominal = {"flange": {"E": 7.2e10, "nu": 0.3, "t": 0.005}, "pcomp_30": {"E1": 1.4e11}}
+        assert write_bdf(content, model, nominal) == content
+
+
+def test_a_field_changes_in_its_own_format() -> None:
+    model = read_bdf(DECK.encode())
+    updated = {
+        "flange": {"t": 0.0051234567},
+        "pcomp_30": {"E1": 1.3579e11, "G13_2": 4.5e9, "E1_2": 4.87654321e10},
+        "pbar_40": {"I2": 2.345678e-7, "E": 2.0e11},
+        "conrod_5": {"E": 2.0e11},
+    }
+    went, came = changed(DECK, write_bdf(DECK.encode(), model, updated, ["by part 7"]))
+    assert [line for line in came if not line.startswith("$")] == [
+        "PSHELL        10       1.0051235       1               1              .5$keep me",
+        "PBAR    40      2       1.-3    2.3457-71.-7    3.-8    .1",
+        "MAT1,2,2.+11,, .3,7850. $ steel",
+        "MAT8           31.358+11    9.+9      .3    5.+9    5.+9    3.+9   1600.",
+        "MAT8*                  4    48765432100.            5.+9              .1+Z",
+        "*Z                  4.+94500000000.                                2000.",
+    ]
+    assert len(went) == 6
+    assert "$ by part 7" in came
+    assert "$ updated: flange.t = 0.00512346, before 0.005" in came
+    assert "$ updated: E of pbar_40, conrod_5 = 2.+11, before 2.1+11" in came
+
+
+def test_sets_that_part_get_materials_of_their_own() -> None:
+    model = read_bdf(DECK.encode())
+    after = write_bdf(DECK.encode(), model, {"web": {"E": 6.9e10, "density": 1400.0}})
+    went, came = changed(DECK, after)
+    assert went == ["PSHELL  20      1       .003    1               1"]
+    assert [line for line in came if not line.startswith("$")] == [
+        "PSHELL  20      5       .003    5               5",
+        "MAT1*   5               69000000000.                    .3",
+        "*       2800.           2.3-5",
+    ]
+    assert after.endswith(b"ENDDATA\nafter the end\n")
+    again = read_bdf(after)
+    assert again.sections["web"].plies[0].material == "5"
+    assert again.materials["5"].constants == pytest.approx({"E": 6.9e10, "nu": 0.3, "G": 6.9e10 / 2.6, "density": 1400})
+    assert again.materials["1"].constants == model.materials["1"].constants
+
+
+def test_an_isotropic_wall_that_is_found_orthotropic() -> None:
+    model = read_bdf(DECK.encode())
+    constants = {"E1": 7.3e10, "E2": 7.0e10, "nu12": 0.31, "G12": 2.7e10, "G13": 2.6e10, "G23": 2.5e10}
+    again = read_bdf(write_bdf(DECK.encode(), model, {"flange": constants}))
+    found = again.materials[again.sections["flange"].plies[0].material].constants
+    assert found == pytest.approx({**constants, "density": 1350})
+    assert again.materials[again.sections["web"].plies[0].material].constants == model.materials["1"].constants
+
+
+@pytest.mark.parametrize("number_of_lines", ["\n", "\r\n"])
+def test_the_deck_reads_back(number_of_lines) -> None:
+    content = DECK.replace("\n", number_of_lines).encode()
+    model = read_bdf(content)
+    updated = {
+        "flange": {"E": 7.3e10, "nu": 0.31, "density": 1300.0, "t": 0.0049},
+        "web": {"E": 7.1e10},
+        "pcomp_30": {"E1": 1.3e11, "E2": 8.7e9, "G12": 4.9e9, "E1_2": 4.8e10, "t": 0.0081},
+        "pbar_40": {"E": 2.05e11},
+        "conrod_5": {"E": 2.15e11},
+    }
+    again = read_bdf(write_bdf(content, model, updated, ["header"]))
+    assert again.sets == model.sets
+    for set_name, constants in updated.items():
+        section = again.sections[set_name]
+        names = [section.material] if set_name[:2] in ("pb", "co") else [ply.material for ply in section.plies]
+        for name, value in constants.items():
+            if name == "t":
+                assert sum(ply.thickness for ply in section.plies) == pytest.approx(value, rel=1e-4)
+            else:
+                material = names[1] if name == "E1_2" else names[0]
+                assert again.materials[material].constants[name.removesuffix("_2")] == pytest.approx(value, rel=1e-4)
+
+
+def test_what_cannot_be_written_is_said() -> None:
+    model = read_bdf(DECK.encode())
+    for updated, place, message in (
+        ({"wing": {"E": 1.0}}, "wing", "is no set of the deck; there are flange, web"),
+        ({"web": {"E7": 1.0}}, "web.E7", "is no constant of it; there are E, E1"),
+        ({"web": {"E": float("nan")}}, "web.E", "expected a number"),
+        ({"conrod_5": {"area": 1.0}}, "conrod_5.area", "the deck does not state it by itself"),
+    ):
+        with pytest.raises(FormatError) as caught:
+            write_bdf(DECK.encode(), model, updated)
+        assert caught.value.place == place
+        assert message in caught.value.message
+    head, tail = DECK.split("MAT1           1")
+    outside = {"mat.inc": b"MAT1           1" + tail.split("\n")[0].encode()}
+    deck = (head + "INCLUDE 'mat.inc'\n" + tail.split("\n", 1)[1]).encode()
+    with pytest.raises(FormatError, match=r"stands in line 1 of the INCLUDE file mat\.inc"):
+        write_bdf(deck, read_bdf(deck, outside), {"flange": {"E": 1e10}, "web": {"E": 1e10}})
+
+
+def test_two_plates_of_a_stated_shear_modulus_and_a_mat2() -> None:
+    deck = DECK.replace("MAT1,2,2.1+11,, .3,7850.", "MAT1,2,2.1+11,8.+10,,7850.")
+    both = {"pbar_40": {"E": 2.0e11, "G": 7.7e10}, "conrod_5": {"E": 2.0e11, "G": 7.7e10}}
+    again = read_bdf(write_bdf(deck.encode(), read_bdf(deck.encode()), both))
+    assert (again.materials["2"].constants["E"], again.materials["2"].constants["G"]) == (2.0e11, 7.7e10)
+    plane = DECK.replace(
+        "MAT8           3  1.4+11    9.+9      .3    5.+9    5.+9    3.+9   1600.",
+        "MAT2,3,1.4+11,3.+9,,9.+9,,5.+9,1600.",
+    )
+    model = read_bdf(plane.encode())
+    again = read_bdf(write_bdf(plane.encode(), model, {"pcomp_30": {"E1": 1.3e11, "G12": 4.8e9}}))
+    expected = {**model.materials["3"].constants, "E1": 1.3e11, "G12": 4.8e9, "G13": 4.8e9, "G23": 4.8e9}
+    assert again.materials["3"].constants == pytest.approx(expected, rel=1e-3)
+
+
+@given(st.floats(1e-30, 1e30), st.sampled_from([1, -1]), st.sampled_from([8, 16]))
+def test_a_number_fits_its_field(value, sign, width) -> None:
+    text = fitted(sign * value, width)
+    assert len(text) <= width
+    assert "." in text
+    assert number(text) == pytest.approx(sign * value, rel=10.0 ** (5 + 1 - width + (1 if sign < 0 else 0)))
