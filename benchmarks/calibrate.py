@@ -1,14 +1,14 @@
 """Fit and judge the probability of a pole: `python -m benchmarks calibrate`.
 
 Made sets (`made_frfs`, good and harsh laboratories alike) are identified, each pole's features are kept with whether
-it is a mode, and the weights of `fecore.modal.weights` are fitted to half of the draws by Bayesian logistic
-regression,
+it is a mode (`truth`), and the weights of `fecore.modal.weights` are fitted by Bayesian logistic regression,
 
     ln p(b) = Σ_k ln P(y_k | b) - ½ (b - m)ᵀ S⁻¹ (b - m),
 
-m and S those of the prior there; the covariance is the inverse of the Hessian at the best b (Laplace). The other half shows how
-good they are: log loss, Brier score, and each feature's worth by leaving it out. Reliability, and what becomes of modes and of
-others, are printed for the weights in use.
+m and S those of the prior there; the covariance is the inverse of the Hessian at the best b (Laplace). Each fifth of the draws
+is judged with weights fitted to the others: log loss, Brier score, and each feature's worth by leaving it out. Reliability, and
+what becomes of modes and of others, are printed for the weights in use. Poles that cannot be modes whatever their features
+(tones, overdamped ones) are in neither fit nor scores.
 
 `python -m benchmarks calibrate agreement` compares bands and halves of one record (`agreement`).
 
@@ -28,34 +28,38 @@ import scipy
 
 from benchmarks import agreement
 from benchmarks.made_frfs import GOOD, KINDS, Draw, Harsh
+from benchmarks.truth import OPTIONAL, OTHER, SPLIT, modes_of_poles
 from fecore.errors import IdentificationError
 from fecore.modal.drift import in_band
 from fecore.modal.evidence import evidence_of
-from fecore.modal.fitting import fit_series
+from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.preparation import prepare
-from fecore.modal.probability import design, predictive
+from fecore.modal.probability import design, judged, no_mode
 from fecore.modal.weights import COVARIANCE, MEAN, PRIOR_MEAN, PRIOR_SD
 
 SEEDS = int(os.environ.get("CALIBRATE_SEEDS", "10"))
 FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
 SURE, REFUSED = 0.9, 0.1
-_NEAR = 0.004  # relative distance within which a pole is a mode's, or half a bandwidth where that is more
-NAMES = ("constant", "rise", "share", "damping", "twin", "repeat", "growth")
+_FOLDS = 5
+_NEAR = 0.004  # relative distance within which a pole is a distortion, or half a bandwidth where that is more
+NAMES = ("constant", "rise", "share", "damping", "apart", "shape", "reach")
 
 
 @dataclass
 class Poles:
-    """Features of poles with the truth: Λ (n,), design (n, 7), its spread, whether each is a mode, and of which draw."""
+    """Features of poles with the truth: Λ (n,), design (n, 7), the mode of each or why it is none, kind and seed of its draw.
+
+    Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ; CPU seconds.
+    """
 
     ratio: list[float] = field(default_factory=list)
     rows: list[np.ndarray] = field(default_factory=list)
-    spread: list[np.ndarray] = field(default_factory=list)
-    true: list[bool] = field(default_factory=list)
+    of: list[int] = field(default_factory=list)
     draw: list[int] = field(default_factory=list)
     kind: list[str] = field(default_factory=list)
     distortion: list[bool] = field(default_factory=list)
     lost: dict[str, int] = field(default_factory=dict)
-    inside: dict[str, list[bool]] = field(default_factory=dict)
+    inside: dict[str, list[tuple[bool, bool]]] = field(default_factory=dict)
     seconds: dict[str, list[float]] = field(default_factory=dict)
 
 
@@ -69,73 +73,60 @@ def collect(draw: Draw, kind: str, number: int, poles: Poles) -> None:
         print(f"    {kind} {number}: {why}")
         poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional))
         return
-    ratio, rows, spread = design(fitted.arrangement, evidence_of(fitted.arrangement, fitted.fit))
     poles.seconds.setdefault(kind, []).append(time.process_time() - began)
+    keep(draw, kind, number, fitted, poles)
+
+
+def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> None:
+    """Add the poles of a fit with the truth about them."""
     hz, zeta = fitted.fit.terms.frequency_hz, fitted.fit.terms.damping_ratio
-    matched, optional = _matched(draw, hz, zeta, rows[:, 2])
-    poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - len(matched)
-    sd = np.sqrt(np.diag(fitted.covariance))
-    for k in np.flatnonzero(in_band(fitted.arrangement, hz)):
-        if k in optional or hz[k] < 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0):
-            continue
+    evidence = evidence_of(fitted.arrangement, fitted.fit)
+    ratio, rows = design(fitted.arrangement, evidence)
+    of = modes_of_poles(draw, fitted.arrangement, fitted.fit)
+    use = in_band(fitted.arrangement, hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)
+    use &= hz >= 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0)
+    poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - int(np.sum(of[use] >= 0))
+    sd, inside = np.sqrt(np.diag(fitted.covariance)), poles.inside.setdefault(kind, [])
+    for k in np.flatnonzero(use):
         poles.ratio.append(float(ratio[k]))
         poles.rows.append(rows[k])
-        poles.spread.append(spread[k])
-        poles.true.append(k in matched)
+        poles.of.append(int(of[k]))
         poles.draw.append(number)
         poles.kind.append(kind)
         off = np.min(np.abs(draw.distortions - hz[k]), initial=np.inf)
-        poles.distortion.append(bool(k not in matched and off < max(_NEAR * hz[k], 0.5 * zeta[k] * hz[k])))
-        if k in matched:
-            f, z = draw.frequency_hz[matched[k]], draw.zeta[matched[k]]
-            inside = poles.inside.setdefault(kind, [])
-            inside += [abs(np.log(hz[k] / f)) < 1.96 * sd[k], abs(zeta[k] - z) < 1.96 * sd[hz.size + k]]
-
-
-def _matched(draw: Draw, hz: np.ndarray, zeta: np.ndarray, share: np.ndarray) -> tuple[dict[int, int], set[int]]:
-    """Number of the mode that each pole is, the highest near each; and the poles of modes that may be lost."""
-    matched: dict[int, int] = {}
-    optional: set[int] = set()
-    for mode in np.argsort(draw.zeta):
-        f = draw.frequency_hz[mode]
-        near = np.abs(hz - f) < np.maximum(_NEAR * f, 0.5 * draw.zeta[mode] * f)
-        near &= np.abs(np.log(zeta / draw.zeta[mode])) < np.log(3)
-        near[list(matched)] = False
-        if not near.any():
-            continue
-        k = int(np.argmax(np.where(near, share - 10 * np.abs(hz / f - 1), -np.inf)))
-        if draw.optional[mode]:
-            optional.add(k)
-        else:
-            matched[k] = int(mode)
-    return matched, optional
+        poles.distortion.append(bool(of[k] < 0 and off < max(_NEAR * hz[k], 0.5 * zeta[k] * hz[k])))
+        if of[k] >= 0:
+            f, z = draw.frequency_hz[of[k]], draw.zeta[of[k]]
+            inside.append((abs(np.log(hz[k] / f)) < 1.96 * sd[k], abs(zeta[k] - z) < 1.96 * sd[hz.size + k]))
 
 
 def fitted_weights(ratio: np.ndarray, x: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The most probable weights and their covariance."""
-    precision, b = np.diag(1 / PRIOR_SD**2), PRIOR_MEAN.copy()
-    for _ in range(100):
-        p = scipy.special.expit(ratio + x @ b)
-        gradient = x.T @ (true - p) - precision @ (b - PRIOR_MEAN)
-        hessian = (x.T * (p * (1 - p))) @ x + precision
-        step = np.linalg.solve(hessian, gradient)
-        b = b + step
-        if np.max(np.abs(step)) < 1e-9:
-            break
-    return b, np.linalg.inv(hessian)
+
+    def cost(b: np.ndarray) -> tuple[float, np.ndarray]:
+        a, off = ratio + x @ b, (b - PRIOR_MEAN) / PRIOR_SD
+        loss = float(np.sum(np.logaddexp(0, a) - true * a) + np.sum(off**2) / 2)
+        return loss, x.T @ (scipy.special.expit(a) - true) + off / PRIOR_SD
+
+    b = scipy.optimize.minimize(cost, PRIOR_MEAN, jac=True, method="BFGS").x
+    p = scipy.special.expit(ratio + x @ b)
+    return b, np.linalg.inv((x.T * (p * (1 - p))) @ x + np.diag(1 / PRIOR_SD**2))
 
 
-def judged(poles: Poles, which: np.ndarray, b: np.ndarray, C: np.ndarray) -> np.ndarray:
-    """P of some poles under weights."""
-    x, spread = np.array(poles.rows)[which], np.array(poles.spread)[which]
-    variance = np.einsum("ni,ij,nj->n", x, C, x) + spread**2 @ b**2
-    return predictive(np.array(poles.ratio)[which] + x @ b, variance)
+def held_out(ratio: np.ndarray, x: np.ndarray, true: np.ndarray, draw: np.ndarray) -> np.ndarray:
+    """P of each pole with weights fitted to the draws of the other folds."""
+    p = np.empty(true.size)
+    for fold in range(_FOLDS):
+        own = draw % _FOLDS == fold
+        p[own] = judged(ratio[own], x[own], *fitted_weights(ratio[~own], x[~own], true[~own]))
+    return p
 
 
-def scores(p: np.ndarray, true: np.ndarray) -> tuple[float, float]:
+def print_scores(title: str, p: np.ndarray, true: np.ndarray) -> None:
     """Log loss and Brier score."""
     p = np.clip(p, 1e-9, 1 - 1e-9)
-    return float(-np.mean(np.where(true, np.log(p), np.log(1 - p)))), float(np.mean((p - true) ** 2))
+    loss = -np.mean(np.where(true, np.log(p), np.log(1 - p)))
+    print(f"{title:16} log loss {loss:.4f}, Brier {np.mean((p - true) ** 2):.4f}")
 
 
 def drawn(kinds: Sequence[str], seeds: Sequence[int]) -> Poles:
@@ -149,24 +140,27 @@ def drawn(kinds: Sequence[str], seeds: Sequence[int]) -> Poles:
 
 def print_kinds(poles: Poles, p: np.ndarray) -> None:
     """What became of the modes and of all else, by kind."""
-    true, kind, distortion = (np.array(each) for each in (poles.true, poles.kind, poles.distortion))
+    of, kind, distortion = (np.array(each) for each in (poles.of, poles.kind, poles.distortion))
     sure, open_ = p >= SURE, (p >= REFUSED) & (p < SURE)
     print(
-        "of modes: all, kept, uncertain, refused; of others: kept, uncertain; modes not in the fit; false kept, expected;"
+        "of modes: all, kept, uncertain, refused, without a pole; second poles on modes: kept, uncertain; others: kept,\n"
+        "uncertain; foretold of both kept; % of truths of f and of ζ in 95 % intervals; CPU seconds, mean and most"
     )
-    print("% of truths in 95 % intervals; CPU seconds, mean and most")
-    for name in dict.fromkeys(poles.kind):
+    for name, seconds in poles.seconds.items():
         own = kind == name
-        modes, false = own & true, own & ~true
-        counts = [modes, modes & sure, modes & open_, modes & (p < REFUSED), false & sure, false & open_]
-        inside, seconds = poles.inside.get(name, [np.nan]), poles.seconds[name]
+        modes, splits, others = own & (of >= 0), own & (of == SPLIT), own & (of == OTHER)
+        counts = [modes, modes & sure, modes & open_, modes & (p < REFUSED)]
+        wrong = [splits & sure, splits & open_, others & sure, others & open_]
+        inside = 100 * np.mean(poles.inside[name] or [(np.nan, np.nan)], axis=0)
         print(
             f"{name:10}"
             + "".join(f"{each.sum():6}" for each in counts)
-            + f"{poles.lost[name]:6} {np.sum(1 - p[own & sure]):9.1f} {100 * np.mean(inside):8.1f}"
+            + f"{poles.lost[name]:6}"
+            + "".join(f"{each.sum():6}" for each in wrong)
+            + f" {np.sum(1 - p[own & sure]):6.1f} {inside[0]:6.1f} {inside[1]:6.1f}"
             + f" {np.mean(seconds):6.2f} {np.max(seconds):6.2f}"
         )
-    for name in ("squared", "cubed"):
+    for name in ("squared", "cubed", "loose"):
         own = (kind == name) & distortion
         print(f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain {np.sum(own & open_)}")
 
@@ -189,28 +183,26 @@ def main(part: str = "weights", *words: str) -> None:
         return
     kinds = os.environ.get("CALIBRATE_KINDS", ",".join(KINDS)).split(",")
     poles = drawn(kinds, range(FIRST, FIRST + SEEDS))
-    ratio, x, true = np.array(poles.ratio), np.array(poles.rows), np.array(poles.true)
-    learn = np.array(poles.draw) % 4 < 2
-    b, C = fitted_weights(ratio[learn], x[learn], true[learn])
-    print(f"{true.size} poles, {np.sum(~true)} of them no modes; fitted to {learn.sum()}, judged on {np.sum(~learn)}")
+    report(poles)
+
+
+def report(poles: Poles) -> None:
+    """Print all that the poles say of the weights in use and of those fitted."""
+    ratio, x, draw = np.array(poles.ratio), np.array(poles.rows), np.array(poles.draw)
+    true = np.array(poles.of) >= 0
+    b, C = fitted_weights(ratio, x, true)
+    print(f"{true.size} poles, {np.sum(~true)} of them no modes")
     for name, prior, sd, mean, own in zip(NAMES, PRIOR_MEAN, PRIOR_SD, b, np.sqrt(np.diag(C)), strict=True):
         print(f"{name:9} prior {prior:6.2f} ± {sd:.2f}   fitted {mean:6.2f} ± {own:.2f}")
-    test = ~learn
-    for name, weights in (("prior", (PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04)), ("fitted", (b, C))):
-        print(f"{name:8} log loss %.4f, Brier %.4f" % scores(judged(poles, test, *weights), true[test]))
-    for number, name in enumerate(("phase", *NAMES[1:5])):
-        without_ratio, without = ratio.copy(), x.copy()
-        if number:
-            without[:, number] = 0.0
-        else:
-            without_ratio[:] = 0.0
-        own, _ = fitted_weights(without_ratio[learn], without[learn], true[learn])
-        p = scipy.special.expit(without_ratio[test] + without[test] @ own)
-        print(f"without {name:8} log loss %.4f, Brier %.4f" % scores(p, true[test]))
-    used = judged(poles, np.ones(true.size, dtype=bool), MEAN, COVARIANCE)  # what a user gets
+    used = judged(ratio, x, MEAN, COVARIANCE)  # what a user gets
+    print_scores("in use", used, true)
+    print_scores("prior", judged(ratio, x, PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04), true)
+    print_scores("held out", held_out(ratio, x, true, draw), true)
+    for number, name in enumerate(("phase", *NAMES[1:])):
+        less = np.where(np.arange(x.shape[1]) == number, 0.0, x) if number else x
+        print_scores(f"without {name}", held_out(ratio * bool(number), less, true, draw), true)
     print_reliability(used, true)
     print_kinds(poles, used)
-    b, C = fitted_weights(ratio, x, true)
     print("MEAN = np.array([" + ", ".join(f"{each:.3f}" for each in b) + "])")
     print("COVARIANCE = np.array([")
     print("\n".join("    [" + ", ".join(f"{each:.4f}" for each in row) + "]," for row in C) + "\n])")

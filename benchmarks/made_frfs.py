@@ -5,11 +5,14 @@ Each kind is drawn by seed:
 aeroplane  2 sensors x 20 hammer points (3 x 74 at full size), every point a session whose frequencies drift by 0.03 %, two
            close pairs, three suspension modes below 5 Hz (which may be lost), 1601 lines to 200 Hz
 bridge     26 FRFs of one sensor to 8 Hz, six modes some of them a few lines apart, leakage that rises as 1/f²
+softening  the same, each FRF the mean over five hits: the high ones open a joint, and some modes' frequencies fall. All FRFs
+           show such a mode alike and not as one resonance, so that a fit has it twice with one shape
 plate      one FRF with its coherence from five hits, an exponential window on the response, a comb of 1 Hz
 wide       12 FRFs, damping of 0.1 to 16 % drawn anew for every mode, some modes one to three lines wide and low, where the
            floor of the noise changes tenfold
 wing       18 FRFs of a roving sensor, the first mode two lines wide, low, in company, beside a floor that changes
 beam       33 FRFs of a beam with Rayleigh damping, first mode 3 to 16 %, some modes weak at all points, noise of 1 to 5 %
+loose      12 FRFs of a lightly damped body; in one of them a sensor or hammer rings on its own
 quiet      1 to 12 FRFs of noise and hum
 squared,   12 FRFs of a simulated equation of motion with a local spring of F = k₂y² or k₃y³ beside the linear structure,
 cubed      half-sine hits of three heights: what answers at sums, differences and multiples of its frequencies is no mode
@@ -32,11 +35,20 @@ _HITS = 5
 
 @dataclass(frozen=True)
 class Draw:
-    """FRFs and the truth about them: `zeta` as the window shows it; `optional` modes may be lost; `distortions` are none."""
+    """FRFs and the truth about them.
+
+    Attributes:
+        frfs: (N, L) what was measured.
+        frequency_hz, zeta: (n,) of the modes, `zeta` as the window shows it.
+        residue: (n, N) of each mode in each FRF, of the form of `_accelerance`.
+        optional: (n,) modes that may be lost.
+        distortions: frequencies that look like modes and are none, Hz.
+    """
 
     frfs: FrfSet
     frequency_hz: np.ndarray
     zeta: np.ndarray
+    residue: np.ndarray
     optional: np.ndarray
     distortions: np.ndarray
 
@@ -79,22 +91,36 @@ def aeroplane(seed: int, harsh: Harsh = GOOD, points: int = 20, sensors: int = 2
     leak = level * rng.uniform(1, 3) / np.maximum(hz, 0.06) ** 2
     values = _faults(rng, hz, values, 0.03 * level, leak, level * rng.uniform(0.5, 4), harsh)
     pairs = [(Dof(100 + j, 3), Dof(1 + p, 3)) for p in range(points) for j in range(sensors)]
-    return Draw(_set(hz, values, pairs), f, zeta, f < 5, NONE)
+    residue = (phi[:, :, None] * psi[:, None]).reshape(f.size, -1)
+    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 5, NONE)
 
 
 def bridge(seed: int, harsh: Harsh = GOOD, points: int = 26) -> Draw:
     """26 accelerances in which leakage hides everything below the first mode."""
-    rng = np.random.default_rng([2, seed])
+    return _hit_bridge(np.random.default_rng([2, seed]), harsh, points, np.zeros((1, 6)))
+
+
+def softening(seed: int, harsh: Harsh = GOOD, points: int = 26) -> Draw:
+    """A bridge with a joint that high hits open: half of its modes then fall by up to four half bandwidths."""
+    rng = np.random.default_rng([13, seed])
+    falls = rng.uniform(0, 4, 6) * (rng.random(6) < 0.5)
+    return _hit_bridge(rng, harsh, points, falls * (np.arange(_HITS)[:, None] < rng.integers(1, _HITS)))
+
+
+def _hit_bridge(rng: np.random.Generator, harsh: Harsh, points: int, falls: np.ndarray) -> Draw:
+    """The mean over hits, at each of which the modes are so many (hits, 6) half bandwidths lower."""
     hz = np.arange(0, 8.001, 1 / 32)
     f = _spread(rng, 6, rng.uniform(2.2, 2.8), rng.uniform(4.2, 5), 0.025)
     zeta = rng.uniform(0.006, 0.014, 6)
     phi = _shapes(rng, 6, points)
     sensor = rng.choice([-1, 1], (6, 1)) * rng.uniform(0.4, 1.5, (6, 1))
-    values = _accelerance(hz, f, zeta, phi * sensor)
+    lowered = f * (1 - zeta * falls)
+    values = np.mean([_accelerance(hz, own, zeta, phi * sensor) for own in lowered], axis=0)
     level = np.sqrt(np.mean(np.abs(values[:, (hz > 2) & (hz < 5)]) ** 2))
     leak = level * rng.uniform(0.3, 0.9) / np.maximum(hz, 0.03) ** 2
     values = _faults(rng, hz, values, 0.02 * level, leak, 0.0, harsh)
-    return Draw(_set(hz, values, [(Dof(i + 1, 3), Dof(22, 3)) for i in range(points)]), f, zeta, f < 0, NONE)
+    pairs = [(Dof(i + 1, 3), Dof(22, 3)) for i in range(points)]
+    return Draw(_set(hz, values, pairs), np.median(lowered, axis=0), zeta, phi * sensor, f < 0, NONE)
 
 
 def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
@@ -122,7 +148,8 @@ def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
     mean = each.mean(axis=0)
     coherence = np.abs(mean) ** 2 / np.mean(np.abs(each) ** 2, axis=0)
     variance = np.abs(mean) ** 2 * (1 - coherence) / (coherence * _HITS)
-    return Draw(_set(hz, mean[None], [(Dof(1, 3), Dof(2, 3))], variance[None]), f, seen, f < 0, NONE)
+    pairs = [(Dof(1, 3), Dof(2, 3))]
+    return Draw(_set(hz, mean[None], pairs, variance[None]), f, seen, residue[:, None], f < 0, NONE)
 
 
 def wide(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
@@ -135,19 +162,22 @@ def wide(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
     apart = np.minimum(np.diff(f, prepend=0), np.diff(f, append=500)) / f
     zeta = np.minimum(zeta, 0.5 * apart)
     phi, psi = _shapes(rng, f.size, points), _shapes(rng, f.size, 1)
-    values = _accelerance(hz, f, zeta, phi * psi * np.sqrt(zeta)[:, None])
+    residue = phi * psi * np.sqrt(zeta)[:, None]
+    values = _accelerance(hz, f, zeta, residue)
     level = float(np.median(np.abs(values)))
     floor = 0.02 * level * np.where(hz < rng.uniform(15, 60), rng.choice([0.3, 3.0]), 1.0)
     values = _faults(rng, hz, values, 0.0, harsh.noise * floor, 0.0, harsh)
     pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), f, zeta, f < 0, NONE)
+    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 0, NONE)
 
 
 def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
     """A cantilever to 350 Hz whose first mode is two lines wide, low, and beside a floor that changes.
 
-    The sensor roves: its mass pulls each mode down by the square of the shape there. Every record has noise of its own level,
-    leakage rises towards 0 Hz, and humps of a support that is no part of the body stand beside the first mode.
+    The sensor roves: its mass pulls each mode down by the square of the shape there. The true frequency is that of the body
+    with its sensor, the mean over the points by the power that each shows: no FRF shows the bare body. Every record has noise
+    of its own level, leakage rises towards 0 Hz, and humps of a support that is no part of the body stand beside the first
+    mode.
     """
     rng = np.random.default_rng([10, seed])
     hz = np.arange(0.0, 400.1, 0.3125)
@@ -166,7 +196,9 @@ def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
         rng, hz, values + hump, 0.0, harsh.noise * (floor + 0.002 * level / np.maximum(hz, 0.2)), 0.0, harsh
     )
     pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), f, zeta, f < 0, NONE)
+    power = np.abs(lever) ** 2
+    loaded = f * (1 - np.sum(pulled * power, axis=1) / np.sum(power, axis=1))
+    return Draw(_set(hz, values, pairs), loaded, zeta, lever, f < 0, NONE)
 
 
 def beam(seed: int, harsh: Harsh = GOOD, points: int = 33) -> Draw:
@@ -179,7 +211,8 @@ def beam(seed: int, harsh: Harsh = GOOD, points: int = 33) -> Draw:
     values = _accelerance(hz, f, zeta, residue)
     white = rng.uniform(0.01, 0.05) * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
     values = _faults(rng, hz, values, harsh.noise * white, 0.0, 0.0, replace(harsh, errors=0.2 * harsh.errors))
-    return Draw(_set(hz, values, [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]), f, zeta, f < 0, NONE)
+    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
+    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 0, NONE)
 
 
 _SECONDS, _RATE, _HEIGHTS = 8.0, 1600, (0.5, 1.0, 2.0)
@@ -228,7 +261,7 @@ def _sprung(seed: int, harsh: Harsh, power: int, points: int = 12) -> Draw:
     )
     false = np.unique(np.concatenate([each.ravel() for each in signs]))
     pairs = [(Dof(99, 3), Dof(i + 1, 3)) for i in range(points)]
-    return Draw(_set(hz[keep], values, pairs), f, zeta, f < 0, false[false > 2])
+    return Draw(_set(hz[keep], values, pairs), f, zeta, phi * sensor[:, None], f < 0, false[false > 2])
 
 
 def _moved(
@@ -264,22 +297,42 @@ def _moved(
     return out
 
 
+def loose(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
+    """A structure, and a sensor or hammer that rings on its own in one FRF."""
+    rng = np.random.default_rng([12, seed])
+    hz = np.arange(4.0, 250.1, 0.25)
+    f = _spread(rng, int(rng.integers(5, 9)), 15, 230, 0.04)
+    zeta = rng.uniform(0.004, 0.02) * np.exp(0.2 * rng.standard_normal(f.size))
+    residue = _shapes(rng, f.size, points) * np.exp(0.5 * rng.standard_normal((f.size, 1)))
+    values = _accelerance(hz, f, zeta, residue)
+    ringing = np.array([rng.uniform(20, 230)])
+    size = np.exp(rng.uniform(np.log(0.1), np.log(2))) * rng.choice([-1, 1], (1, 1))
+    values[rng.integers(points)] += _accelerance(hz, ringing, rng.uniform(0.003, 0.03, 1), size)[0]
+    white = 0.01 * np.median(np.abs(values))
+    values = _faults(rng, hz, values, harsh.noise * white, 0.0, 0.0, harsh)
+    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
+    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 0, ringing)
+
+
 def quiet(seed: int, harsh: Harsh = GOOD) -> Draw:
     """Noise and hum alone, in one to twelve FRFs: there is no mode."""
     rng = np.random.default_rng([8, seed])
     hz, points = np.arange(1.0, 801.0), int(rng.integers(1, 13))
     values = harsh.noise * _gauss(rng, points, hz.size) * (1 + (rng.uniform(0, 100) / hz) ** 2)
     values[:, 49] += rng.uniform(0, 20) * _gauss(rng, 1)
-    return Draw(_set(hz, values, [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]), NONE, NONE, NONE > 0, NONE)
+    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
+    return Draw(_set(hz, values, pairs), NONE, NONE, np.empty((0, points)), NONE > 0, NONE)
 
 
 KINDS: dict[str, Callable[..., Draw]] = {
     "bridge": bridge,
+    "softening": softening,
     "plate": plate,
     "aeroplane": aeroplane,
     "wide": wide,
     "wing": wing,
     "beam": beam,
+    "loose": loose,
     "quiet": quiet,
     "squared": squared,
     "cubed": cubed,

@@ -42,7 +42,8 @@ _SPREAD = 5.0  # half their width over the median of the drifts
 _TURNS = 8  # of drift and poles, at most
 _AT_REST = 0.98  # of the misfit that another turn must beat
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
-_LEAST = 1e-6  # relative drift that no resonance shows
+_UNSEEN = 3e-3  # of the narrowest half bandwidth: a drift that no resonance shows
+_LEAST = 1e-6  # relative drift for which a grid is made
 
 
 @dataclass(frozen=True)
@@ -83,13 +84,13 @@ def without_drift(
     sharp = seen & (terms.damping_ratio <= _ALIKE * np.median(terms.damping_ratio[seen]))
     step = max(_FINE * float(np.median(terms.damping_ratio[sharp])), 2 * _WIDEST / _MOST_STEPS)
     grid: FloatArray = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
-    still, left = arrangement, np.inf
     each: FloatArray = np.zeros(len(unmoved.pairs)) if before is None else before.each.copy()
+    still, left = aligned(unmoved, terms, weight, each), np.inf
     for _ in range(_TURNS):
         lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
         narrow = float(np.median(terms.damping_ratio[sharp]))
         more: FloatArray = _drifts(still, terms, weight, lines, tests, grid=grid, narrow=narrow)
-        if not np.any(np.abs(more) > _LEAST):
+        if not np.any(np.abs(more) > _UNSEEN * narrow):
             break
         grid = _finer(more, narrow)
         each += more
@@ -239,9 +240,14 @@ def _lowest(grid: FloatArray, misfit: FloatArray) -> FloatArray:
 
 
 def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArray:
-    """(N, q) real coefficients, all FRFs with the same weights."""
+    """(N, q) real coefficients, all FRFs with the same weights, each term a priori as large as the FRFs.
+
+    The lines hardly tell a pole beyond the band from residual terms: without the prior both are large and cancel, and the drift
+    of that pole alone spoils all FRFs. With B the weighted columns of length 1, (BᵀB + N/|H|² I) c = BᵀH (Tikhonov).
+    """
     scaled = np.concatenate([(root[:, None] * basis).real, (root[:, None] * basis).imag])
     size = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
     both = np.concatenate([(root * values).real, (root * values).imag], axis=1)
-    found: FloatArray = np.linalg.lstsq(scaled / size, both.T, rcond=1e-9)[0].T / size
-    return found
+    left, singular, right = np.linalg.svd(scaled / size, full_matrices=False)
+    damped = singular / (singular**2 + len(both) / max(float(np.sum(both**2)), 1e-300))
+    return np.asarray((((both @ left) * damped) @ right) / size)

@@ -6,9 +6,14 @@ phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R t
 rise    ρ, the local misfit without the pole over that with it, within 1 and 10³.
 share   s, the pole's height over the FRFs at its frequency, within 0.03 and 1.
 damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all poles of the set.
-twin    t = likeness to a larger neighbour × exp(-δ²/2), δ their distance in summed half bandwidths.
-repeat  where FRFs of single hits are there: how far the pole's residue scatters between them over the root of their number.
-growth  where their heights differ: |d ln|R| / d ln(height)|, 0 for a linear structure, 1 and 2 for quadratic and cubic springs.
+apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of its resonance curve with that of the larger pole
+        nearest by it, σ = ζω. Where a mode moves from test to test, by temperature or the sensor's mass, or is not of a linear
+        structure, the fit has several poles for it, with shapes of their own and far nearer than modes are.
+shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of that larger pole. Two modes have two shapes; a mode that
+        every test shows at several heights of the hit, or while it drifts, is several poles with one shape. Not for fewer than
+        four FRFs.
+reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest: a sensor or hammer that
+        rings is seen in one. Not for fewer than four FRFs.
 
 A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are found first, from the strong
 poles.
@@ -35,13 +40,18 @@ _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
 _ONE_LINE = 0.5  # lines: a half bandwidth above shows its flanks on several
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
+_NEAREST, _LEAST_REACHED = 0.01, 0.01  # least distance, and least share in other FRFs, that count
+_ONE_SHAPE = 0.01  # 1 - MAC that errors leave of one shape
 _LONGEST_DELAY = 1e-3  # s
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
-_POINTS = 8  # FRFs from which the signs of two shapes hardly agree by chance
 _STRONG = 10.0  # rise from which a pole shows the delay
 _ROBUST = 6  # rounds of reweighting of the damping's trend
 _STARTS = 8  # poles through which it is started
-_USUAL = 0.3  # scatter of ln ζ about it
+FEW = 4
+"""FRFs below which their phase is that of single values, and there is no shape."""
+
+USUAL = 0.3
+"""Scatter of ln ζ about its trend."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +59,9 @@ class Evidence:
     """Features of n poles, NaN where the set cannot give one.
 
     Attributes:
-        phase, rise, share, damping, twin, repeat, growth: (n,) see above.
-        neighbour: (n,) number of the larger neighbour, -1 where there is none; likeness, apart: see `_neighbours`.
+        phase, rise, share, damping, apart, shape, reach: (n,) see above.
+        height: (n,) of its part in the FRFs at its frequency, root of the sum of squares over them.
+        neighbour: (n,) number of the larger pole that it is nearest to; any where there is none.
         trend: (n,) ζ_t.
         tone: (n,) whether the pole rests on a single line, as interference does, and shows neither damping nor delay.
         delay: of the channels, s; turned: whether all residues are turned by 90°.
@@ -60,27 +71,20 @@ class Evidence:
     rise: FloatArray
     share: FloatArray
     damping: FloatArray
-    twin: FloatArray
-    repeat: FloatArray
-    growth: FloatArray
-    neighbour: IntArray
-    likeness: FloatArray
     apart: FloatArray
+    shape: FloatArray
+    reach: FloatArray
+    height: FloatArray
+    neighbour: IntArray
     trend: FloatArray
     tone: BoolArray
     delay: float
     turned: bool
 
 
-def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, FloatArray] | None = None) -> Evidence:
-    """The features of all poles of a fit.
-
-    Args:
-        arrangement: the FRFs.
-        fit: the series fitted to them.
-        hits: repeat and growth of each pole (n,), where single hits are there.
-    """
-    terms, n = fit.terms, fit.terms.pairs
+def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
+    """The features of all poles of a series fitted to FRFs."""
+    terms = fit.terms
     residues = residues_of(fit)
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
@@ -90,21 +94,17 @@ def evidence_of(arrangement: Arrangement, fit: Level, hits: tuple[FloatArray, Fl
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
     trend = _trend(terms, strength * np.maximum(phase, 0.1))
-    neighbour, likeness, apart = _neighbours(terms, residues, height)
-    twin = np.where(neighbour < 0, 0.0, likeness * np.exp(-(apart**2) / 2))
-    unknown = np.full(n, np.nan)
-    repeat, growth = hits if hits is not None else (unknown, unknown)
+    neighbour, apart = _nearest(terms, height)
     return Evidence(
         phase=phase,
         rise=rise,
         share=share,
         damping=np.abs(np.log(terms.damping_ratio / trend)),
-        twin=twin,
-        repeat=repeat,
-        growth=growth,
-        neighbour=neighbour,
-        likeness=likeness,
         apart=apart,
+        shape=_shape(residues, neighbour, apart),
+        reach=_reach(residues),
+        height=height,
+        neighbour=neighbour,
         trend=trend,
         tone=tone,
         delay=delay,
@@ -209,7 +209,7 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     best, least = np.full(zeta.size, usual), np.inf
     for rate in (0.0, *(zeta * omega)[use][np.argsort(-strength[use])[:_STARTS]]):  # through one pole after the other
         trend = _descended(np.maximum(usual, rate / omega), zeta, shape, np.where(use, strength, 0.0))
-        cost = float(np.sum(strength * np.log1p((np.log(zeta / trend) / _USUAL) ** 2)))
+        cost = float(np.sum(strength * np.log1p((np.log(zeta / trend) / USUAL) ** 2)))
         if cost < least:
             best, least = trend, cost
     return best
@@ -219,32 +219,34 @@ def _descended(trend: FloatArray, zeta: FloatArray, shape: FloatArray, strength:
     """A trend after some rounds of reweighted least squares from a start."""
     for _ in range(_ROBUST):
         off = np.log(zeta / trend)
-        weight = np.sqrt(strength / (1 + (off / _USUAL) ** 2)) / np.sqrt(zeta * trend)
+        weight = np.sqrt(strength / (1 + (off / USUAL) ** 2)) / np.sqrt(zeta * trend)
         found = scipy.optimize.nnls(shape * weight[:, None], zeta * weight)[0]
         trend = np.maximum(shape @ found, 0.1 * zeta[strength > 0].min())
     return trend
 
 
-def _neighbours(terms: Terms, residues: ComplexArray, height: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """The larger neighbour that a pole is most like and nearest to, their likeness and distance δ.
+def _nearest(terms: Terms, height: FloatArray) -> tuple[IntArray, FloatArray]:
+    """(n,) number of the larger pole that each is nearest to, and d."""
+    if not terms.pairs:
+        return np.empty(0, dtype=np.int64), np.empty(0)
+    s = poles(terms.frequency_hz, terms.damping_ratio)
+    alike = 4 * np.outer(s.real, s.real) / np.abs(s[:, None] + s.conj()) ** 2
+    alike = np.where(height[None, :] > height[:, None], alike, 0.0)
+    return alike.argmax(axis=1), np.sqrt(np.maximum(1 - alike.max(axis=1), _NEAREST**2))
 
-    A mode that the roving sensor's mass moves from test to test leaves poles that share its residue: each is large in tests of
-    its own, so their MAC is low, but all have its sign. The likeness is the MAC, or the square of the mean agreement
-    Σ Re(R̄ₖRⱼ)/Σ|RₖRⱼ| where that is larger; the signs of two modes agree at half of the points only.
-    """
-    n, size = terms.pairs, np.abs(residues)
-    product = residues.conj().T @ residues
-    norm = np.maximum(np.sum(size**2, axis=0), 1e-300)
-    likeness = np.abs(product) ** 2 / np.outer(norm, norm)
-    if len(residues) >= _POINTS:
-        agreement = np.maximum(product.real, 0.0) / np.maximum(size.T @ size, 1e-300)
-        likeness = np.maximum(likeness, agreement**2)
-    width = terms.frequency_hz * terms.damping_ratio
-    apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
-    larger: BoolArray = height[None, :] > height[:, None]
-    twin = np.where(larger, likeness * np.exp(-(apart**2) / 2), -1.0)
-    if not n:
-        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
-    best = np.argmax(twin, axis=1)
-    at = (np.arange(n), best)
-    return np.where(twin[at] < 0, -1, best), likeness[at], apart[at]
+
+def _shape(residues: ComplexArray, neighbour: IntArray, apart: FloatArray) -> FloatArray:
+    """(n,) q."""
+    if len(residues) < FEW:
+        return np.full(residues.shape[1], np.nan)
+    scaled = residues / np.maximum(np.linalg.norm(residues, axis=0), np.finfo(float).tiny)
+    mac = np.abs(np.sum(scaled.conj() * scaled[:, neighbour], axis=0)) ** 2
+    return np.asarray((1 - np.minimum(mac, 1.0) + _ONE_SHAPE) ** np.sqrt(1 - apart**2))
+
+
+def _reach(residues: ComplexArray) -> FloatArray:
+    """(n,) n."""
+    if len(residues) < FEW:
+        return np.full(residues.shape[1], np.nan)
+    power = np.abs(residues / np.maximum(np.abs(residues).max(axis=0), np.finfo(float).tiny)) ** 2
+    return np.asarray(np.maximum(1 - 1 / np.maximum(power.sum(axis=0), 1.0), _LEAST_REACHED))

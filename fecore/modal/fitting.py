@@ -17,7 +17,7 @@ from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import ROUNDS, grow, linear_weight, local_level, pruned, with_residual_terms, without_poles
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
-from fecore.modal.probability import probability
+from fecore.modal.probability import doubled, probability
 from fecore.modal.refinement import Fit, Level, refine
 
 _ALIGN = 4  # turns of drift and growth
@@ -27,6 +27,7 @@ _CLEARLY = 5.0  # prices of its unknowns by which a series without drift must be
 _CULLS = 2  # turns of probability and refinement
 _STEPS, _LAST = 8, 3  # of the refinement, and with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
+_ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 _COMPANY_BELOW = 0.3  # probability below which a pole beside a better one is its company
 
 Report = Callable[[str, float], None]
@@ -42,6 +43,7 @@ class Fitted:
         linear: the linear poles.
         drift: None where there is none.
         full: whether the search had as many poles as it may.
+        doubled: (2, n) variances of ln f and ζ by poles that are the same mode once more.
     """
 
     arrangement: Arrangement
@@ -50,11 +52,12 @@ class Fitted:
     linear: LinearPoles
     drift: Drift | None
     full: bool
+    doubled: FloatArray
 
     @property
     def covariance(self) -> FloatArray:
         """(2n, 2n) covariance of (ln f, ζ); the mean of as many drifts as there are tests is common to all frequencies."""
-        covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
+        covariance, n = self.fit.parameter_covariance + np.diag(self.doubled.ravel()), self.fit.terms.pairs
         if self.drift is not None:
             covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement)
         return covariance
@@ -88,7 +91,9 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     full = fit.terms.pairs >= most
     fit = _without_company(still, fit)
     report("refining with all FRFs", 0.8)
-    return Fitted(still.arrangement, _last(still, fit), noise, linear, drift, full)
+    last = _last(still, fit)
+    twice = doubled(still.arrangement, evidence_of(still.arrangement, last), last.terms)
+    return Fitted(still.arrangement, last, noise, linear, drift, full, twice)
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,8 @@ class _Data:
         self, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None], rounds: int = ROUNDS
     ) -> Terms:
         """The poles with those, of the candidates and of what the residual shows, that the combinations need."""
-        return grow(self.few, self.few_noise, most, step, terms, pool=pool, rounds=rounds).terms
+        beside = len(self.arrangement.pairs) - len(self.few.pairs)
+        return grow(self.few, self.few_noise, most, step, terms, pool=pool, rounds=rounds, beside=beside).terms
 
     def fitted(self, terms: Terms) -> Level:
         """The series with all FRFs, without poles and residual terms that do not pay."""
@@ -170,12 +176,13 @@ def _better(rival: Level, fit: Level) -> bool:
 
 
 def _without_company(data: _Data, fit: Level) -> Level:
-    """The fit without refused poles that only bend a better one beside them."""
+    """The fit without refused poles that only bend a better one beside them, or that no distance parts from a larger one."""
     for _ in range(_CULLS):
         if not fit.terms.pairs:
             break
-        p = probability(data.arrangement, evidence_of(data.arrangement, fit), fit.terms.damping_ratio)
-        gone = _company(data.arrangement, fit.terms, p)
+        evidence = evidence_of(data.arrangement, fit)
+        p = probability(data.arrangement, evidence, fit.terms.damping_ratio)
+        gone = _company(data.arrangement, fit.terms, p) | (evidence.apart < _ONE)
         if not gone.any():
             break
         fit = data.fitted(data.settled(without_poles(fit.terms, gone)))

@@ -32,8 +32,10 @@ ROUNDS = 5
 _RESIDUAL_ORDER = 10  # of the linear stage on the residual
 _STEPS = 8  # of the refinement in each round
 _ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
+_SETTLES = (
+    2  # times that a variance follows a fit and a fit the variance: the first fit's own is too large for clean data
+)
 _PRICE = 2.0  # of an unknown (Akaike)
-_FAR = 2.0  # times the upper end of the band, or of the lower end over it: poles beyond are residual terms
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
 _APART = 0.5  # summed half bandwidths between two poles that are taken in one round
@@ -47,6 +49,7 @@ def grow(
     start: Terms,
     pool: ComplexArray,
     rounds: int = ROUNDS,
+    beside: int = 0,
 ) -> Fit:
     """The poles that FRFs, or combinations of them, need.
 
@@ -58,13 +61,20 @@ def grow(
         start: the series to start from.
         pool: candidates, rad/s; in every round those that the residual shows are added.
         rounds: most rounds.
+        beside: FRFs more than the combinations that stand for them.
     """
     first = np.append(pool, _beyond(arrangement))
-    fit, candidates = local_level(arrangement, start, noise), first
+    fit = local_level(arrangement, start, noise)
     for number in range(rounds):
+        candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
-        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs)
+        room = most - fit.terms.pairs
+        added = _chosen(arrangement, fit, candidates, room, beside)
+        if (
+            not fit.terms.pairs and not added.size
+        ):  # under the variance of the FRFs themselves nothing gains more than that
+            added = _chosen(arrangement, fit, candidates, room, 0)
         if not added.size:
             break
         larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=_STEPS, enough=_ENOUGH)
@@ -73,22 +83,28 @@ def grow(
         # fit may need what a poor one did without.
         whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
         fit = pruned(
-            arrangement, level_at(arrangement, whole.terms, _local_variance(arrangement, whole.residual, noise))
+            arrangement,
+            level_at(arrangement, whole.terms, _local_variance(arrangement, whole.residual, noise)),
+            beside,
         )
         step(fit.terms.pairs)
         if number and fit.terms.pairs <= before:
             break
-        left = linear_poles(
-            arrangement.omega, fit.residual, weights(arrangement, fit.variance), _RESIDUAL_ORDER, (NARROW,)
-        )
-        candidates = np.append(clusters(left), first)
     return refine(arrangement, fit.terms, fit.variance)
+
+
+def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
+    """Candidates that the residual shows, rad/s."""
+    weight = weights(arrangement, fit.variance)
+    return clusters(linear_poles(arrangement.omega, fit.residual, weight, _RESIDUAL_ORDER, (NARROW,)))
 
 
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
     """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
     fit = level_at(arrangement, terms, _local_variance(arrangement, arrangement.values, noise))
-    return level_at(arrangement, terms, _local_variance(arrangement, fit.residual, noise))
+    for _ in range(_SETTLES):
+        fit = level_at(arrangement, terms, _local_variance(arrangement, fit.residual, noise))
+    return fit
 
 
 def _local_variance(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray) -> FloatArray:
@@ -158,21 +174,23 @@ def gain_beside(arrangement: Arrangement, fit: Level, k: int, line: int) -> floa
     return float(_two_by_two(right, *(np.array([each]) for each in (own.T @ own).ravel()[[0, 1, 3]]))[0])
 
 
-def pole_price(fit: Level) -> float:
-    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line."""
-    return (_PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))) * fit.memory
+def pole_price(fit: Level, beside: int = 0) -> float:
+    """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line.
+
+    Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too, that gain 1 each from noise.
+    """
+    own = _PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))
+    return (own + (_PRICE - 1) * 2 * beside) * fit.memory
 
 
-def pruned(arrangement: Arrangement, fit: Level) -> Level:
+def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
     """The fit without poles that do not pay, the broadest of them first: what a narrower one explains must not outlive it.
 
-    A pole far beyond the band looks like a residual term. Both at once are large and cancel, and then a drift of 10⁻⁴ of that
-    pole, or rounding, spoils all FRFs: the term is enough. Residual terms that do not pay go after the poles, the least worth
-    first.
+    Residual terms that do not pay go after the poles, the least worth first.
     """
-    terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit)
+    terms, c, C, price = fit.terms, fit.linear.coefficients, fit.linear.covariance, pole_price(fit, beside)
     while terms.pairs:
-        poor = (_gains(c, C, terms.pairs) < price) | _far(arrangement, terms)
+        poor = _gains(c, C, terms.pairs) < price
         if not poor.any():
             break
         k = int(np.argmax(np.where(poor, terms.damping_ratio * terms.frequency_hz, -1.0)))
@@ -182,17 +200,11 @@ def pruned(arrangement: Arrangement, fit: Level) -> Level:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
         worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
         least = int(np.argmin(worth))
-        if worth[least] > _PRICE * len(fit.residual) * fit.memory:
+        if worth[least] > (_PRICE * len(fit.residual) + (_PRICE - 1) * beside) * fit.memory:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
     return fit if terms is fit.terms else level_at(arrangement, terms, fit.variance)
-
-
-def _far(arrangement: Arrangement, terms: Terms) -> BoolArray:
-    """(n,) poles so far beyond the band that the lines do not fix their frequency."""
-    low, high = arrangement.frequency_hz[[0, -1]]
-    return np.asarray((terms.frequency_hz > _FAR * high) | (terms.frequency_hz < low / _FAR))
 
 
 def _left_out(c: FloatArray, C: FloatArray, gone: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -221,7 +233,7 @@ def _as_all_leave(arrangement: Arrangement, fit: Level, pool: ComplexArray, nois
     return level_at(arrangement, fit.terms, _local_variance(arrangement, whole.residual, noise))
 
 
-def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int) -> ComplexArray:
+def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int, beside: int) -> ComplexArray:
     """The candidates that pay, most gain first, each on top of those before it."""
     if not pool.size or room <= 0:
         return pool[:0]
@@ -239,7 +251,7 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int)
     right = target @ extra
     one, two = extra[:, 0::2], extra[:, 1::2]
     gram = [np.einsum("lc,lc->c", a, b) for a, b in ((one, one), (one, two), (two, two))]
-    price, basis = pole_price(fit), np.empty((len(extra), 0))
+    price, basis = pole_price(fit, beside), np.empty((len(extra), 0))
     taken: list[int] = []
     open_ = np.ones(pool.size, dtype=bool)
     while len(taken) < room:

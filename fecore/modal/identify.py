@@ -118,7 +118,8 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
     significance, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
-    fitted, verdict = replace(fitted, fit=fit), verdict.of(old, fit.terms.frequency_hz)
+    fitted = replace(fitted, fit=fit, doubled=fitted.doubled[:, old])
+    verdict = verdict.of(old, fit.terms.frequency_hz)
     kept = verdict.kept
     doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)
     shapes = _shapes(arrangement, fit, kept)
@@ -219,11 +220,12 @@ def _of_drift(fitted: Fitted) -> list[str]:
 
 
 def _toned(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> BoolArray:
-    """(N, L) values of which a tone is a larger part than their noise: it is no answer to the force."""
+    """(N, L) values of which a tone is the larger part, and larger than their noise: they are no answer to the force."""
     pairs, tone = slice(0, 2 * fit.terms.pairs), np.repeat(evidence.tone, 2)
     own = columns(arrangement.omega, fit.terms, arrangement.power)[:, pairs][:, tone]
     part = real_times(fit.linear.coefficients[:, pairs][:, tone], own.T)
-    return np.asarray(np.abs(part) ** 2 > fit.variance)
+    rest = np.abs(arrangement.values - part) ** 2
+    return np.asarray(np.abs(part) ** 2 > np.maximum(fit.variance, rest))
 
 
 def _of_tones(arrangement: Arrangement, toned: BoolArray) -> list[str]:

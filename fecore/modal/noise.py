@@ -182,7 +182,7 @@ def local_variance(
         return np.asarray(variance)
     log = np.log(variance)
     level = log.mean(axis=1, keepdims=True)
-    return np.asarray(np.exp(level + (log - level).mean(axis=0)))
+    return np.asarray(np.exp(level) * np.exp(log - level).mean(axis=0))
 
 
 def _relative(residual: ComplexArray, values: ComplexArray) -> float:

@@ -1,15 +1,15 @@
 """One probability for each pole: that it is a mode of the structure.
 
-    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ min(z, 3)² - b₄ t  [- b₅ min(u, 1)² - b₆ min(g, 1)²],    lg = log₁₀,
+    logit P = b₀ + Λ(r) + b₁ lg ρ + b₂ lg s - b₃ ln(1 + (z/0.3)²) - b₄ ln(1 + (0.15/d)²) + b₅ lg q + b₆ lg n,
 
-with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
+lg = log₁₀, with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
 
-    p₁ = 0.98 e^{-(1-r)/σ}/√(πσ(1-r)) + 0.02/(π√(1-r²)),    p₀ = 0.3/(π√(1-r²)) + 0.7 N(r; 0, 0.4),
+    p₁ = 0.98 e^{-(1-r)/σ}/√(πσ(1-r)) + 0.02 (1+r)/(2π√(1-r²)),    p₀ = 0.3/(π√(1-r²)) + 0.7 N(r; 0, 0.4),
 
-σ = 0.1, or 0.06 with p₀ = 1/(π√(1-r²)) for fewer than four FRFs. Both have the same root at r = 1, so Λ stays finite. The
-weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot give
-drops out: it takes its mean among poles, and its spread, like the weights' own, widens P towards ½ (MacKay 1992): P =
-σ(a/√(1 + πv/8)).
+σ = 0.1, or 0.06 with p₀ = 1/(π√(1-r²)) for fewer than four FRFs. Both have the same root at r = 1, so Λ stays finite. A
+mode's phase θ is off by up to 90°, by other channels or overlapping modes, but not in proportion: (1+r)/2 = cos²θ. The
+weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot
+give drops out. The weights' own variance v of the logit a widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import BoolArray, FloatArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.evidence import Evidence
+from fecore.modal.basis import Terms
+from fecore.modal.evidence import FEW, USUAL, Evidence
 from fecore.modal.weights import COVARIANCE, MEAN
 
-_FEW = 4  # FRFs below which a phase is that of single values
 _SIGMA, _SIGMA_OF_FEW = 0.1, 0.06
 _STRAY = 0.02  # share of the modes whose phase is anything
 _AT_ODDS = 0.4  # standard deviation of r for what is no mode
 _ANY = 0.3  # share of these whose phase is anything
 _EDGE = 1e-6  # of r at ±1
-_MOST_DAMPING = 3.0  # of z
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
-_NO_SHAPE = (0.2, 0.2)  # mean and standard deviation of t where there are no shapes
+_BESIDE = (4, 5)  # numbers of distance and shape in the design
+_DOUBLE = 0.15  # distance below which two poles are rather one mode
+_ALONE = 0.99  # distance from which a pole is alone
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Feature:
     """One reason for or against a pole.
 
     Attributes:
-        name: `phase`, `rise`, `share`, `damping`, `twin`, `repeat` or `growth`.
+        name: `phase`, `rise`, `share`, `damping`, `apart`, `shape` or `reach`.
         value: the feature.
         weight: what it adds to the logit of P.
         words: what it says, in words of the field.
@@ -54,41 +55,63 @@ class Feature:
 def phase_ratio(r: FloatArray, frfs: int) -> FloatArray:
     """Λ(r) = ln p₁(r)/p₀(r)."""
     r = np.clip(r, -1 + _EDGE, 1 - _EDGE)
-    sigma = _SIGMA if frfs >= _FEW else _SIGMA_OF_FEW
+    sigma = _SIGMA if frfs >= FEW else _SIGMA_OF_FEW
     arcsine = 1 / (np.pi * np.sqrt(1 - r**2))
-    of_modes = (1 - _STRAY) * np.exp(-(1 - r) / sigma) / np.sqrt(np.pi * sigma * (1 - r)) + _STRAY * arcsine
+    of_modes = (1 - _STRAY) * np.exp(-(1 - r) / sigma) / np.sqrt(np.pi * sigma * (1 - r))
+    of_modes += _STRAY * arcsine * (1 + r) / 2
     spread = np.exp(-(r**2) / (2 * _AT_ODDS**2)) / (_AT_ODDS * np.sqrt(2 * np.pi))
-    of_others = arcsine if frfs < _FEW else _ANY * arcsine + (1 - _ANY) * spread
+    of_others = arcsine if frfs < FEW else _ANY * arcsine + (1 - _ANY) * spread
     return np.asarray(np.log(of_modes / of_others))
 
 
-def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(n,) Λ, (n, 7) what the weights multiply, and (n, 7) its standard deviation where it is not known."""
-    n, frfs = evidence.phase.size, len(arrangement.pairs)
+def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
+    """(n,) Λ, and (n, 7) what the weights multiply."""
+    frfs = len(arrangement.pairs)
     x = np.stack(
         [
-            np.ones(n),
+            np.ones(evidence.phase.size),
             np.log10(evidence.rise),
             np.log10(evidence.share),
-            -(np.minimum(evidence.damping, _MOST_DAMPING) ** 2),
-            -evidence.twin,
-            -(np.minimum(evidence.repeat, 1.0) ** 2),
-            -(np.minimum(evidence.growth, 1.0) ** 2),
+            -np.log1p((evidence.damping / USUAL) ** 2),
+            -np.log1p((_DOUBLE / evidence.apart) ** 2),
+            np.log10(evidence.shape),
+            np.log10(evidence.reach),
         ],
         axis=1,
     )
-    spread = np.zeros_like(x)
-    if frfs < 2:
-        alone = np.exp(-(evidence.apart**2) / 2) * (evidence.neighbour >= 0)
-        x[:, 4], spread[:, 4] = -_NO_SHAPE[0] * alone, _NO_SHAPE[1] * alone
-    return phase_ratio(evidence.phase, frfs), np.where(np.isnan(x), 0.0, x), spread
+    return phase_ratio(evidence.phase, frfs), np.where(np.isnan(x), 0.0, x)
 
 
 def probability(arrangement: Arrangement, evidence: Evidence, damping_ratio: FloatArray) -> FloatArray:
-    """(n,) P of each pole; 0 of one that does not swing, or is a tone."""
-    ratio, x, spread = design(arrangement, evidence)
-    p = predictive(ratio + x @ MEAN, np.einsum("ni,ij,nj->n", x, COVARIANCE, x) + (spread**2) @ MEAN**2)
-    return np.where((damping_ratio > _OVERDAMPED) | evidence.tone, 0.0, p)
+    """(n,) P of each pole; 0 of one that cannot be a mode."""
+    ratio, x = design(arrangement, evidence)
+    return np.where(no_mode(evidence, damping_ratio), 0.0, judged(ratio, x, MEAN, COVARIANCE))
+
+
+def no_mode(evidence: Evidence, damping_ratio: FloatArray) -> BoolArray:
+    """(n,) poles that do not swing, or are tones."""
+    return np.asarray((damping_ratio > _OVERDAMPED) | evidence.tone)
+
+
+def judged(ratio: FloatArray, x: FloatArray, mean: FloatArray, covariance: FloatArray) -> FloatArray:
+    """P of poles with a design, under weights with a covariance."""
+    return predictive(ratio + x @ mean, np.einsum("ni,ij,nj->n", x, covariance, x))
+
+
+def doubled(arrangement: Arrangement, evidence: Evidence, terms: Terms) -> FloatArray:
+    """(2, n) variances of ln f and ζ of the poles that have doubles: poles j that would be modes but for one beside them.
+
+    With q_j = P_j, were it alone, less P_j, the mode is not at its pole k but between it and j, at their mean by power: where
+    that is the likelier case, q_j > ½, the variance is q_j (w_j Δ_jk)², w_j = h_j²/(h_j² + h_k²).
+    """
+    ratio, x = design(arrangement, evidence)
+    alone = np.where(np.isin(np.arange(x.shape[1]), _BESIDE), 0.0, x)
+    q = judged(ratio, alone, MEAN, COVARIANCE) - judged(ratio, x, MEAN, COVARIANCE)
+    q = np.where(no_mode(evidence, terms.damping_ratio) | (q < 0.5), 0.0, q)
+    k, power = evidence.neighbour, evidence.height**2
+    share = power / np.maximum(power + power[k], np.finfo(float).tiny)
+    off = np.stack([np.log(terms.frequency_hz / terms.frequency_hz[k]), terms.damping_ratio - terms.damping_ratio[k]])
+    return np.stack([np.bincount(k, each, terms.pairs) for each in q * (share * off) ** 2])
 
 
 def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
@@ -96,14 +119,14 @@ def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
     return np.asarray(1 / (1 + np.exp(-logit / np.sqrt(1 + np.pi * variance / 8))))
 
 
-NAMES = ("phase", "rise", "share", "damping", "twin", "repeat", "growth")
+NAMES = ("phase", "rise", "share", "damping", "apart", "shape", "reach")
 
 
 def features(
     arrangement: Arrangement, evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatArray
 ) -> list[tuple[Feature, ...]]:
     """The features of each pole, those that weigh most first."""
-    ratio, x, _ = design(arrangement, evidence)
+    ratio, x = design(arrangement, evidence)
     added = np.concatenate([ratio[:, None], x[:, 1:] * MEAN[1:]], axis=1)
     out = []
     for k in range(len(x)):
@@ -136,13 +159,19 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
     if name == "damping":
         times = damping_ratio[k] / evidence.trend[k]
         return f"its damping of {100 * damping_ratio[k]:.2g} % is {times:.2g} times the set's trend"
-    if name == "twin":
-        if evidence.neighbour[k] < 0:
+    if name == "apart":
+        other = evidence.neighbour[k]
+        width = frequency_hz[k] * damping_ratio[k] + frequency_hz[other] * damping_ratio[other]
+        if evidence.apart[k] > _ALONE:
             return "no larger pole is beside it"
         return (
-            f"the larger pole at {frequency_hz[evidence.neighbour[k]]:.2f} Hz is {evidence.apart[k]:.1f} bandwidths away,"
-            f" likeness of shapes {evidence.likeness[k]:.2f}"
+            f"the larger pole at {frequency_hz[other]:.2f} Hz is {abs(frequency_hz[k] - frequency_hz[other]) / width:.2g}"
+            " bandwidths away; the nearer, the likelier both are one mode that moves from test to test"
         )
-    if name == "repeat":
-        return f"its residue scatters by {100 * evidence.repeat[k]:.0f} % between hits"
-    return f"its residue grows with the height of the hit to the power of {evidence.growth[k]:.1f}"
+    if name == "shape":
+        other = evidence.neighbour[k]
+        return (
+            f"shape and curve part it from the larger pole at {frequency_hz[other]:.2f} Hz by {evidence.shape[k]:.2f} of 1;"
+            " one mode seen twice has one shape"
+        )
+    return f"the FRF that shows it best has {100 - 100 * evidence.reach[k]:.0f} % of it"

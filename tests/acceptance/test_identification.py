@@ -74,7 +74,7 @@ def test_a_job_that_is_cancelled_half_way_ends(api: httpx.Client) -> None:
 
 def test_a_band_and_doubtful_modes_are_options(api: httpx.Client) -> None:
     campaign = campaign_of(api, shared_file("MEASURED", "measured", "dam0.unv"))
-    job = finished(api, started(api, campaign, {"band_hz": [2.2, 7.6], "include_doubtful": True}))
+    job = finished(api, started(api, campaign, {"band_hz": [2.2, 7.6], "threshold": 0.99, "include_doubtful": True}))
     assert job["status"] == "succeeded", job
     whole = ok(api.get(f"mode-sets/{job['mode_set']}"))
     assert_doubt_is_seen_with_the_modes(api, whole, job["result"])

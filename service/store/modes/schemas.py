@@ -71,7 +71,7 @@ class ModeSetIn(StrictModel):
 class FeatureOut(StrictModel):
     """One reason for or against a pole being a mode."""
 
-    name: str = Field(description="phase, rise, share, damping, twin, repeat or growth")
+    name: str = Field(description="phase, rise, share, damping, apart, shape or reach; twin in older results")
     value: float = Field(description="of the feature, as the page on modes defines it")
     weight: float = Field(description="what it adds to ln(P/(1 − P))")
     words: str = Field(description="the feature in a sentence, with its value")

@@ -405,7 +405,7 @@ def test_independent_data(name: str, damping: float) -> None:
     truth = json.loads(path.with_suffix("").with_suffix(".truth.json").read_text())
     known = [m for m in truth["modes"] if m["out_of_plane"] and 0 < m["f_hz"] < 1000]
     identified = identify(read_uff(path)).found
-    assert np.all(identified.probability > 0.8)  # a mode of 16 % of the FRFs in 5 % noise is uncertain by a little
+    assert np.all(identified.probability > 0.75)  # a mode of 15 % of the FRFs in 5 % noise is uncertain by a little
     found = identified.modes
     inside = found.frequency_hz < 1000
     assert np.allclose(found.frequency_hz[inside], [m["f_hz"] for m in known], rtol=1e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,10 +11,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.made_frfs import KINDS
+from benchmarks.truth import OTHER, SPLIT, modes_of_poles
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, Options, identify
-from fecore.modal.probability import phase_ratio, predictive
+from fecore.modal.basis import Terms
+from fecore.modal.evidence import Evidence
+from fecore.modal.preparation import prepare
+from fecore.modal.probability import doubled, phase_ratio, predictive, probability
+from fecore.modal.refinement import level_at
 
 SURE = 0.9
 
@@ -120,3 +126,67 @@ def test_the_phase_speaks_for_modes_and_its_ratio_stays_finite() -> None:
     assert (
         0.5 < predictive(np.array([3.0]), np.array([20.0]))[0] < 0.9
     )  # what is hardly known is drawn towards one half
+
+
+@pytest.mark.parametrize("seed", [5000, 5004])
+def test_a_mode_that_a_roving_sensor_moves_is_one_mode(seed: int) -> None:
+    """Its poles have shapes of their own, each that of the tests where it is large, and are far nearer than modes are."""
+    draw = KINDS["wing"](seed)
+    kept = sure(identify(draw.frfs))
+    near = np.abs(kept[:, None] / draw.frequency_hz - 1) < 0.004
+    assert np.all(near.sum(axis=0) == 1)
+
+
+@pytest.mark.parametrize("seed", [5000, 5002, 5006])
+def test_a_sensor_that_rings_in_one_of_twelve_frfs_is_no_mode(seed: int) -> None:
+    draw = KINDS["loose"](seed)
+    found = identify(draw.frfs).found
+    kept = found.modes.frequency_hz[found.probability >= SURE]
+    assert np.min(np.abs(kept / draw.distortions[0] - 1)) > 0.004
+    assert all(np.min(np.abs(kept / f - 1)) < 0.004 for f in draw.frequency_hz)
+
+
+def test_an_interval_holds_both_poles_of_a_mode() -> None:
+    """Two poles of equal power: the mode is half-way as probably as the second one is no mode for its distance alone."""
+    arrangement = prepare(KINDS["bridge"](5).frfs, None).arrangement
+    terms = Terms(np.array([3.0, 3.001]), np.array([0.01, 0.012]), (-2, 0))
+    both = {
+        "phase": 1.0,
+        "rise": 1e3,
+        "share": 0.7,
+        "damping": 0.0,
+        "shape": 1.0,
+        "reach": 0.7,
+        "height": 2.0,
+        "trend": 0.01,
+    }
+    evidence = Evidence(
+        **{name: np.full(2, value) for name, value in both.items()},
+        apart=np.array([np.inf, 0.05]),
+        neighbour=np.array([1, 0]),
+        tone=np.zeros(2, dtype=bool),
+        delay=0.0,
+        turned=False,
+    )
+    near = probability(arrangement, evidence, terms.damping_ratio)[1]
+    alone = probability(arrangement, replace(evidence, apart=np.full(2, np.inf)), terms.damping_ratio)[1]
+    assert near < 0.1 < 0.99 < alone
+    half = np.array([np.log(3.001 / 3.0), 0.002]) / 2
+    expected = np.stack([(alone - near) * half**2, np.zeros(2)], axis=1)
+    np.testing.assert_allclose(doubled(arrangement, evidence, terms), expected, rtol=1e-9)
+    tone = replace(evidence, tone=np.array([False, True]))
+    assert not np.any(doubled(arrangement, tone, terms))
+
+
+def test_a_truth_has_one_pole_and_a_second_one_is_said_to_be_one() -> None:
+    draw = KINDS["bridge"](5)
+    arrangement = prepare(draw.frfs, None).arrangement
+    f, zeta = draw.frequency_hz, draw.zeta
+    hz = np.array([f[2] * (1 + 0.2 * zeta[2]), *f[::-1], 0.5 * (f[0] + f[1])])
+    terms = Terms(hz, np.array([zeta[2], *zeta[::-1], 1e-4]), (-2, 0))
+    fit = level_at(arrangement, terms, np.full(arrangement.values.shape, 1e-4))
+    of = modes_of_poles(draw, arrangement, fit)
+    doubles = {0, len(f) - 2}  # the pole added to mode 2, and that at its own frequency
+    assert sorted(of[list(doubles)]) == [SPLIT, 2]
+    assert [of[1 + k] for k in range(len(f)) if 1 + k not in doubles] == [m for m in range(len(f))[::-1] if m != 2]
+    assert of[-1] == OTHER
