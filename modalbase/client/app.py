@@ -13,6 +13,7 @@ import typer
 from modalbase.client.exporting import cards, export, figure, report
 from modalbase.client.inventory import campaigns, coupons, projects, structures
 from modalbase.client.measuring import frfs, hits, import_files, modes, points
+from modalbase.client.models import model
 from modalbase.client.options import say_next
 from modalbase.client.searching import search
 from modalbase.client.updating import alarms, jobs, monitors, result, update
@@ -38,7 +39,7 @@ def login(
 
 
 COMMANDS = (
-    login, projects, structures, campaigns, points, hits, frfs, modes, coupons,
+    login, projects, structures, model, campaigns, points, hits, frfs, modes, coupons,
     update, jobs, result, figure, report, export, cards, monitors, alarms,
 )  # fmt: skip
 

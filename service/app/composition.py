@@ -35,6 +35,7 @@ from service.store.storage.routes import router as storage
 from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
 from service.store.structures.routes import router as structures
+from service.store.updating.alignment import router as alignment
 from service.store.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -46,6 +47,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     imports,
     purging,
     grid_points,
+    alignment,
     scripts,
     frfs,
     records,
