@@ -228,6 +228,22 @@ def test_a_user_overrules_and_the_document_says_so(api: httpx.Client, campaign: 
         assert refused["errors"][0]["pointer"] == f"/overrules/{len(wrong) - 1}"
 
 
+def test_an_upload_shows_who_decided_what_of_its_hits(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+    point = next(s.hit.force.dof.point for s in hits if s.fault is None)
+    sent = ok(post(api, campaign, npz([s for s in hits if s.hit.force.dof.point == point])), 201)
+    url = f"imports/{ok(api.get(f'campaigns/{campaign}/imports'), 200)['items'][0]['id']}/records"
+    assert {hit["decision"] for hit in sent["hits"]} == {None}
+    named = {"point": point, "hit": next(hit["hit"] for hit in sent["hits"] if hit["accepted"])}
+    decisions = f"campaigns/{campaign}/hit-decisions"
+    decision = ok(api.post(decisions, json={**named, "good": False, "why": "a cable was touched"}), 201)
+    before = {hit["hit"]: hit for hit in sent["hits"]}
+    after = {hit["hit"]: hit for hit in ok(api.get(url), 200)["hits"]}
+    overruled = {**before[named["hit"]], "accepted": False, "overruled": False, "decision": decision}
+    assert after == {**before, named["hit"]: overruled}
+    ok(api.post(decisions, json={**named, "good": None, "why": "it was another's"}), 201)
+    assert {hit["hit"]: hit for hit in ok(api.get(url), 200)["hits"]} == before
+
+
 def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep_to_it(
     api: httpx.Client, campaign: str, hits: list[Simulated]
 ) -> None:
