@@ -71,7 +71,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Beside:
+class Comparison:
     """What the other hits of its point say of each hit: (h,) distance, likeness, and the height of its FRF over theirs; NaN
     where too few others seem good.
     """
@@ -121,7 +121,7 @@ def usual_apart(found: Sequence[Pairs], good: Sequence[BoolArray]) -> FloatArray
     return np.maximum(np.median(rows, axis=0), 1e-12) if len(rows) else np.ones(BANDS)
 
 
-def beside(own: Pairs, probability: FloatArray, usual: FloatArray) -> Beside:
+def compare(own: Pairs, probability: FloatArray, usual: FloatArray) -> Comparison:
     """What a point's hits say of each other, each by its (h,) probability of being good by its own numbers. Most faults
     leave the sign as it is, so it is asked of all hits.
     """
@@ -136,7 +136,7 @@ def beside(own: Pairs, probability: FloatArray, usual: FloatArray) -> Beside:
             off = np.array([row[_middle(np.abs(row), weight)] for row in off])
             found[0, i] = distance[i, _middle(distance[i], weight)]
             found[2, i] = np.exp(off[np.argmax(np.abs(off))])
-    return Beside(*found)
+    return Comparison(*found)
 
 
 def _common(off: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.signal.recording import LEAD, Knock, Survey, cut, survey
+from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import recognise
 from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping
@@ -82,7 +82,7 @@ class Channels:
             names=self.names,
         )
 
-    def places(self, hits: tuple[Knock, ...]) -> list[Place]:
+    def places(self, hits: tuple[Impact, ...]) -> list[Place]:
         """Where each hit was.
 
         Raises:
@@ -102,7 +102,7 @@ class Channels:
             )
         return places
 
-    def times(self, hits: tuple[Knock, ...]) -> str:
+    def times(self, hits: tuple[Impact, ...]) -> str:
         """When hits were, in seconds, with their force."""
         said = [f"{hit.at / self.sample_rate_hz:.2f} s ({hit.force:.3g} N)" for hit in hits[:_MOST_NAMED]]
         return ", ".join(said) + (" …" if len(hits) > _MOST_NAMED else "")

@@ -12,8 +12,7 @@ from scipy.io import savemat
 
 from benchmarks.hammer import Simulated
 from benchmarks.hammer import campaign as simulated_campaign
-from fecore.signal import by_point
-from fecore.signal.look import look
+from fecore.signal import by_point, inspect
 from tests.support.rest import ok
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
@@ -179,7 +178,7 @@ def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
         assert {sensor[r["id"]] for r in frf["records"] if r["id"] in sensor} == {point}
     rows = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert [row["has_coherence"] for row in rows] == [True] * len(frfs)
-    alone = look(by_point([s.hit for s in hits])).coherence  # of each place by itself, whoever roves
+    alone = inspect(by_point([s.hit for s in hits])).coherence  # of each place by itself, whoever roves
     for said, at in ((answer, hits[-1]), (first, hits[0])):  # that of the place which was hit last
         assert said["coherence"] == {"99": pytest.approx(alone[at.hit.force.dof], rel=0.05)}
 

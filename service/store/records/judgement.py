@@ -7,7 +7,7 @@ from uuid import UUID
 
 from sqlalchemy.orm import Session
 
-from fecore.signal import Processing, Verdict, look
+from fecore.signal import Processing, Verdict, inspect
 from service.compute.hits import by_sensors, describe_verdict, hits_of, whole
 from service.store.records.decisions import HitDecision, standing
 from service.store.records.operations import Record, block_rows, describe, samples_of
@@ -33,7 +33,7 @@ def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> Sto
     alike.sort(key=lambda rows: max(row.id for row in rows))  # the coherence of a place is that of its newest hits
     by_hand = standing(session, campaign_id)
     overrules = {hit: bool(decision.good) for hit, decision in by_hand.items()}
-    found = look([hits_of(rows, samples_of(session, rows)) for rows in alike], Processing(overrules=overrules))
+    found = inspect([hits_of(rows, samples_of(session, rows)) for rows in alike], Processing(overrules=overrules))
     answer.hits = [_stored(verdict, by_hand.get((verdict.force, verdict.number))) for verdict in found.verdicts]
     answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
     return answer

@@ -12,7 +12,7 @@ import pytest
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
 from fecore.signal import Block, Hit, Processed, Processing, by_point, each_hit, process
-from fecore.signal.abreast import abreast
+from fecore.signal.process import batched
 from fecore.signal.windows import Windows
 
 RATE, SAMPLES = 2048.0, 2048
@@ -161,4 +161,4 @@ def test_hits_of_a_body_that_shows_no_resonance_are_not_located(response: FloatA
 
 
 def test_one_thread_and_three_give_the_same_in_the_same_order() -> None:
-    assert list(abreast(lambda n: n * n, 9, 1)) == list(abreast(lambda n: n * n, 9, 3)) == [n * n for n in range(9)]
+    assert list(batched(lambda n: n * n, 9, 1)) == list(batched(lambda n: n * n, 9, 3)) == [n * n for n in range(9)]
