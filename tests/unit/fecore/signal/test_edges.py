@@ -77,6 +77,22 @@ def test_a_hit_of_almost_nothing_is_refused_beside_good_ones(
     assert any(fault in f.sentence for f in found.verdicts[3].faults), found.verdicts[3].faults
 
 
+def test_an_offset_under_the_analysers_window_is_no_swing_of_the_force() -> None:
+    rate = 5 * RATE / SAMPLES  # down to 0.7 % at the end, where an offset is no longer what it was
+
+    def under_window(block: Block, offset: float) -> Block:
+        return replace(block, samples=(block.samples + offset) * np.exp(-rate * TIME), window_rate_per_s=rate)
+
+    hits = [a_hit(number) for number in (1, 2, 3)]
+    found = processed(
+        *(
+            replace(h, force=under_window(h.force, 60.0), responses=tuple(under_window(r, 0.0) for r in h.responses))
+            for h in hits
+        )
+    )
+    assert [v.accepted for v in found.verdicts] == [True] * 3, found.verdicts
+
+
 def test_a_point_without_a_good_hit_has_no_frf_and_a_warning() -> None:
     hits = [a_hit(n) for n in (1, 2, 3)] + [a_hit(n, point=2, force=DEAD) for n in (1, 2)] + [a_hit(1, point=3)]
     found = processed(*hits, processing=Processing(positions=TOUR))
