@@ -98,9 +98,7 @@ class Surfaces:
             OffSpecimenError: a point lies further.
         """
         found = self.nearest(points)
-        wall = found.thickness[:, None] / 2 * np.where(found.on_beam[:, None], 1.0, np.abs(found.normal))
-        reach = np.array(self.reach if tolerance is None else (tolerance,) * 3)
-        off = np.any(np.abs(points - found.foot) > wall + reach * (1 + 1e-9), axis=1)
+        off = self.are_off(points, found, tolerance)
         if np.any(off):
             index = int(np.flatnonzero(off)[0])
             place = ", ".join(f"{x:g}" for x in points[index])
@@ -111,6 +109,12 @@ class Surfaces:
                 f"({place}) m lies {1000 * found.distance[index]:.3g} mm off the specimen, which spans {spans}",
             )
         return found
+
+    def are_off(self, points: FloatArray, found: Places, tolerance: float | None = None) -> BoolArray:
+        """(p,) which points lie further from their places than half the wall and the tolerance, as of `find`."""
+        wall = found.thickness[:, None] / 2 * np.where(found.on_beam[:, None], 1.0, np.abs(found.normal))
+        reach = np.array(self.reach if tolerance is None else (tolerance,) * 3)
+        return np.asarray(np.any(np.abs(points - found.foot) > wall + reach * (1 + 1e-9), axis=1))
 
     def nearest(self, points: FloatArray) -> Places:
         """The nearest points of the surface, however far."""

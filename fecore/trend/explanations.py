@@ -255,7 +255,7 @@ DECIDED_BY = {
     "stiffness": "once the others are excluded, inspect the structure",
     "none": "measure again: the frequencies are as they were",
 }
-"""What tells an explanation from the others."""
+"""What sets an explanation apart from the others."""
 
 
 def in_words(ranked: Sequence[Explanation], not_given: Sequence[str] = ()) -> str:

@@ -13,7 +13,9 @@ import typer
 from modalbase.client.exporting import cards, export, figure, report
 from modalbase.client.inventory import campaigns, coupons, projects, structures
 from modalbase.client.measuring import frfs, hits, import_files, modes, points
+from modalbase.client.models import model
 from modalbase.client.options import say_next
+from modalbase.client.searching import search
 from modalbase.client.updating import alarms, jobs, monitors, result, update
 
 
@@ -37,7 +39,7 @@ def login(
 
 
 COMMANDS = (
-    login, projects, structures, campaigns, points, hits, frfs, modes, coupons,
+    login, projects, structures, model, campaigns, points, hits, frfs, modes, coupons,
     update, jobs, result, figure, report, export, cards, monitors, alarms,
 )  # fmt: skip
 
@@ -45,5 +47,6 @@ COMMANDS = (
 def add_commands(app: typer.Typer) -> None:
     """Add the client's commands to an application."""
     app.command("import")(import_files)
+    app.command("find")(search)
     for command in COMMANDS:
         app.command()(command)

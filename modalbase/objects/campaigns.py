@@ -8,7 +8,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.errors import ClientError
+from modalbase.client.errors import ClientError, Exit
 from modalbase.client.files import FRF_FORMATS, fetch_file, format_of, send_file
 from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
@@ -94,6 +94,30 @@ class Campaign(Editable):
         """
         items = [dict(p) if isinstance(p, Mapping) else dict(zip(POINT, p, strict=True)) for p in points]
         self.lab.connection.call("PUT", f"{self.address}/grid-points", json={"items": items})
+
+    def alignment(self) -> Table:
+        """How its points lie on the structure: distance, set and normal of each, and whether an update refuses it."""
+        return Table(self.lab.rest.get_alignment(self.fields["id"])["items"], key="label")
+
+    def align(self, pairs: Mapping[int, Sequence[float]] | None = None) -> dict[str, Any]:
+        """Find the frame that brings its points onto the structure, and take it.
+
+        Args:
+            pairs: of three grid points or more where they are on the structure, m: `{1: (0.0, 0.02, 0.06), …}`; by default
+                the closest points are found.
+
+        Returns:
+            What was found: `frames`, the best first, and a `sentence`.
+
+        Raises:
+            ClientError: several frames fit about as well, so pairs are needed; or the service refuses.
+        """
+        named = None if pairs is None else [dict(zip(POINT, (n, *at), strict=True)) for n, at in pairs.items()]
+        found: dict[str, Any] = self.lab.rest.find_alignment(self.fields["id"], body={"pairs": named})
+        if len(found["frames"]) > 1:
+            raise ClientError(found["sentence"], Exit.USAGE)
+        self.change(frame=found["frames"][0]["frame"])
+        return found
 
     def list_frfs(self, **wanted: Any) -> Table:
         """What its FRFs are, without their spectra.

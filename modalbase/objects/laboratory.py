@@ -11,6 +11,7 @@ from modalbase.client.connection import Connection
 from modalbase.client.finding import CAMPAIGN, MONITOR, PROJECT, STRUCTURE, find, find_job
 from modalbase.client.place import find_place
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.found import Found
 from modalbase.objects.jobs import Result, UpdateJob, update_jobs
 from modalbase.objects.projects import Alarm, Monitor, Project, Structure
 from modalbase.objects.thing import Access, Table, found_or_made
@@ -134,6 +135,29 @@ class Laboratory(Access):
         with ThreadPoolExecutor(TOGETHER) as pool:
             rows = list(pool.map(_row, wanted))
         return Table(rows, key="job")
+
+    def find(
+        self,
+        noun: str,
+        filter: str | None = None,
+        *,
+        words: str | None = None,
+        sort: str | None = None,
+        fields: Iterable[str] = (),
+    ) -> Found:
+        """What a search over all your projects finds, fetched as it is needed.
+
+            lab.find("results", "Ex < 30e9 AND verdict = 'usable'", sort="Ex").to_pandas()
+
+        Args:
+            noun: `structures`, `campaigns`, `frfs`, `modes`, `results`, `coupons`, `records` or `monitors`.
+            filter: CQL2 text, such as `campaign.temperature_c > 25`.
+            words: that names, notes or instruments have.
+            sort: a field; `-` in front for descending.
+            fields: the columns; by default a choice of them.
+        """
+        query = {"filter": filter, "q": words, "sort": sort, "fields": ",".join(fields) or None}
+        return Found(self, noun, query)
 
     def alarms(self, **narrowed: Any) -> list[Alarm]:
         """Alarms of all monitors that you may see, newest first.

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from modalbase.client.files import send_file
 from modalbase.client.finding import BATCH, MONITOR, PROJECT, STRUCTURE, Kind
 from modalbase.objects.campaigns import Campaign
-from modalbase.objects.jobs import UpdateJob, update_jobs
+from modalbase.objects.jobs import Model, UpdateJob, update_jobs
 from modalbase.objects.thing import Editable, Figure, Table, Thing
 
 if TYPE_CHECKING:
@@ -95,13 +97,42 @@ class Structure(Editable):
 
     noun = STRUCTURE
 
+    def import_model(
+        self, file: str | Path, units: str | None = None, *, accept: Sequence[str] = (), wait: bool = True
+    ) -> Model:
+        """Send a deck; once it was read, the structure's next version is that model.
+
+        Args:
+            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas).
+            units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch` and the like. A deck has
+                none; without them the error says which fit.
+            accept: names of cards that may be left out although modes change by that.
+            wait: for the end of the reading.
+
+        Raises:
+            JobFailed: it could not be read; says line and card.
+            ClientError: the service refuses it.
+        """
+        path = f"{self.address}/model"
+        sent = Model(self.lab, send_file(self.lab.connection, path, Path(file), units=units, accept=list(accept)))
+        if wait:
+            sent.wait().check()
+            self.refresh()
+        return sent
+
+    @property
+    def model(self) -> Model | None:
+        """The model that it is, or None."""
+        key = self.fields["model"]
+        return None if key is None else Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
+
     def new_campaign(self, name: str, boundary: str, *, confirm: bool = False, **fields: Any) -> Campaign:
         """Make a campaign.
 
         Args:
             name: of it.
             confirm: take numbers that are unusual in SI, such as a sensor of 5 kg, as they are.
-            boundary: `cantilever`, `free` or `simply_supported`.
+            boundary: `cantilever`, `free` or `simply_supported`; of a model that was sent `free` or `as_modelled`.
             fields: `performed_at`, `temperature_c`, `humidity_percent`, `notes`, `frame`, `instruments`; and `sensor_mass_kg`
                 with `sensor_point`, which belong to the instruments; and `window_rate_per_s` or `window_time_constant_s`,
                 `clamp_compliance_sd`, `sensor_mass_sd_kg`, `channel_delay_sd_s`, which belong to the inputs.

@@ -30,10 +30,12 @@ from service.store.modes.routes import identifications
 from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records
+from service.store.search.routes import router as search
 from service.store.storage.routes import router as storage
 from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
 from service.store.structures.routes import router as structures
+from service.store.updating.alignment import router as alignment
 from service.store.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -45,6 +47,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     imports,
     purging,
     grid_points,
+    alignment,
     scripts,
     frfs,
     records,
@@ -53,6 +56,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     coupons,
     updating,
     plans,
+    search,
     results,
     measured_figures,
     monitoring,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.trend.explanations import Effects, change_of, explanations, in_words
+from fecore.trend.explanations import Effects, Explanation, change_of, explanations, in_words
 from service.compute.observations import Observation, same_mode
 
 _CLIMATE = ("temperature_c", "humidity_percent")
@@ -67,7 +67,21 @@ def explained(
     change, slopes = change_of(first, last, *at)
     not_given = tuple(name for name in _CLIMATE if name not in covariates)
     ranked = explanations(change, _effects(moves, row[modes], covariates, slopes[1:, : modes.sum()], not_given))
-    return {"ranked": [asdict(each) for each in ranked], "text": in_words(ranked, not_given)}
+    return {"ranked": [_described(each) for each in ranked], "text": in_words(ranked, not_given)}
+
+
+def _described(each: Explanation) -> dict[str, Any]:
+    """An explanation to the digits that mean something."""
+    return {
+        "kind": each.kind,
+        "probability": round(each.probability, 3),
+        "evidence": _three_digits(each.evidence),
+        "sizes": {name: [*map(_three_digits, size)] for name, size in each.sizes.items()},
+    }
+
+
+def _three_digits(value: float) -> float:
+    return float(f"{value:.3g}")
 
 
 def _rows(observation: Observation, everyone: Sequence[Observation]) -> Any:

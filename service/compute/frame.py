@@ -9,6 +9,7 @@ e_x, e_y of the specimen's axes in the file's coordinates. With E = [e_x, e_y, e
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +20,10 @@ from fecore.frf import Dof
 
 ORTHONORMAL_TOLERANCE = 1e-3
 """Axes typed with four digits pass; what is left of the error is removed by Gram-Schmidt."""
+
+
+SQUARE = 1e-6
+"""Within which a direction cosine is 1."""
 
 
 @dataclass(frozen=True)
@@ -44,19 +49,36 @@ class Frame:
         """
         return (file_m - self.origin_m) @ self.axes
 
+    @property
+    def is_askew(self) -> bool:
+        """Whether the file's axes lie along none of the specimen's."""
+        return bool(np.abs(self.axes).max(axis=0).min() < 1 - SQUARE)
+
+    def require_square(self) -> None:
+        """Refuse a frame that lies askew, where every direction must be one of the specimen's axes.
+
+        Raises:
+            InputError: it does.
+        """
+        if self.is_askew:
+            raise InputError(
+                "frame", "lies askew, and what is asked for takes directions along the specimen's axes alone"
+            )
+
+    def point_axes(self, labels: Iterable[int]) -> dict[int, FloatArray]:
+        """(3, 3) directions 1, 2 and 3 at points, as rows in the specimen's frame, where they are not its axes."""
+        return dict.fromkeys(labels, self.axes) if self.is_askew else {}
+
     def dof(self, dof: Dof) -> Dof:
         """A degree of freedom of the file, with its direction in the specimen's frame.
 
-        Raises:
-            InputError: the file's direction is not along an axis of the specimen.
+        Of a frame that lies askew it is as it was: `point_axes` says where its directions point.
         """
+        if self.is_askew:
+            return dof
         rotation = 3 if dof.axis > 3 else 0
         along = dof.sign * self.axes[dof.axis - 1 - rotation]  # the file's unit vector, in the specimen's axes
         axis = int(np.argmax(np.abs(along)))
-        if abs(along[axis]) < 1 - 1e-6:
-            raise InputError(
-                "frame", f"direction {dof.direction} of point {dof.point} is along none of the specimen's axes"
-            )
         return Dof(dof.point, (axis + 1 + rotation) * (1 if along[axis] > 0 else -1))
 
     def file_dof(self, dof: Dof) -> Dof:

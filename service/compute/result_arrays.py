@@ -85,8 +85,8 @@ def _effects(effects: FrequencyEffects) -> dict[str, Any]:
     """What a monitor explains its alarms by."""
     modes = len(effects.mass)
     arrays: dict[str, Any] = {
-        "mass_sites_m": effects.sites.astype(np.float32),
-        "mass_effects": effects.mass.astype(np.float32),
+        "mass_sites_m": effects.sites,
+        "mass_effects": effects.mass,
         "frf_scale": np.array([] if effects.frf_scale is None else [effects.frf_scale]),
     }
     for kind in ("stiffness", "support"):

@@ -135,7 +135,7 @@ def _measured(hits: Hits, processed: Processed) -> Measurement:
     )
     if inputs.window_rate is None:
         inputs = replace(inputs, window_rate=processed.rate_per_s)
-    return Measurement(moved, hits.points, None, hits.roving_mass, inputs)
+    return Measurement(moved, hits.points, None, hits.roving_mass, inputs, hits.frame.point_axes(hits.points))
 
 
 @dataclass(frozen=True)

@@ -290,6 +290,7 @@ TAGS: list[tuple[str, str]] = [
     ("coupons", "ASTM D3039 and D3518 specimens, whose statistics are priors of an update."),
     ("update jobs", "The model updated to a campaign: start with `{}`, ask until it has succeeded, read the result."),
     ("monitoring", "The same recipe as a structure ages: series, limits, alarms."),
+    ("search", "Questions to all projects at once, as CQL2 text and words: rows as JSON, CSV or Arrow."),
     ("webhooks", "Messages of jobs and alarms to other systems, signed."),
     ("keys", "Keys, sessions of browsers, and who did what."),
     ("purge", "Remove for good what was deleted before."),

@@ -32,7 +32,7 @@ from service.store.updating.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
 from tests.support.places import ROOT
-from tests.support.profiles import measured
+from tests.support.profiles import deck, measured
 from tests.support.rest import client_of, ok
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
@@ -61,6 +61,7 @@ class Reader:
         shutil.copytree(ROOT / "examples" / "tutorial", folder, dirs_exist_ok=True)
         (folder / "beam.uff").write_bytes(uff_file())
         (folder / "angle.uff").write_bytes(measured())
+        (folder / "bracket.inp").write_bytes(deck(1e-3))
         (folder / "A1.csv").write_bytes(AT_HAND["docs/coupons.md"]()["data"])
         long = recording([1.0, 4.0, 7.0, 10.0, 13.0, 16.0], [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
         wavfile.write(folder / "june.wav", int(RATE), np.round(long.T * 0.25 * 2**31).astype(np.int32))
@@ -224,7 +225,7 @@ def test_json_is_what_the_service_takes(reader: Reader) -> None:
     exported = {"m.f": np.arange(8.0), "m.H": table + 1j, "m.coh": table, "m.points": np.arange(1, 4)}
     assert len(frfs_of(exported, mapping, "accelerance").values) == 3
     plate, recipe, pieces, added, zones = shown.pop("docs/plies.md")
-    for structure in (plate, {**plate, **pieces}):
+    for structure in (plate, {**plate, **pieces}, *shown.pop("docs/own-model.md")):
         StructureIn.model_validate(structure)
     CampaignIn.model_validate({"name": "x", "boundary": "free", **added})
     for one in (recipe, zones, *shown.pop("docs/updating.md")):

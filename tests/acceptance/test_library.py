@@ -12,15 +12,17 @@ import httpx
 import numpy as np
 import pytest
 import pyuff
+from scipy.spatial.transform import Rotation
 
 import modalbase
 from modalbase.client.place import find_place, profile_file, save_profile
+from modalbase.formats.models.inp import read_inp
 from modalbase.formats.records import Place
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.store.updating.result_schemas import ResultOut
 from tests.support.laboratory import BEAM
-from tests.support.profiles import ANGLE, TRUTH, measured
+from tests.support.profiles import ANGLE, TRUTH, askew, deck, measured, points
 from tests.support.rest import finished
 
 BODY = {**BEAM["geometry"], **BEAM["material"], "density_kg_m3": 2012.0}
@@ -356,3 +358,51 @@ def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory, tmp_path: P
     campaign.import_file(file)
     found = campaign.update(damping_models=["rayleigh"]).result().parameters["web.E1"]
     assert found["interval_95"][0] < TRUTH["web.E1"] < found["interval_95"][1]
+
+
+def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path) -> None:
+    file, back = tmp_path / "angle.inp", tmp_path / "updated.inp"
+    file.write_bytes(deck(1e-3))
+    bracket = lab.new_project("decks").new_structure("bracket")
+    assert bracket.model is None
+    with pytest.raises(modalbase.JobFailed, match="units=mm-N-t"):
+        bracket.import_model(file)
+    model = bracket.import_model(file, units="mm-N-t")
+    assert bracket.version == 2
+    assert bracket.model == model
+    assert model.sets["web"]["thickness_m"] == 0.004
+    assert "flange" in model.summary()
+    assert model.save(tmp_path / "copy.inp").read_bytes() == file.read_bytes()
+    uff = tmp_path / "angle.uff"
+    uff.write_bytes(measured())
+    campaign = bracket.new_campaign("free", "free", window_rate_per_s=0)
+    campaign.import_file(uff)
+    result = campaign.update(damping_models=["rayleigh"]).result()
+    updated = read_inp(result.deck(back).read_bytes())
+    (name,) = updated.sections["web"].materials
+    assert updated.materials[name].constants["E1"] == pytest.approx(result.parameters["web.E1"]["estimate"] / 1e6)
+
+
+def test_a_test_in_a_frame_askew_is_brought_onto_its_structure(lab: modalbase.Laboratory) -> None:
+    """Directions stay the file's, and count along their own vectors in the structure's frame."""
+    turn, shift = Rotation.from_rotvec([0.2, -0.4, 1.1]).as_matrix(), np.array([0.3, -0.2, 0.5])
+    sizes = {"length_m": 0.4, "width_m": 0.06, "height_m": 0.08, "flange_thickness_m": 0.004, "web_thickness_m": 0.004}
+    angle = lab.new_project("askew").new_structure(
+        "angle", shape="angle", density_kg_m3=1850, **sizes, **ANGLE["shape"]["material"]
+    )
+    campaign = angle.new_campaign("free", "free", window_rate_per_s=0)
+    places = points()
+    moved = {n: turn @ (np.array(xyz) - shift) for n, xyz in places.items()}
+    campaign.set_grid_points([(n, *map(float, xyz)) for n, xyz in moved.items()])
+    campaign.add_frfs(askew(turn))
+    assert all(row["off"] for row in campaign.alignment())
+    with pytest.raises(modalbase.ClientError, match="pairs"):
+        campaign.align({n: places[n] for n in (1, 3)})
+    found = campaign.align({n: places[n] for n in (1, 2, 8, 14)})
+    assert found["frames"][0]["rms_m"] < 1e-9
+    assert not any(row["off"] for row in campaign.alignment())
+    result = campaign.update(damping_models=["rayleigh"]).result()
+    for name in ("flange.E1", "web.E1"):
+        low, high = result.parameters[name]["interval_95"]
+        assert low < TRUTH[name] < high
+    assert min(mode["mac"] for mode in result["modes"] if mode["mac"] is not None) > 0.99

@@ -8,7 +8,7 @@ import pytest
 from modalbase.formats.models.inp import read_inp
 from tests.integration.test_bodies import updated
 from tests.support.places import shared_file
-from tests.support.profiles import TRUTH, deck, measured
+from tests.support.profiles import TRUTH, deck, measured, points
 from tests.support.rest import finished, ok
 
 
@@ -128,6 +128,22 @@ def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
         for constant in ("E1", "E2", "G12", "G13", "G23"):
             assert material.constants[constant] == pytest.approx(found[f"{name}.{constant}"]["estimate"], rel=1e-6)
     assert model.sections["flange"].materials != model.sections["web"].materials  # the one that both had was parted
+
+
+def test_each_points_distance_from_the_model_is_listed(api: httpx.Client, bare: str) -> None:
+    sent(api, bare, deck(), units="m-N-kg")
+    made = ok(api.post(f"structures/{bare}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    assert ok(api.get(f"campaigns/{made}/alignment"), 200) == {"rms_m": None, "off": [], "items": []}
+    places = {**points(), 90: (0.2, 0.0, 0.0)}
+    items = [{"label": n, "x_m": x, "y_m": y, "z_m": z} for n, (x, y, z) in places.items()]
+    ok(api.put(f"campaigns/{made}/grid-points", json={"items": items}, headers={"If-Match": "*"}))
+    found = ok(api.get(f"campaigns/{made}/alignment"), 200)
+    assert found["off"] == [90]
+    by_label = {each["label"]: each for each in found["items"]}
+    assert (by_label[1]["set"], by_label[2]["set"]) == ("flange", "web")
+    assert by_label[1]["distance_m"] == pytest.approx(0.002)
+    assert [abs(n) for n in by_label[2]["normal"]] == pytest.approx([0, 1, 0])
+    assert by_label[90]["distance_m"] == pytest.approx(0.028)
 
 
 def test_a_model_has_no_edges_to_clamp(api: httpx.Client, bare: str) -> None:

@@ -82,6 +82,15 @@ def test_what_structure_and_campaign_state_reaches_the_result_of_typed_modes(
     assert found["a0"] == pytest.approx(A0, rel=1e-6)  # the window's 2/τ is taken off exactly
     assert found["a1"] == pytest.approx(A1, rel=1e-6)
     assert result["provenance"]["inputs"]["thickness_sd_m"] == 0.3e-3
+    wanted = {"filter": f"campaign.id = '{campaign['id']}' AND Ex > 1e9", "fields": "verdict,Ex,Ex_sd,Ex_low,Ex_high"}
+    (row,) = ok(api.get("search/results", params=wanted))["items"]
+    (ex,) = (one for one in result["parameters"] if one["name"] == "Ex")
+    assert row == {
+        "verdict": result["verdict"]["level"],
+        "Ex": ex["estimate"],
+        "Ex_sd": ex["standard_deviation"],
+        **dict(zip(("Ex_low", "Ex_high"), ex["interval_95"], strict=True)),
+    }
 
     recipe = {"mode_set": mode_set, "inputs": {"thickness_sd_m": 0, "window_rate_per_s": 0}}
     result = updated(api, campaign["id"], recipe)

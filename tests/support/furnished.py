@@ -111,6 +111,8 @@ def _alarm(sessions: Sessions, monitor: str, campaign: str, mark: str) -> UUID:
 JUDGED = """
 public  -       GET /healthz, GET /readyz
 read    anyone  GET /projects, GET /api-keys, GET /audit-events, GET /update-jobs, GET /monitors, GET /alarms, GET /webhooks
+read    anyone  GET /search/structures, GET /search/campaigns, GET /search/frfs, GET /search/records, GET /search/modes
+read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
 read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects
 jobs    anyone  POST /update-jobs
@@ -140,6 +142,8 @@ write   editor  POST /campaigns/{campaign_id}/imports, PUT /campaigns/{campaign_
 write   editor  POST /campaigns/{campaign_id}/frfs, POST /campaigns/{campaign_id}/records, DELETE /records/{record_id}
 write   editor  POST /mode-sets/{mode_set_id}/edits, POST /campaigns/{campaign_id}/hit-decisions
 write   editor  POST /campaigns/{campaign_id}/mode-sets, POST /campaigns/{campaign_id}/complete
+read    viewer  GET /campaigns/{campaign_id}/alignment
+write   editor  POST /campaigns/{campaign_id}/alignment
 read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/imports, GET /imports/{import_id}
 read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
 read    viewer  GET /campaigns/{campaign_id}/frfs, GET /campaigns/{campaign_id}/frfs/data, GET /frfs/{frf_id}
@@ -198,6 +202,7 @@ BODIES: dict[str, Any] = {
     "POST /campaigns/{campaign_id}/records": record(),
     "POST /campaigns/{campaign_id}/processings": {},
     "POST /campaigns/{campaign_id}/hit-decisions": {"point": 1, "hit": 1, "good": False, "why": "a cable was touched"},
+    "POST /campaigns/{campaign_id}/alignment": {},
     "POST /campaigns/{campaign_id}/mode-sets": {"name": "m", "modes": MODES},
     "POST /mode-sets/{mode_set_id}/edits": {
         "name": "e",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fecore.arrays import ComplexArray, FloatArray
 from fecore.body.structure import Structure
 from fecore.frf import Dof
 from fecore.updating.forward import ForwardModel
@@ -14,6 +15,7 @@ from fecore.updating.parameters import Parameter, parametrise
 from modalbase.formats.uff import Frf, GridPoint
 from modalbase.formats.uff.content import Axis
 from modalbase.formats.uff.write import encode
+from modalbase.objects.frfs import Frfs
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_body
 from tests.support.beams import add_noise
@@ -90,16 +92,44 @@ def deck(length: float = 1.0) -> bytes:
     return "\n".join(lines).encode()
 
 
-def uff(body: Structure, truth: dict[str, float], places: dict[int, tuple[float, float, float]], seed: int) -> bytes:
-    """FRFs of a body with other constants as a UFF file."""
+def askew(turn: FloatArray) -> Frfs:
+    """FRFs of the free angle along axes that lie askew: rows of `turn` are these in the structure's frame.
+
+    Each point is hit and felt along the axis that is nearest to its wall's normal.
+    """
+    body = nominal_body(StructureIn.model_validate(ANGLE), "free")
+    normal = {n: 3 if n % 2 else 2 for n in points()}
+    along = {n: int(np.argmax(np.abs(turn[:, axis - 1]))) + 1 for n, axis in normal.items()}
+    dofs = [Dof(n, axis) for n, axis in along.items()]
+    hz, pairs, values = _frfs(body, TRUTH, points(), dofs, [dofs[0], dofs[1]], dict.fromkeys(points(), turn))
+    return Frfs.from_arrays(
+        hz, add_noise(values, 0.005, 1.0, np.random.default_rng(0)),
+        response=[(r.point, r.direction) for r, _ in pairs], reference=[(f.point, f.direction) for _, f in pairs],
+    )  # fmt: skip
+
+
+def _frfs(
+    body: Structure,
+    truth: dict[str, float],
+    places: dict[int, tuple[float, float, float]],
+    hits: list[Dof],
+    sensors: list[Dof],
+    axes: dict[int, FloatArray],
+) -> tuple[FloatArray, list[tuple[Dof, Dof]], ComplexArray]:
+    """Lines, response and reference of each, and accelerances of a body with other constants."""
     prior = parametrise(body, [Parameter(name, prior_mean=value) for name, value in truth.items()])
-    hits = [Dof(n, 3 if n % 2 else -2) for n in places]
     dofs = [Dof(dof.point, dof.axis) for dof in hits]
-    forward = ForwardModel.of_dofs(prior, dofs, places, 900.0, 20)
-    pairs = [(sensor, hit) for sensor in _SENSORS for hit in hits]
+    forward = ForwardModel.of_dofs(prior, dofs, places, 900.0, 20, axes=axes)
+    pairs = [(sensor, hit) for sensor in sensors for hit in hits]
     model = forward.solve(prior.prior_mean).frf_model(*zip(*pairs, strict=True), with_strain=False)
     hz = np.arange(5.0, 900.0, 0.5)
-    values = model.synthesise(hz, A0 + A1 * model.eigenvalue, "accelerance")
+    return hz, pairs, model.synthesise(hz, A0 + A1 * model.eigenvalue, "accelerance")
+
+
+def uff(body: Structure, truth: dict[str, float], places: dict[int, tuple[float, float, float]], seed: int) -> bytes:
+    """FRFs of a body with other constants as a UFF file."""
+    hits = [Dof(n, 3 if n % 2 else -2) for n in places]
+    hz, pairs, values = _frfs(body, truth, places, hits, list(_SENSORS), {})
     values = add_noise(values, 0.005, 1.0, np.random.default_rng(seed))
     frfs = [
         Frf(0, f"{r.point} {f.point}", ("",) * 5, r.point, r.direction, f.point, f.direction, "accelerance",

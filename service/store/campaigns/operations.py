@@ -10,7 +10,7 @@ from typing import Any
 from uuid import UUID
 
 from pydantic import BaseModel, ValidationError
-from sqlalchemy import ForeignKey, Index, Select, delete, func, insert, literal, select
+from sqlalchemy import ForeignKey, Index, Select, delete, func, insert, literal, select, text
 from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -32,12 +32,22 @@ from service.store.campaigns.schemas import (
 from service.store.structures.operations import structure_for
 from service.web import shown_as
 
+WORDS = (
+    "(to_tsvector('simple'::regconfig, (name::text || ' '::text) || notes::text)"
+    """ || jsonb_to_tsvector('simple'::regconfig, instruments, '["string", "numeric"]'::jsonb))"""
+)
+"""What a free search reads of a campaign."""
+
 
 class Campaign(Identified, Base):
     """One measurement of a structure. A deleted campaign keeps its row, so that results keep their lineage."""
 
     __tablename__ = "campaigns"
-    __table_args__ = (Index(None, "structure_id", "id"),)
+    __table_args__ = (
+        Index(None, "structure_id", "id"),
+        Index(None, "performed_at"),
+        Index("ix_campaigns_words", text(WORDS), postgresql_using="gin"),
+    )
 
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
     name: Mapped[str]

@@ -216,7 +216,7 @@ def get_campaign_data(
     if not rows:
         raise NotFound("FRF that matches in this campaign")
     tables = make_tables(session, rows, Cut(wanted.fmin, wanted.fmax, stride))
-    return _file(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
+    return file_of(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
 
 
 @router.get("/frfs/{frf_id}")
@@ -240,11 +240,11 @@ def get_frf_data(
     """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or UFF."""
     row = operations.frf_for(session, user, frf_id)
     tables = make_tables(session, [row], Cut(fmin, fmax, stride))
-    return _file(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
+    return file_of(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
 
 
-def _file(session: Session, tables: list[FrfTable], file_format: str, request: Request) -> Response:
-    """The tables as a file; 304 where the client has it."""
+def file_of(session: Session, tables: list[FrfTable], file_format: str, request: Request) -> Response:
+    """Spectra as a file in one of `FORMATS`; 304 where the client has it."""
     form = FORMATS[file_format]
     headers = {"ETag": _etag(session, tables, file_format), "Vary": "Accept"}
     if (unchanged := not_modified(request, headers)) is not None:

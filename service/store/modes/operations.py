@@ -59,6 +59,7 @@ class Mode(Base):
     """One mode of a set."""
 
     __tablename__ = "modes"
+    __table_args__ = (Index(None, "frequency_hz"),)
 
     mode_set_id: Mapped[UUID] = mapped_column(ForeignKey("mode_sets.id", ondelete="CASCADE"), primary_key=True)
     number: Mapped[int] = mapped_column(primary_key=True)

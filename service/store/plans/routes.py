@@ -192,7 +192,9 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, material:
     check_mode_set(session, user, each.mode_set, campaign.id, f"{at}/mode_set")
     loaded = load_measured_campaign(session, campaign.id)
     plain = specimen_of(replace(loaded, structure=of_its_material(loaded.structure, number)))
-    modes = modes_in_frame(load_modes(session, each.mode_set), frame_of(campaign_of(session, campaign.id)))
+    frame = frame_of(campaign_of(session, campaign.id))
+    frame.require_square()
+    modes = modes_in_frame(load_modes(session, each.mode_set), frame)
     return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),

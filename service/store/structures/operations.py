@@ -10,7 +10,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, Select, UniqueConstraint, func, select
+from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, Select, UniqueConstraint, func, select, text
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
@@ -31,12 +31,18 @@ from service.store.structures.shapes import Shape
 from service.web import shown_as
 from service.web.json_body import checked
 
+WORDS = "to_tsvector('simple'::regconfig, name)"
+"""What a free search reads of a structure."""
+
 
 class Structure(Identified, Base):
     """A structure; what it physically is stands in its versions."""
 
     __tablename__ = "structures"
-    __table_args__ = (Index(None, "project_id", "id"),)
+    __table_args__ = (
+        Index(None, "project_id", "id"),
+        Index("ix_structures_words", text(WORDS), postgresql_using="gin"),
+    )
 
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
     name: Mapped[str]

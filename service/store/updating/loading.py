@@ -64,7 +64,8 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
     left_in = used.window_remark if used is not None and core.window_rate is None else []
     frame = frame_of(campaign_of(session, job.campaign_id))
     frfs = None if used is None else used.frfs
-    measured = None if records else Measurement(frfs, campaign.points, modes, roving_mass(campaign), core)
+    axes = frame.point_axes(campaign.points)
+    measured = None if records else Measurement(frfs, campaign.points, modes, roving_mass(campaign), core, axes)
     return UpdateInputs(
         measurement=measured,
         hits=None if records is None else Hits(records, campaign.points, frame, _roving_over(campaign), core),
@@ -285,6 +286,7 @@ def _campaign(
             f"{at}.campaign_id",
             "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe",
         )
+    frame_of(campaign_of(session, campaign.campaign_id)).require_square()
     plain = specimen_of(replace(campaign, structure=of_its_material(campaign.structure, number)))
     _, own_angle = material_of(campaign.structure, number)
     angle = own_angle if job.angle_deg is None else job.angle_deg

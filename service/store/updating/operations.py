@@ -32,7 +32,7 @@ from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
 from service.store.updating.loading import body_for, load_joint, load_update
 from service.store.updating.schemas import RecipeIn
-from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
+from service.store.updating.tables import JointUpdate, ResultConstant, UpdateJob, UpdateResult
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -57,7 +57,23 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
         book(session, row.project_id, "results", size, campaign_id=row.campaign_id)
-        session.add(UpdateResult(id=job_id, document=document, prediction=output.prediction))
+        _keep(session, job_id, document, output.prediction)
+
+
+def _keep(session: Session, job_id: UUID, document: dict[str, Any], prediction: bytes) -> None:
+    """Store a result, and what it is found by."""
+    verdict = document["verdict"]["level"]
+    session.add(UpdateResult(id=job_id, verdict=verdict, document=document, prediction=prediction))
+    session.flush()
+    for one in document["parameters"]:
+        low, high = one["interval_95"] or (None, None)
+        constant = {
+            "estimate": one["estimate"],
+            "standard_deviation": one["standard_deviation"],
+            "low": low,
+            "high": high,
+        }
+        session.add(ResultConstant(result_id=job_id, name=one["name"], **constant))
 
 
 def _store_joint(session: Session, job_id: UUID, items: Iterator[JointOutput]) -> None:

@@ -50,5 +50,20 @@ class UpdateResult(Base):
 
     id: Mapped[UUID] = mapped_column(ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True)
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
+    verdict: Mapped[str | None]
     document: Mapped[dict[str, Any]] = mapped_column(JSON)  # keeps the order of its members, which JSONB does not
     prediction: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
+
+
+class ResultConstant(Base):
+    """A constant of a result with its 95 % interval, by which results are found; the document says more."""
+
+    __tablename__ = "result_constants"
+    __table_args__ = (Index(None, "name", "estimate", "result_id"),)
+
+    result_id: Mapped[UUID] = mapped_column(ForeignKey("update_results.id", ondelete="CASCADE"), primary_key=True)
+    name: Mapped[str] = mapped_column(primary_key=True)
+    estimate: Mapped[float]
+    standard_deviation: Mapped[float | None]
+    low: Mapped[float | None]
+    high: Mapped[float | None]

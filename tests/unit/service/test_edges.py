@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from fecore.errors import InputError
-from fecore.frf import Dof
 from service.app.application import create_app
 from service.compute.frame import make_frame
 from service.compute.spectra import decode, encode, encode_axis
@@ -49,10 +48,10 @@ def test_numbers_that_are_missing_tiny_or_huge(shown: str, expected: str) -> Non
 
 
 WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
-    "a direction across the frame": (
+    "a frame askew where axes are asked for": (
         InputError,
-        "frame: direction 3 of point 7 is along none of the specimen's axes",
-        lambda: make_frame((0, 0, 0), (0.6, 0, 0.8), (0, 1, 0)).dof(Dof(7, 3)),
+        "frame: lies askew, and what is asked for takes directions along the specimen's axes alone",
+        lambda: make_frame((0, 0, 0), (0.6, 0, 0.8), (0, 1, 0)).require_square(),
     ),
     "more broken lines than are listed": (
         Invalid,

@@ -1,0 +1,105 @@
+"""What a field and a noun of search are; a name of a filter to its field, or a message that names the nearest ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any, Literal
+
+from sqlalchemy import ColumnElement, FromClause
+
+from service.db.base import Base
+from service.errors import Invalid
+
+Kind = Literal["text", "number", "whole", "time", "truth", "id"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a noun.
+
+    Attributes:
+        name: in filters, after the noun and a point.
+        kind: of its values.
+        meaning: in words.
+        unit: of a number; empty where it has none.
+        column: of the noun's table, where it is not called like the field.
+        value: from the noun's table to its value, where it is no column.
+        constant: of results: name of the constant, and the column of the table of constants.
+        nullable: whether it may be unknown.
+    """
+
+    name: str
+    kind: Kind
+    meaning: str
+    unit: str = ""
+    column: str = ""
+    value: Callable[[FromClause], ColumnElement[Any]] | None = None
+    constant: tuple[str, str] | None = None
+    nullable: bool = False
+
+    def of(self, table: FromClause) -> ColumnElement[Any]:
+        """Its value in a row of the noun's table."""
+        return self.value(table) if self.value else table.c[self.column or self.name]
+
+
+@dataclass(frozen=True)
+class Noun:
+    """Rows of one table that can be searched.
+
+    Attributes:
+        name: in filters.
+        table: its name.
+        owner: noun that it belongs to; empty of a project.
+        owner_key: column that names the owner's row, where it is not the owner's name and `_id`.
+        key: columns that name a row.
+        fields: all of them.
+        shown: fields of an answer where none are asked for; those of owners with the noun in front.
+        facets: fields whose values are counted.
+        hidden: whether a row may be deleted and kept.
+        words: what a free search reads of a row, in SQL as an index has it; empty where nothing.
+    """
+
+    name: str
+    table: str
+    fields: tuple[Field, ...]
+    owner: str = ""
+    owner_key: str = ""
+    key: tuple[str, ...] = ("id",)
+    shown: tuple[str, ...] = ()
+    facets: tuple[str, ...] = ()
+    hidden: bool = False
+    words: str = ""
+
+    def rows(self) -> FromClause:
+        """Its table, under a new name."""
+        return Base.metadata.tables[self.table].alias()
+
+    def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
+        """That one row belongs to another."""
+        return row.c[self.owner_key or f"{self.owner}_id"] == owner.c.id
+
+
+def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str) -> tuple[Noun, Field]:
+    """The noun and the field that a name means.
+
+    Args:
+        nouns: those that may be named.
+        here: the noun whose fields need no noun in front.
+        name: such as `campaign.temperature_c`.
+        parameter: of the query, for the message.
+
+    Raises:
+        Invalid: there is no such field; names the nearest ones.
+    """
+    before, point, after = name.rpartition(".")
+    noun = nouns.get(before) if point else here
+    for field in noun.fields if noun else ():
+        if field.name == after:
+            assert noun is not None
+            return noun, field
+    known = {f"{noun.name}.{field.name}" for noun in nouns.values() for field in noun.fields}
+    asked = name if point else f"{here.name}.{name}"
+    near = get_close_matches(asked, sorted(known), 4, 0.5) or sorted(n for n in known if n.startswith(f"{here.name}."))
+    raise Invalid(parameter, f"there is no field {name[:100]!r}; the nearest are {', '.join(near)}")

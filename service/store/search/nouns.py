@@ -1,0 +1,240 @@
+"""The nouns that can be searched, with all their fields: the one declaration, for SQL, messages and documents.
+
+Search only reads, and joins what other modules keep apart: it names tables and columns, and asks no other noun's operations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from sqlalchemy import ColumnElement, FromClause, and_, func
+
+from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
+from service.store.search.fields import Field, Noun
+from service.store.structures.operations import WORDS as STRUCTURE_WORDS
+
+Value = Callable[[FromClause], ColumnElement[Any]]
+
+
+def _instrument(*members: str) -> Value:
+    return lambda t: t.c.instruments[members].astext
+
+
+def _driving(t: FromClause) -> ColumnElement[Any]:
+    same_axis = func.abs(t.c.response_direction) == func.abs(t.c.reference_direction)
+    return and_(t.c.response_point == t.c.reference_point, same_axis)
+
+
+ID = Field("id", "id", "UUIDv7; sorts by the time of creation")
+CREATED = Field("created_at", "time", "when it was stored, UTC")
+NAME = Field("name", "text", "what people call it")
+
+CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
+"""Names of the constants of a result that can be searched, with their units."""
+
+_MEMBERS = {
+    "": ("estimate", "estimate of {}"),
+    "_sd": ("standard_deviation", "its standard deviation"),
+    "_low": ("low", "lower end of its 95 % interval"),
+    "_high": ("high", "upper end of its 95 % interval"),
+}
+
+
+def _constants() -> Iterator[Field]:
+    for name, unit in CONSTANTS.items():
+        for suffix, (member, meaning) in _MEMBERS.items():
+            yield Field(name + suffix, "number", meaning.format(name), unit, constant=(name, member), nullable=True)
+
+
+_LINEAGE = ("campaign.id", "campaign.name", "structure.name")
+
+_ALL = (
+    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), CREATED)),
+    Noun(
+        "structure",
+        "structures",
+        owner="project",
+        fields=(ID, NAME, Field("version", "whole", "number of its present version"), CREATED),
+        shown=("id", "name", "project.id", "project.name", "created_at"),
+        facets=("project.name",),
+        hidden=True,
+        words=STRUCTURE_WORDS,
+    ),
+    Noun(
+        "campaign",
+        "campaigns",
+        owner="structure",
+        fields=(
+            ID,
+            NAME,
+            Field("boundary", "text", "`cantilever`, `free` or `simply_supported`"),
+            Field("performed_at", "time", "when the test was performed, UTC", nullable=True),
+            Field("temperature_c", "number", "air temperature", "°C", nullable=True),
+            Field("humidity_percent", "number", "relative humidity", "%", nullable=True),
+            Field("notes", "text", "in words"),
+            Field("hammer", "text", "model of the hammer", value=_instrument("hammer", "model"), nullable=True),
+            Field("sensor", "text", "model of the sensor", value=_instrument("sensor", "model"), nullable=True),
+            Field("hammer_serial", "text", "its number", value=_instrument("hammer", "serial"), nullable=True),
+            Field("sensor_serial", "text", "its number", value=_instrument("sensor", "serial"), nullable=True),
+            Field("analyser", "text", "model of the analyser", value=_instrument("analyser", "model"), nullable=True),
+            CREATED,
+        ),
+        shown=("id", "name", "structure.id", "structure.name", "boundary", "performed_at", "temperature_c"),
+        facets=("boundary", "structure.name"),
+        hidden=True,
+        words=CAMPAIGN_WORDS,
+    ),
+    Noun(
+        "frf",
+        "frfs",
+        owner="campaign",
+        fields=(
+            ID,
+            Field("label", "text", "what the file or the script calls it"),
+            Field("response_point", "whole", "grid point of the response"),
+            Field("response_direction", "whole", "±1 … ±3 along x, y, z, ±4 … ±6 about them"),
+            Field("reference_point", "whole", "grid point of the force"),
+            Field("reference_direction", "whole", "as of the response"),
+            Field("driving_point", "truth", "whether response and force are at one point and axis", value=_driving),
+            Field("quantity", "text", "`accelerance`, `mobility` or `receptance`"),
+            Field("averages", "whole", "hits or blocks that were averaged", nullable=True),
+            Field("start_hz", "number", "first line", "Hz"),
+            Field("end_hz", "number", "last line", "Hz"),
+            Field("lines", "whole", "number of frequency lines"),
+            CREATED,
+        ),
+        shown=(
+            *("id", *_LINEAGE, "quantity", "response_point", "response_direction"),
+            *("reference_point", "reference_direction", "start_hz", "end_hz", "lines"),
+        ),
+        facets=("quantity", "structure.name"),
+    ),
+    Noun(
+        "record",
+        "records",
+        owner="campaign",
+        fields=(
+            ID,
+            Field("label", "text", "what the file or the script calls it"),
+            Field("filename", "text", "file that it came in"),
+            Field("quantity", "text", "`force`, `acceleration` and so on"),
+            Field("point", "whole", "grid point of the sensor"),
+            Field("direction", "whole", "±1 … ±3 along x, y, z"),
+            Field("force_point", "whole", "grid point that was hit"),
+            Field("hit", "whole", "number of the hit at its point"),
+            Field("sample_rate_hz", "number", "samples a second", "Hz"),
+            Field("samples", "whole", "number of samples"),
+            CREATED,
+        ),
+        shown=("id", *_LINEAGE, "quantity", "point", "direction", "force_point", "hit", "sample_rate_hz", "samples"),
+        facets=("quantity", "structure.name"),
+    ),
+    Noun(
+        "mode_set",
+        "mode_sets",
+        owner="campaign",
+        fields=(ID, NAME, Field("origin", "text", "`typed`, `file` or `identified`"), CREATED),
+    ),
+    Noun(
+        "mode",
+        "modes",
+        owner="mode_set",
+        key=("mode_set_id", "number"),
+        fields=(
+            Field("number", "whole", "in its set, from 1"),
+            Field("frequency_hz", "number", "natural frequency", "Hz"),
+            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True),
+            Field("frequency_sd_hz", "number", "standard deviation of the frequency", "Hz", nullable=True),
+            Field("damping_sd", "number", "standard deviation of the damping ratio", nullable=True),
+        ),
+        shown=(
+            *(*_LINEAGE, "mode_set.id", "mode_set.origin", "number"),
+            *("frequency_hz", "frequency_sd_hz", "damping_ratio", "damping_sd"),
+        ),
+        facets=("mode_set.origin", "structure.name"),
+    ),
+    Noun("update_job", "update_jobs", owner="campaign", fields=(ID,)),
+    Noun(
+        "result",
+        "update_results",
+        owner="update_job",
+        owner_key="id",
+        fields=(
+            ID,
+            Field("verdict", "text", "`usable`, `with_care` or `do_not_use`", nullable=True),
+            *_constants(),
+            CREATED,
+        ),
+        shown=(
+            *("id", *_LINEAGE, "campaign.temperature_c", "verdict"),
+            *(f"{name}{member}" for name in CONSTANTS for member in ("", "_low", "_high")),
+            "created_at",
+        ),
+        facets=("verdict", "structure.name"),
+    ),
+    Noun("batch", "coupon_batches", owner="structure", fields=(ID, NAME, CREATED)),
+    Noun(
+        "coupon",
+        "coupons",
+        owner="batch",
+        fields=(
+            ID,
+            Field("specimen", "text", "name of the specimen"),
+            Field("standard", "text", "by which it was tested"),
+            Field("E_Pa", "number", "Young's modulus", "Pa", column="e_pa", nullable=True),
+            Field("G_Pa", "number", "shear modulus", "Pa", column="g_pa", nullable=True),
+            Field("nu", "number", "Poisson's ratio", nullable=True),
+            Field("strength_Pa", "number", "strength", "Pa", column="strength_pa", nullable=True),
+            Field("ultimate_strain", "number", "strain at failure", nullable=True),
+            Field("failure_code", "text", "of ASTM D3039", nullable=True),
+            Field("excluded", "truth", "whether it is left out of its batch"),
+            CREATED,
+        ),
+        shown=(
+            *("id", "structure.name", "batch.id", "batch.name", "specimen", "standard"),
+            *("E_Pa", "G_Pa", "nu", "strength_Pa", "ultimate_strain", "excluded"),
+        ),
+        facets=("standard", "structure.name"),
+    ),
+    Noun(
+        "monitor",
+        "monitors",
+        owner="structure",
+        fields=(
+            ID,
+            NAME,
+            Field("state", "text", "`no data`, `normal`, `pending`, `alarm` or `acknowledged`"),
+            Field("state_since", "time", "since when, UTC"),
+            Field("active", "truth", "whether it runs and judges by itself"),
+            CREATED,
+        ),
+        shown=("id", "name", "structure.id", "structure.name", "state", "state_since", "active"),
+        facets=("state", "structure.name"),
+        hidden=True,
+    ),
+)
+
+NOUNS = {noun.name: noun for noun in _ALL}
+"""By their names in filters."""
+
+SEARCHED = {
+    f"{name}s": NOUNS[name]
+    for name in ("structure", "campaign", "frf", "mode", "result", "coupon", "record", "monitor")
+}
+"""Those that have an address, by its last step."""
+
+
+def lineage(noun: Noun) -> list[Noun]:
+    """A noun, its owner, and so on up to the project."""
+    return [noun, *(lineage(NOUNS[noun.owner]) if noun.owner else ())]
+
+
+def field_table() -> str:
+    """All fields as a table in Markdown."""
+    rows = (
+        f"| `{noun.name}.{field.name}` | {field.kind} | {field.meaning}{f', {field.unit}' if field.unit else ''} |"
+        for noun in _ALL
+        for field in noun.fields
+    )
+    return "\n".join(["| field | type | meaning |", "|---|---|---|", *rows])

@@ -1,0 +1,247 @@
+"""What a search finds: a page of rows in any order, how many there are, and how often each value of a facet.
+
+A search is one read-only transaction with a limit of time. It sees rows of the projects that the user is a member of, and
+whatever a filter names it reaches from such a row, within its project.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+from psycopg.errors import QueryCanceled
+from sqlalchemy import ColumnElement, FromClause, Select, and_, func, literal, literal_column, or_, select, tuple_
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session
+
+from service.access import User, projects_of
+from service.errors import Invalid
+from service.store.search import literals
+from service.store.search.fields import Field, Noun, find_field
+from service.store.search.nouns import lineage
+from service.store.search.translate import Scope, condition, value_of
+
+SECONDS = 5
+"""A search that takes longer is ended."""
+MOST_COUNTED = 10_000
+MOST_FACETS = 20
+"""Values of a facet that are shown, the most frequent ones."""
+MOST_WORDS = 20
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is searched for.
+
+    Attributes:
+        filter: CQL2 text.
+        words: that names, notes or instruments have, of the row or of what it belongs to.
+        sort: name of a field, `-` in front for descending; by the key where there is none.
+        fields: names of the columns; the noun's own choice where there are none.
+    """
+
+    filter: str | None = None
+    words: str | None = None
+    sort: str | None = None
+    fields: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of an answer: its name, the field that it shows, and its value in SQL."""
+
+    name: str
+    field: Field
+    value: ColumnElement[Any]
+
+
+class Search:
+    """A search that was read: its query, and the columns that it shows.
+
+    Attributes:
+        columns: of the answer.
+    """
+
+    def __init__(self, user: User, noun: Noun, wanted: Wanted) -> None:
+        """Read what a user searches among the rows of a noun.
+
+        Raises:
+            Invalid: the filter, the order or a column names what there is not.
+        """
+        self._noun, chain = noun, lineage(noun)
+        self._scope: Scope = {one.name: one.rows() for one in chain}
+        self.columns = [self._column(name, "fields") for name in wanted.fields or noun.shown]
+        self._key = [self._scope[self._noun.name].c[name] for name in self._noun.key]
+        self._descending = (wanted.sort or "").startswith("-")
+        self._order = self._column(wanted.sort.removeprefix("-"), "sort") if wanted.sort else None
+        self._order_by = [*([self._order.value] if self._order else []), *self._key]
+        self._from = self._joined(chain)
+        self._where: list[ColumnElement[bool]] = [self._scope["project"].c.id.in_(projects_of(user))]
+        self._where += [self._scope[one.name].c.deleted_at.is_(None) for one in chain if one.hidden]
+        if wanted.filter and wanted.filter.strip():
+            self._where.append(condition(wanted.filter, self._noun, self._scope))
+        words = (wanted.words or "").split()
+        if len(words) > MOST_WORDS:
+            raise Invalid("q", f"has {len(words)} words, at most {MOST_WORDS} are looked for")
+        self._where += [self._has_word(chain, word) for word in words]
+
+    def page(self, session: Session, cursor: str | None, limit: int) -> tuple[list[tuple[Any, ...]], str | None]:
+        """Rows as tuples of the columns' values, and the cursor of the next page.
+
+        Raises:
+            Invalid: the cursor is not one of this order.
+        """
+        rows = session.execute(self.page_query(cursor, limit)).all()
+        width = len(self.columns)
+        following = _encode(rows[limit - 1][width:]) if len(rows) > limit else None
+        return [tuple(row[:width]) for row in rows[:limit]], following
+
+    def page_query(self, cursor: str | None, limit: int) -> Select[Any]:
+        """The query of a page's rows and of one more: the columns, then what orders them.
+
+        Raises:
+            Invalid: the cursor is not one of this order.
+        """
+        query = self._query(*(column.value for column in self.columns), *self._order_by)
+        if cursor is not None:
+            query = query.where(self._after(cursor))
+        direction = [value.desc() if self._descending else value.asc() for value in self._order_by]
+        if self._order is not None and self._order.field.nullable:
+            direction[0] = direction[0].nulls_last()
+        return query.order_by(*direction).limit(limit + 1)
+
+    def rows(self, session: Session) -> Iterator[tuple[Any, ...]]:
+        """All of them, one page after the other, as `page` gives them."""
+        cursor: str | None = None
+        while True:
+            found, cursor = self.page(session, cursor, 1000)
+            yield from found
+            if cursor is None:
+                return
+
+    def counts(self, session: Session) -> tuple[int, dict[str, dict[str, int]]]:
+        """How many rows there are, and how often each value of each facet; of the first `MOST_COUNTED` + 1 rows."""
+        some = self.some().cte()
+        found: dict[str, dict[str, int]] = {}
+        for name, value in zip(self._noun.facets, some.c, strict=True):
+            times = func.count()
+            query = select(value, times).group_by(value).order_by(times.desc(), value).limit(MOST_FACETS)
+            found[name] = {"" if one is None else str(one): count for one, count in session.execute(query)}
+        return session.execute(select(func.count()).select_from(some)).scalar_one(), found
+
+    def some(self) -> Select[Any]:
+        """The query of the facets' values in the rows that are counted."""
+        facets = [self._column(name, "facets").value for name in self._noun.facets]
+        return self._query(*(value.label(f"facet_{i}") for i, value in enumerate(facets))).limit(MOST_COUNTED + 1)
+
+    def keys(self, session: Session, most: int) -> list[Any]:
+        """Ids of the rows, of so many at the most, in their order."""
+        query = self._query(*self._key).order_by(*self._key).limit(most)
+        return list(session.scalars(query))
+
+    def _query(self, *values: ColumnElement[Any]) -> Select[Any]:
+        return select(*values).select_from(self._from).where(*self._where)
+
+    def _column(self, name: str, parameter: str) -> Column:
+        within = {noun.name: noun for noun in lineage(self._noun)}
+        noun, field = find_field(within, self._noun, name, parameter)
+        shown = field.name if noun is self._noun else f"{noun.name}.{field.name}"
+        return Column(shown, field, value_of(noun, field, self._scope))
+
+    def _joined(self, chain: Sequence[Noun]) -> FromClause:
+        joined = self._scope[chain[0].name]
+        for noun in chain[:-1]:
+            owner = self._scope[noun.owner]
+            joined = joined.join(owner, noun.owned_by(self._scope[noun.name], owner))
+        return joined
+
+    def _has_word(self, chain: Sequence[Noun], word: str) -> ColumnElement[bool]:
+        """That the row, or what it belongs to, has a word; the index of each noun is asked by itself."""
+        found: list[ColumnElement[bool]] = []
+        for noun in chain:
+            if noun.words:
+                row = noun.rows()
+                wanted = func.plainto_tsquery("simple", word)
+                having = select(row.c.id).where(literal_column(noun.words).op("@@")(wanted))
+                found.append(self._scope[noun.name].c.id.in_(having))
+        return or_(*found)
+
+    def _after(self, cursor: str) -> ColumnElement[bool]:
+        """That a row comes after the last one of the page before."""
+        values = _decode(cursor)
+        if len(values) != len(self._order_by):
+            raise _no_cursor()
+        fields = [
+            *([self._order.field] if self._order else []),
+            *(_key_field(self._noun, name) for name in self._noun.key),
+        ]
+        bound = [None if value is None else _bound(field, value) for field, value in zip(fields, values, strict=True)]
+        if any(value is None for value in bound[1:]) or (bound[0] is None and not fields[0].nullable):
+            raise _no_cursor()
+        keys, last = tuple_(*self._order_by), tuple_(*(value for value in bound if value is not None))
+        if self._order is None or not fields[0].nullable:
+            return keys < last if self._descending else keys > last
+        order, rest = self._order_by[0], tuple_(*self._order_by[1:])
+        if bound[0] is None:
+            return and_(order.is_(None), rest < last if self._descending else rest > last)
+        return or_(order.is_(None), keys < last if self._descending else keys > last)
+
+
+@contextmanager
+def bounded(session: Session, seconds: float = SECONDS) -> Iterator[None]:
+    """A read-only transaction in which no statement takes longer.
+
+    Raises:
+        Invalid: one did.
+    """
+    connection = session.connection()
+    milliseconds = int(1000 * seconds)
+    # PostgreSQL's own cost of a page out of order is that of a disk with arms: it would read tables whole that fit in memory.
+    settings = f"SET LOCAL statement_timeout = {milliseconds}; SET LOCAL random_page_cost = 1.1"
+    connection.exec_driver_sql(f"BEGIN READ ONLY; {settings}")
+    try:
+        yield
+    except DBAPIError as error:
+        if isinstance(error.orig, QueryCanceled):
+            raise Invalid(
+                "filter", f"takes longer than {seconds:g} s and was ended; narrow it, such as by a structure or a date"
+            ) from None
+        raise
+    finally:
+        connection.exec_driver_sql("ROLLBACK")
+
+
+def _key_field(noun: Noun, name: str) -> Field:
+    return next((field for field in noun.fields if field.name == name), Field(name, "id", ""))
+
+
+def _bound(field: Field, value: Any) -> ColumnElement[Any]:
+    try:
+        if field.kind == "time":
+            return literal(literals.span(field, field.name, value)[0])
+        return literals.bound(field, field.name, value)
+    except Invalid:
+        raise _no_cursor() from None
+
+
+def _encode(values: Sequence[Any]) -> str:
+    text = json.dumps(list(values), default=lambda one: one.isoformat() if hasattr(one, "isoformat") else str(one))
+    return base64.urlsafe_b64encode(text.encode()).rstrip(b"=").decode()
+
+
+def _decode(cursor: str) -> list[Any]:
+    try:
+        values = json.loads(base64.urlsafe_b64decode(cursor.encode() + b"==="))
+    except (ValueError, RecursionError):
+        raise _no_cursor() from None
+    if not isinstance(values, list):
+        raise _no_cursor()
+    return values
+
+
+def _no_cursor() -> Invalid:
+    return Invalid("cursor", "is not a cursor of this search; take `next_cursor` of a page in the same order")

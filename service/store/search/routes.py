@@ -1,0 +1,174 @@
+"""Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text and by words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import IO, Annotated, Any
+
+from fastapi import Depends, Header, Query, Request, Response
+from fastapi.responses import FileResponse
+from pydantic import BaseModel, Field
+from sqlalchemy.orm import Session
+
+from service.access import CurrentUser, SessionDep
+from service.errors import Invalid, NotFound
+from service.store.frfs.data import Cut, make_tables
+from service.store.frfs.operations import frfs_of
+from service.store.frfs.routes import FORMATS, Hertz, Stride, file_of
+from service.store.search.fields import Noun
+from service.store.search.nouns import NOUNS, SEARCHED
+from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
+from service.store.search.translate import LONGEST
+from service.store.search.writing import shown, write_arrow, write_csv
+from service.web import Limit, api_router
+from service.web.downloads import spooled
+from service.web.negotiation import choose_format, one_of
+
+router = api_router(tags=["search"])
+
+MOST_ROWS = 100_000
+"""Rows of a file."""
+
+MEDIA_TYPES = {"json": "application/json", "csv": "text/csv", "arrow": "application/vnd.apache.arrow.stream"}
+MOST_SPECTRA = 20_000
+"""FRFs of a file."""
+SPECTRA = {name: form.media_type for name, form in FORMATS.items() if form.one_table}
+SPECTRA_FILES = {200: {"content": {kind: {} for kind in SPECTRA.values()}, "description": "The spectra."}}
+WRITERS: dict[str, tuple[Callable[[Sequence[Column], Iterable[tuple[Any, ...]], IO[bytes]], None], str]] = {
+    "csv": (write_csv, "csv"),
+    "arrow": (write_arrow, "arrows"),
+}
+
+
+class Found(BaseModel):
+    """A page of what a search found; counts stand on the first page."""
+
+    items: list[dict[str, Any]] = Field(description="rows: a member for each column")
+    next_cursor: str | None
+    count: int | None = Field(description="rows in all; of more than 10,000, 10,000. null after the first page")
+    more: bool = Field(description="whether there are more rows than were counted")
+    facets: dict[str, dict[str, int]] = Field(
+        description="by field: its values and how many of the counted rows have each"
+    )
+
+
+def _wanted(
+    condition: Annotated[
+        str | None,
+        Query(alias="filter", description=f"CQL2 text, at most {LONGEST} characters: `campaign.temperature_c > 25`"),
+    ] = None,
+    words: Annotated[
+        str | None,
+        Query(alias="q", max_length=200, description="words in names, notes and instruments"),
+    ] = None,
+    sort: Annotated[str | None, Query(max_length=100, description="a field; `-` in front for descending")] = None,
+    fields: Annotated[str | None, Query(max_length=LONGEST, description="columns, with commas between")] = None,
+) -> Wanted:
+    if "\0" in (words or ""):
+        raise Invalid("q", "has a NUL character")
+    names = tuple(dict.fromkeys(name.strip() for name in (fields or "").split(",") if name.strip()))
+    return Wanted(condition, words, sort, names)
+
+
+WantedDep = Annotated[Wanted, Depends(_wanted)]
+After = Annotated[str | None, Query(max_length=4000, description="`next_cursor` of the page before")]
+FormatQuery = Annotated[
+    Annotated[str, one_of(MEDIA_TYPES)] | None,
+    Query(alias="format", description=f"default: by Accept; files have all rows, at most {MOST_ROWS:,}"),
+]
+Accept = Annotated[str | None, Header(include_in_schema=False)]
+
+
+def _add(address: str, noun: Noun) -> None:
+    """Add the search for one noun."""
+
+    def search(
+        wanted: WantedDep,
+        session: SessionDep,
+        user: CurrentUser,
+        cursor: After = None,
+        limit: Limit = 100,
+        file_format: FormatQuery = None,
+        accept: Accept = None,
+    ) -> Any:
+        form = choose_format(file_format, accept, MEDIA_TYPES)
+        found = Search(user, noun, wanted)
+        with bounded(session):
+            return _page(found, session, cursor, limit) if form == "json" else _file(found, session, form)
+
+    files: dict[str, Any] = {kind: {} for kind in MEDIA_TYPES.values() if kind != "application/json"}
+    router.get(
+        f"/search/{address}",
+        name=f"search_{address}",
+        description=_described(address, noun),
+        response_model=Found,
+        responses={200: {"content": files, "description": "What was found."}},
+    )(search)
+
+
+def _described(address: str, noun: Noun) -> str:
+    title = "FRFs" if address == "frfs" else address.capitalize()
+    names = ", ".join(f"`{field.name}`" for field in noun.fields)
+    return (
+        f"{title} of all projects that one may see, by a filter and by words, in any order, with counts.\n\n"
+        f"Fields: {names}; those of other nouns with the noun in front, such as `campaign.temperature_c`."
+    )
+
+
+for _address, _noun in SEARCHED.items():
+    _add(_address, _noun)
+
+
+@router.get("/search/frfs/data", response_class=FileResponse, responses=SPECTRA_FILES)  # type: ignore[arg-type]
+def get_found_data(
+    wanted: WantedDep,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    fmin: Annotated[Hertz, Query(description="Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="Hz")] = None,
+    stride: Stride = 1,
+    file_format: Annotated[
+        Annotated[str, one_of(SPECTRA)] | None, Query(alias="format", description="default: by Accept")
+    ] = None,
+    accept: Accept = None,
+) -> Response:
+    """Spectra of all FRFs that a search finds, in the order of their ids, as one file; of one axis and one quantity."""
+    with bounded(session):
+        keys = Search(user, NOUNS["frf"], wanted).keys(session, MOST_SPECTRA + 1)
+    if not keys:
+        raise NotFound("FRF that the search finds")
+    if len(keys) > MOST_SPECTRA:
+        raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, which is as many as a file has; narrow it")
+    tables = make_tables(session, frfs_of(session, keys), Cut(fmin, fmax, stride))
+    return file_of(session, tables, choose_format(file_format, accept, SPECTRA), request)
+
+
+def _page(found: Search, session: Session, cursor: str | None, limit: int) -> Found:
+    rows, following = found.page(session, cursor, limit)
+    count, facets = found.counts(session) if cursor is None else (None, {})
+    names = [column.name for column in found.columns]
+    return Found(
+        items=[dict(zip(names, map(shown, row), strict=True)) for row in rows],
+        next_cursor=following,
+        count=count if count is None else min(count, MOST_COUNTED),
+        more=count is not None and count > MOST_COUNTED,
+        facets=facets,
+    )
+
+
+def _file(found: Search, session: Session, form: str) -> FileResponse:
+    write, suffix = WRITERS[form]
+    return spooled(
+        lambda file: write(found.columns, _few(found.rows(session)), file),
+        MEDIA_TYPES[form],
+        f"found.{suffix}",
+        {"Vary": "Accept"},
+    )
+
+
+def _few(rows: Iterable[tuple[Any, ...]]) -> Iterable[tuple[Any, ...]]:
+    for number, row in enumerate(rows):
+        if number == MOST_ROWS:
+            raise Invalid("filter", f"finds more than {MOST_ROWS:,} rows, which is as many as a file has; narrow it")
+        yield row

@@ -1,0 +1,251 @@
+"""A filter in CQL2 text (OGC 21-065) to a condition in SQL.
+
+A filter becomes a tree of AND, OR and conditions on one field each; NOT is moved down to the conditions (De Morgan). A
+condition on the noun that is searched, or on what that belongs to, is asked of the row itself. Any other noun is asked by
+EXISTS, from what both have in common downwards, and what one AND says of a noun, and of what belongs to it, is said of one row:
+`campaign.temperature_c > 25 AND campaign.boundary = 'free'` finds structures with one campaign that is both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cql2
+from sqlalchemy import ColumnElement, FromClause, and_, exists, not_, or_, select
+
+from service.db.base import Base
+from service.errors import Invalid
+from service.store.search import literals
+from service.store.search.fields import Field, Noun, find_field
+from service.store.search.nouns import NOUNS, lineage
+
+LONGEST = 2000
+"""Characters of a filter."""
+DEEPEST = 50
+"""Levels of a filter: brackets, and NOT, AND, OR within one another."""
+
+Scope = Mapping[str, FromClause]
+"""Nouns of which a row is at hand, with their tables' names in the query."""
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A condition on one field: `test` makes it from the field's value."""
+
+    noun: Noun
+    field: Field
+    test: Callable[[ColumnElement[Any]], ColumnElement[bool]]
+    negated: bool
+    unknown: bool = False
+    """Whether it asks if the value is unknown."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """Conditions that must all be met, or one of which must be."""
+
+    together: bool
+    parts: tuple[Leaf | Branch, ...]
+
+
+def condition(text: str, noun: Noun, scope: Scope) -> ColumnElement[bool]:
+    """The condition that a filter puts on a row.
+
+    Args:
+        text: the filter.
+        noun: that is searched; its fields need no noun in front.
+        scope: the noun and all that it belongs to.
+
+    Raises:
+        Invalid: the filter is too long, cannot be read, names an unknown field, or compares it with something else.
+    """
+    _require_short(text)
+    try:
+        document = cql2.parse_text(text).to_json()
+    except cql2.ParseError as error:
+        raise Invalid("filter", f"cannot be read as CQL2:{_place(error)}") from None
+    return _all([_Reader(noun).tree(document, negated=False, depth=0)], scope)
+
+
+def _require_short(text: str) -> None:
+    """Bound what the parser is given: it ends its process where brackets lie too deep.
+
+    Raises:
+        Invalid: the text is too long or too deep, or has control characters.
+    """
+    if len(text) > LONGEST:
+        raise Invalid("filter", f"has {len(text)} characters, at most {LONGEST} are read")
+    if any(ord(character) < 32 and character not in "\t\n\r" for character in text):
+        raise Invalid("filter", "has a control character")
+    depth, quote = 0, ""
+    for character in text:
+        if quote:
+            quote = "" if character == quote else quote
+        elif character in "'\"":
+            quote = character
+        else:
+            depth += (character in "([") - (character in ")]")
+        if depth > DEEPEST:
+            raise Invalid("filter", f"has more than {DEEPEST} brackets within one another")
+
+
+def _place(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return f" at line and column {lines[0].removeprefix('--> ').strip()}, {lines[-1].strip(' =')}"[:400]
+
+
+class _Reader:
+    """Reads the parser's document into a tree."""
+
+    def __init__(self, noun: Noun) -> None:
+        self.noun = noun
+
+    def tree(self, node: Any, *, negated: bool, depth: int) -> Leaf | Branch:
+        """The tree of a node.
+
+        Args:
+            node: of the document.
+            negated: whether a NOT stands above it.
+            depth: nodes above it.
+        """
+        if depth > DEEPEST:
+            raise Invalid("filter", f"has more than {DEEPEST} levels")
+        if not isinstance(node, dict) or "op" not in node:
+            if isinstance(node, dict) and "property" in node:  # a field that is true or not by itself
+                node = {"op": "=", "args": [node, True]}
+            else:
+                raise Invalid("filter", "is no condition, such as campaign.temperature_c > 25")
+        op, args = node["op"].lower(), node["args"]
+        if op == "not":
+            return self.tree(args[0], negated=not negated, depth=depth + 1)
+        if op in ("and", "or"):
+            parts = tuple(self.tree(one, negated=negated, depth=depth + 1) for one in args)
+            return Branch((op == "and") != negated, parts)
+        return self.leaf(op, args, negated)
+
+    def leaf(self, op: str, args: Sequence[Any], negated: bool) -> Leaf:
+        """A condition on one field, which stands on either side of a comparison."""
+        if op in _MIRRORED and len(args) == 2 and not _is_field(args[0]):
+            op, args = _MIRRORED[op], [args[1], args[0]]
+        if op not in _TESTS:
+            ops = ", ".join(name.upper() for name in ("and", "or", "not", *_TESTS))
+            raise Invalid("filter", f"uses {op[:40].upper()!r}, which is not read here; there is {ops}")
+        folded = isinstance(args[0], dict) and args[0].get("op") == "casei"
+        subject = args[0]["args"][0] if folded else args[0]
+        if not _is_field(subject):
+            raise Invalid(
+                "filter", f"{op.upper()} compares no field; a field stands on one side of it, a value on the other"
+            )
+        noun, field = find_field(NOUNS, self.noun, subject["property"], "filter")
+        name = f"{noun.name}.{field.name}"
+        if folded and field.kind != "text":
+            raise Invalid("filter", f"CASEI takes a text; {name} is {literals.EXPECTED[field.kind]}")
+        values = [_folded(one) for one in args[1:]] if folded else list(args[1:])
+        make = _TESTS[op]
+
+        def test(column: ColumnElement[Any]) -> ColumnElement[bool]:
+            return make(field, name, op, literals.folded(column) if folded else column, values)
+
+        return Leaf(noun, field, test, negated, op == "isnull")
+
+
+_MIRRORED = {"=": "=", "<>": "<>", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
+
+
+def _is_field(node: Any) -> bool:
+    return isinstance(node, dict) and (
+        "property" in node or (node.get("op") == "casei" and "property" in node["args"][0])
+    )
+
+
+def _folded(value: Any) -> Any:
+    if isinstance(value, dict) and value.get("op") == "casei":
+        value = value["args"][0]
+    return (
+        [_folded(one) for one in value]
+        if isinstance(value, list)
+        else value.lower()
+        if isinstance(value, str)
+        else value
+    )
+
+
+def _any_of(field: Field, name: str, column: ColumnElement[Any], values: Any) -> ColumnElement[bool]:
+    if not isinstance(values, list) or not values:
+        raise Invalid("filter", f"{name} IN takes values in brackets, such as ('a', 'b')")
+    return or_(*(literals.compared(field, name, "=", column, value) for value in values))
+
+
+_TESTS: dict[str, Callable[[Field, str, str, ColumnElement[Any], list[Any]], ColumnElement[bool]]] = {
+    **dict.fromkeys(literals.COMPARISONS, lambda f, n, op, c, v: literals.compared(f, n, op, c, v[0])),
+    "between": lambda f, n, _, c, v: literals.within(f, n, c, v[0], v[1]),
+    "like": lambda f, n, _, c, v: literals.matching(f, n, c, v[0]),
+    "in": lambda f, n, _, c, v: _any_of(f, n, c, v[0]),
+    "isnull": lambda _f, _n, _, c, _v: c.is_(None),
+    **dict.fromkeys(("t_after", "t_before", "t_during"), lambda f, n, op, c, v: literals.in_time(f, n, op, c, v[0])),
+}
+
+
+def _all(trees: Sequence[Leaf | Branch], scope: Scope) -> ColumnElement[bool]:
+    """That all trees hold; those that speak of a noun out of reach, and of the same one first, of one row of it."""
+    found: list[ColumnElement[bool]] = []
+    below: dict[str, list[Leaf | Branch]] = {}
+    for tree in _flat(trees):
+        steps = _first_steps(tree, scope)
+        if len(steps) == 1:
+            below.setdefault(next(iter(steps)), []).append(tree)
+        elif isinstance(tree, Leaf):
+            found.append(_of_row(tree, scope))
+        else:  # an OR of several nouns, or of none but those at hand
+            found.append(or_(*(_all([part], scope) for part in tree.parts)))
+    for name, about in below.items():
+        noun = NOUNS[name]
+        row = noun.rows()
+        links = [noun.owned_by(row, scope[noun.owner])]
+        if noun.hidden:
+            links.append(row.c.deleted_at.is_(None))
+        found.append(exists().select_from(row).where(*links, _all(about, {**scope, name: row})))
+    return and_(*found)
+
+
+def _flat(trees: Sequence[Leaf | Branch]) -> list[Leaf | Branch]:
+    return [
+        part for tree in trees for part in (_flat(tree.parts) if isinstance(tree, Branch) and tree.together else [tree])
+    ]
+
+
+def _first_steps(tree: Leaf | Branch, scope: Scope) -> set[str]:
+    """The nouns through which a tree leaves what is at hand; the empty name stands for what is at hand itself."""
+    if isinstance(tree, Leaf):
+        return {next((one.name for one in reversed(lineage(tree.noun)) if one.name not in scope), "")} - {""}
+    parts = [_first_steps(part, scope) for part in tree.parts]
+    return set.union(*parts) | ({""} if set() in parts and any(parts) else set())
+
+
+def _of_row(leaf: Leaf, scope: Scope) -> ColumnElement[bool]:
+    """A condition on a row at hand."""
+    row = scope[leaf.noun.name]
+    if leaf.field.constant is None:
+        test = leaf.test(leaf.field.of(row))
+        return not_(test) if leaf.negated else test
+    name, member = leaf.field.constant
+    constants = Base.metadata.tables["result_constants"].alias()
+    held = [constants.c.result_id == row.c.id, constants.c.name == name]
+    if leaf.unknown:
+        known = exists().select_from(constants).where(*held, constants.c[member].is_not(None))
+        return known if leaf.negated else not_(known)
+    test = leaf.test(constants.c[member])
+    return exists().select_from(constants).where(*held, not_(test) if leaf.negated else test)
+
+
+def value_of(noun: Noun, field: Field, scope: Scope) -> ColumnElement[Any]:
+    """The value of a field in a row at hand, to be shown or sorted by."""
+    row = scope[noun.name]
+    if field.constant is None:
+        return field.of(row)
+    name, member = field.constant
+    constants = Base.metadata.tables["result_constants"].alias()
+    held = (constants.c.result_id == row.c.id, constants.c.name == name)
+    return select(constants.c[member]).where(*held).scalar_subquery()

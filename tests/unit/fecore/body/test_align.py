@@ -1,0 +1,55 @@
+"""The test's frame over the model: by pairs, and by the closest points of the faces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fecore.arrays import FloatArray
+from fecore.body.align import by_closest, by_pairs
+from fecore.body.structure import Structure
+from fecore.errors import InputError
+from service.store.structures.schemas import StructureIn
+from service.store.updating.bodies import nominal_body
+from tests.support.profiles import ANGLE, points
+
+
+@pytest.fixture(scope="module")
+def body() -> Structure:
+    return nominal_body(StructureIn.model_validate(ANGLE), "free")
+
+
+def test_three_pairs_bring_a_test_onto_its_body() -> None:
+    places = np.array(list(points().values()))
+    turn, shift = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix(), np.array([0.4, -2.0, 0.1])
+    measured = (places - shift) @ turn
+    found = by_pairs(measured[:4], places[:4])
+    np.testing.assert_allclose(found.turn, turn, atol=1e-12)
+    np.testing.assert_allclose(found.shift, shift, atol=1e-12)
+    assert found.rms < 1e-12
+    with pytest.raises(InputError, match="are 2, expected three or more"):
+        by_pairs(measured[:2], places[:2])
+    with pytest.raises(InputError, match="on a line"):
+        by_pairs(np.outer(np.arange(4.0), [1, 0, 0]), places[:4])
+
+
+@pytest.mark.parametrize("turn", [[0.0, 0.0, np.pi / 2], [0.03, -0.05, np.pi]])
+def test_closest_points_find_the_frame_of_a_body_without_symmetry(body: Structure, turn: list[float]) -> None:
+    """Walls of 56 and 78 mm, a grid that reaches one end alone: no other turn brings all points onto faces."""
+    places = _on_one_half()
+    R, shift = Rotation.from_rotvec(turn).as_matrix(), np.array([0.2, 0.5, -0.3])
+    best, *others = by_closest(body.model.surfaces, (places - shift) @ R)
+    assert best.rms < 2e-4
+    moved = ((places - shift) @ R) @ best.turn.T + best.shift
+    if not others:  # along the length nothing but the ends holds a grid
+        np.testing.assert_allclose(moved[:, 1:], places[:, 1:], atol=5e-3)
+
+
+def _on_one_half() -> FloatArray:
+    return np.array([[x, y, z] for n, (x, y, z) in points().items() if n < 13])
+
+
+def test_a_symmetric_grid_has_several_answers(body: Structure) -> None:
+    ends = np.array([[x, 0.0, -0.04] for x in (0.05, 0.2, 0.35)] + [[x, 0.01, -0.04] for x in (0.05, 0.2, 0.35)])
+    assert len(by_closest(body.model.surfaces, ends)) > 1

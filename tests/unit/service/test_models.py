@@ -1,0 +1,121 @@
+"""Users' models without a server: kept as arrays and made again, made bodies, handed back as decks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.structures import frequencies
+from fecore.errors import InputError
+from fecore.updating.parameters import default_parameters
+from modalbase.formats.models.bdf import read_bdf
+from modalbase.formats.models.inp import read_inp
+from modalbase.formats.models.model import Spring, Support
+from service.compute.models.bodies import body_of_model
+from service.compute.models.decks import DeckOrder, updated_deck
+from service.compute.models.keeping import kept, model_of
+from service.store.structures.schemas import StructureIn
+from service.store.updating.bodies import nominal_body
+from tests.support.profiles import ANGLE, deck
+
+STEEL = b"""*HEADING
+plate of steel with a stiffener
+*NODE
+1, 0., 0., 0.
+2, 1., 0., 0.
+3, 1., 0.2, 0.
+4, 0., 0.2, 0.
+5, 2., 0., 0.
+6, 2., 0.2, 0.
+*ELEMENT, TYPE=S4, ELSET=PLATE
+1, 1, 2, 3, 4
+2, 2, 5, 6, 3
+*ELEMENT, TYPE=B31, ELSET=BAR
+3, 1, 2
+4, 2, 5
+*MATERIAL, NAME=STEEL
+*ELASTIC
+2.1E11, 0.3
+*DENSITY
+7850.
+*SHELL SECTION, ELSET=PLATE, MATERIAL=STEEL
+0.01
+*BEAM SECTION, ELSET=BAR, MATERIAL=STEEL, SECTION=RECT
+0.02, 0.04
+0., 0., 1.
+*STEP
+*FREQUENCY
+6
+*END STEP
+"""
+
+
+def nastran() -> bytes:
+    """The plate of steel for Nastran."""
+    return b"""BEGIN BULK
+GRID,1,,0.,0.,0.
+GRID,2,,1.,0.,0.
+GRID,3,,1.,0.2,0.
+GRID,4,,0.,0.2,0.
+CQUAD4,1,7,1,2,3,4
+PSHELL,7,3,.01,3,,3
+MAT1,3,2.1+11,,.3,7850.
+ENDDATA
+"""
+
+
+@pytest.mark.parametrize("content", [deck(), STEEL], ids=["angle", "steel"])
+def test_a_model_is_kept_whole(content: bytes) -> None:
+    model = read_inp(content)
+    data = kept(model)
+    again = model_of(data)
+    assert kept(again) == data
+    assert (again.sections, again.materials, again.links) == (model.sections, model.materials, model.links)
+    for one, other in zip(again.elements, model.elements, strict=True):
+        np.testing.assert_array_equal(one.nodes, other.nodes)
+        np.testing.assert_array_equal(one.axes, other.axes)
+
+
+def test_the_deck_of_a_shape_is_the_body_of_the_shape() -> None:
+    shaped = nominal_body(StructureIn.model_validate(ANGLE), "free")
+    np.testing.assert_allclose(frequencies(body_of_model(read_inp(deck())), 8), frequencies(shaped, 8), rtol=1e-6)
+
+
+def test_sets_of_an_isotropic_material_have_one_free_modulus() -> None:
+    body = body_of_model(read_inp(STEEL))
+    free = [each.name for each in default_parameters(body) if each.tied_to is None]
+    assert free == ["plate.E1", "bar.E"]
+
+
+def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:
+    model = read_inp(STEEL)
+    spring = Spring(0, 0, 5.0, 1, direction=(0.0, 0.6, 0.8), arms=((0.1, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    (found,) = body_of_model(replace(model, springs=(spring,)), "as_modelled").springs
+    np.testing.assert_allclose(found.rows[0, 0], [0, 0.6, 0.8, 0, -0.08, 0.06])
+    assert body_of_model(replace(model, springs=(spring,))).springs == ()  # to the ground, which a free body has not
+
+
+def test_supports_askew_are_refused_and_those_of_whole_nodes_are_not() -> None:
+    model, axes = read_inp(STEEL), np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
+    held = Support(np.array([0, 3]), (0, 1, 2), 9, axes)
+    (support,) = body_of_model(replace(model, supports=(held,)), "as_modelled").supports
+    assert support.dofs == (0, 1, 2)
+    with pytest.raises(InputError, match="line 9"):
+        body_of_model(replace(model, supports=(replace(held, dofs=(0,)),)), "as_modelled")
+
+
+@pytest.mark.parametrize(("content", "name"), [(STEEL, "plate.inp"), (nastran(), "plate.bdf")])
+def test_a_deck_of_one_isotropic_material_is_written_by_its_modulus(content: bytes, name: str) -> None:
+    read = read_inp if name.endswith("inp") else read_bdf
+    (plate, *_) = read(content).sets
+    E = 1.9e11
+    constants = dict.fromkeys((f"{plate}.E1", f"{plate}.E2"), E) | dict.fromkeys(
+        (f"{plate}.G12", f"{plate}.G13", f"{plate}.G23"), E / 2.6
+    )
+    order = DeckOrder(content, name, "m-N-kg", "free", constants, 3, ("a remark",))
+    written = read(updated_deck(order))
+    (material,) = written.sections[plate].materials
+    assert written.materials[material].constants["E"] == pytest.approx(E)
+    assert written.materials[material].constants["nu"] == pytest.approx(0.3)
