@@ -19,12 +19,12 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
+from fecore.signal.shares import hit_frfs
 from fecore.signal.traits import Traits
 
 BANDS = 32  # of an FRF, compared one by one
 MOST_LINES = 2048  # that are compared; of more, every k-th
 _PARTNERS = 8  # hits of its point that a hit is compared with, the following ones and then from the first on
-_WEAKEST = 1e-4  # of the force's largest power, below which a line is drawn to zero
 _SIGNS = 2  # partners below which no sign is decided
 _HALF = 0.42  # of the weight: a median, but of two that weigh nearly the same not the larger
 _FEWEST = 1.2  # partners that seem good, each by its probability, below which nobody can say which hit is wrong
@@ -94,12 +94,8 @@ def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
     edges = np.linspace(0, lines, BANDS + 1).astype(int)[:-1]
     apart, likeness = np.zeros((*partner.shape, BANDS)), np.ones(partner.shape)
     level = np.empty((len(responses), count, BANDS))
-    excited = forces.real**2 + forces.imag**2
-    least = excited + np.maximum(
-        _WEAKEST * excited.max(axis=1, keepdims=True), 1e-300
-    )  # not divided by next to nothing
     for r, response in enumerate(responses):
-        frf = response * forces.conj() / least
+        frf = hit_frfs(forces, response)
         power = np.maximum(np.add.reduceat(frf.real**2 + frf.imag**2, edges, axis=1), 1e-300)
         level[r] = np.log(power) / 2
         for m in range(partner.shape[1]):

@@ -15,7 +15,7 @@ from fecore.signal.blocks import ChannelQuantity, Hit
 from fecore.signal.document import Processing
 from fecore.signal.estimators import Estimate
 from fecore.signal.judgement import Verdict
-from fecore.signal.points import frfs_of, judge_points, preliminary
+from fecore.signal.points import judge_points, preliminary
 from fecore.signal.spectra import Source, Spectra
 from fecore.signal.traits import Traits
 
@@ -38,16 +38,13 @@ def inspect(source: Source, processing: Processing | None = None) -> Inspection:
     """
     spectra = Spectra(source, processing or Processing())
     seen = [preliminary(spectra, source[number]) for number in range(len(source))]
-    points = [each.point for each in seen]
-    verdicts = judge_points(points, spectra.processing)
+    verdicts = judge_points([each.point for each in seen], spectra.processing)
     coherence = {}
     for number, (each, judged) in enumerate(zip(seen, verdicts, strict=True)):
-        point = each.point
         good = tuple(i for i, verdict in enumerate(judged) if verdict.accepted)
-        same = good == point.used
-        estimates = each.estimates if same else frfs_of(spectra, source[number], point.traits, good)
         if len(good) > 1:
-            coherence[point.force] = float(np.mean([e.coherence[spectra.compared].mean() for e in estimates]))
+            estimates = each.frfs(spectra, source[number], good)
+            coherence[each.point.force] = float(np.mean([e.coherence[spectra.compared].mean() for e in estimates]))
     return Inspection(tuple(v for judged in verdicts for v in judged), coherence)
 
 
@@ -103,7 +100,7 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         frfs=np.where(np.isfinite(frfs), frfs, np.nan),
         verdicts=verdicts,
         accepted=chosen,
-        mean=seen.estimates if good == point.used else frfs_of(spectra, hits, point.traits, good),
+        mean=seen.frfs(spectra, hits, good),
         pulse_s=_pulse_s(point.traits, verdicts, spectra.sample_rate),
     )
 

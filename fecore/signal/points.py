@@ -31,6 +31,10 @@ class Preliminary:
     estimates: tuple[Estimate, ...]
     excitation: FloatArray
 
+    def frfs(self, spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]) -> tuple[Estimate, ...]:
+        """The FRFs of the hits that are good in the end."""
+        return self.estimates if good == self.point.used else frfs_of(spectra, hits, self.point.traits, good)
+
 
 def judge_points(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
     """The verdicts of all hits of a campaign, with what a user has decided against them."""
