@@ -4,7 +4,7 @@ inspection, process.
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
 from fecore.signal.coupling import Coupling
-from fecore.signal.delay import Delay, estimate_delay
+from fecore.signal.delay import Delay
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate, Estimator, estimate
 from fecore.signal.heights import Strip
@@ -40,7 +40,6 @@ __all__ = [
     "by_point",
     "each_hit",
     "estimate",
-    "estimate_delay",
     "inspect",
     "overrule",
     "process",

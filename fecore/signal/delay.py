@@ -34,18 +34,8 @@ class Delay:
     peaks: int
 
 
-def estimate_delay(frfs: FrfSet, rate_per_s: float = 0.0) -> Delay | None:
-    """The delay common to all FRFs, or None where they have too few clear resonances for it.
-
-    `rate_per_s` is the exponential window's rate that the FRFs carry.
-    """
-    search = DelaySearch(len(frfs.values), rate_per_s)
-    search.add(frfs)
-    return search.found()
-
-
 class DelaySearch:
-    """The same of FRFs that come in parts.
+    """The delay common to FRFs that come in parts.
 
     Args:
         count: of all FRFs.

@@ -107,7 +107,7 @@ class Kind(StrEnum):
 
 
 def import_files(
-    files: Annotated[list[Path], typer.Argument(help="UFF, npz, .mat, CSV, wav", exists=True, dir_okay=False)],
+    files: Annotated[list[Path], typer.Argument(help="UFF, npz, .mat, CSV, wav, TDMS", exists=True, dir_okay=False)],
     campaign: Annotated[
         str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
     ] = "latest",

@@ -55,7 +55,7 @@ class Campaign(Editable):
     noun = CAMPAIGN
 
     def import_file(self, file: str | Path, *, wait: bool = True, **options: Any) -> Import:
-        """Send a file, UFF, npz, .mat, CSV or wav, and wait until it is read.
+        """Send a file, UFF, npz, .mat, CSV, wav or TDMS, and wait until it is read.
 
         Args:
             file: the analyser's export; its format is recognised by its content.

@@ -69,10 +69,12 @@ class ImportOut(JobOut):
     quantity: Quantity | None
     format: Format | None = Field(description="by what is in the file; null until that was read")
     kind: Kind | None = Field(
-        description="what an npz, .mat, CSV or wav holds, as stated or found; null of UFF, which may hold both"
+        description="what an npz, .mat, CSV, wav or TDMS holds, as stated or found; null of UFF, which may hold both"
     )
     mapping: Any = Field(description="which variable is what, as it was stated")
-    found: Proposal | None = Field(description="arrays of an npz, .mat, CSV or wav, and a mapping that suggests itself")
+    found: Proposal | None = Field(
+        description="arrays of an npz, .mat, CSV, wav or TDMS, and a mapping that suggests itself"
+    )
     already_imported: bool = Field(False, description="these bytes are in the campaign already; nothing new was queued")
     counts: Counts | None = Field(description="what was read; null until it succeeded")
     datasets: list[DatasetOutcome]
@@ -139,7 +141,7 @@ def start_import(
     ] = None,
     mapping: MappingQuery = None,
 ) -> ImportOut:
-    """Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV or wav; a job reads it.
+    """Send a file as raw body or as multipart field `file`: UFF, npz, .mat, CSV, wav or TDMS; a job reads it.
 
     Its format is recognised by its content. Hits, and FRFs of a .mat, need a `mapping` that says which variable is what, as
     parameter or as multipart field; `dry_run` proposes one.
@@ -148,7 +150,7 @@ def start_import(
     then it is 200 with the address of the import that has them, and `already_imported` is true.
     """
     if upload.file.size == 0:
-        raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV or wav")
+        raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV, wav or TDMS")
     wanted = Import(
         filename=filename or upload.filename or "upload",
         dry_run=dry_run,
