@@ -9,8 +9,8 @@ and point masses are of the same form, with motions in the place of strains. Con
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -18,6 +18,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 
 _ALIKE = 1e-10  # of the largest entry: by how much rounding may part what is congruent
+_STRAINS = 1 << 23  # numbers (64 MiB) that the strains of some vectors may take at a time
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,14 @@ class Group:
         stressed = (C @ self.operators).reshape(count, points * rows, dofs)
         strained = self.operators.reshape(count, points * rows, dofs)
         return np.asarray((strained.transpose(0, 2, 1) @ stressed).reshape(count, -1))
+
+    def parts(self, vectors: int) -> Iterator[Group]:
+        """The group in parts, so few elements in each that the strains of so many vectors take little memory."""
+        _, points, rows, _ = self.operators.shape
+        many = max(1, _STRAINS // max(1, points * rows * vectors))
+        for first in range(0, len(self.nodes), many):
+            part = slice(first, first + many)
+            yield replace(self, nodes=self.nodes[part], which=self.which[part])
 
     def strains(self, motion: FloatArray) -> FloatArray:
         """(r, e·p, m) strains of (nodes, dofs of a node, m) motions."""
@@ -181,7 +190,7 @@ class AffineMatrix:
         """(k, l, r) leftᵀ A_k right of (size, l) and (size, r) vectors, from their strains."""
         forms = np.zeros((len(self.names), left.shape[1], right.shape[1]))
         motions = self.everywhere(left), self.everywhere(right)
-        for group in self.groups:
+        for group in (part for whole in self.groups for part in whole.parts(max(left.shape[1], right.shape[1]))):
             x, y = (group.strains(motion) for motion in motions)
             for i, j in zip(*np.nonzero(group.terms.any(axis=0)), strict=True):
                 product = x[i].T @ y[j]

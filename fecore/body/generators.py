@@ -97,13 +97,13 @@ def panel(
         elements: over the width.
 
     Raises:
-        InputError: a rib lies off the plate, or a dimension leaves no rib.
+        InputError: a rib lies off the plate or where another one is, or a dimension leaves no rib.
     """
     _check("shape", length=length, width=width, height=height, plate=plate, rib=rib)
     if height <= plate:
         raise InputError("shape.height_m", f"is {height:g}, expected more than the plate's {plate:g} m")
     lines = np.array([-width / 2, *ribs, width / 2])
-    if np.any(np.diff(lines) < 0) or lines[0] > lines[1] or lines[-2] > lines[-1]:
+    if np.any(np.diff(ribs) <= 0) or lines[0] > lines[1] or lines[-2] > lines[-1]:
         raise InputError("shape.ribs", f"lie at {list(ribs)} m, expected rising places on a width of {width:g} m")
     z = (height - plate) / 2
     walls = [Segment("plate", (a, z), (b, z)) for a, b in pairwise(lines.tolist()) if b > a]

@@ -237,7 +237,7 @@ TERMS: dict[str, str] = {
     "state": "where it stands",
     "state_since": "since when, UTC",
     "open_alarms": "number of alarms that nobody has acknowledged and that have not cleared",
-    "kind": "EWMA and CUSUM for small lasting changes, Shewhart for single large ones",
+    "ChartIn.kind": "EWMA and CUSUM for small lasting changes, Shewhart for single large ones",
     "series": "version of the series, from 1",
     "software": "version of modalbase that computed it",
     "acknowledged_at": "when somebody said to have seen it, UTC",

@@ -47,6 +47,10 @@ def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
     assert support["dofs"] == [1, 2, 3, 4, 5, 6]
     structure = ok(api.get(f"structures/{bare}"), 200)
     assert (structure["version"], structure["model"], structure["geometry"]) == (2, model["id"], None)
+    page = api.get(str(api.base_url.copy_with(path=f"/ui/structures/{bare}"))).text
+    assert 'value="as_modelled"' in page
+    assert 'value="cantilever"' not in page
+    assert "Density" not in page
     assert ok(api.get(f"structures/{bare}/model"), 200) == model
     mesh = ok(api.get(f"structures/{bare}/model/mesh"), 200)
     assert len(mesh["nodes"]["x_m"]) == 475

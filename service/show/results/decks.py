@@ -29,7 +29,7 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
     """
     key = version_of(session, job.structure_version_id).model
     if key is None:
-        raise Conflict("the structure is no model that was sent, so there is no deck of its own; see cards")
+        raise Conflict("the structure is no model that was sent, so there is no deck to write back")
     document = result_document(session, job)
     constants = _constants(document)
     if not constants:

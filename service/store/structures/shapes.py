@@ -114,7 +114,7 @@ class Shape(StrictModel):
         walls={"flange": {"thickness_m": 0.006}, "web": {"thickness_m": 0.006}},
     )
 
-    kind: Kind
+    kind: Kind = Field(description="what the section is: its walls, and where they lie, follow from it")
     length_m: Annotated[Length, LENGTH]
     width_m: Annotated[Length, WIDTH] = Field(description="m along y, outside")
     height_m: Annotated[Length, WIDTH] | None = Field(None, description="m along z, outside; a strip has none")

@@ -32,6 +32,17 @@ def test_the_matrix_is_the_sum_of_its_terms(name) -> None:
         np.testing.assert_allclose(form, random[0].T @ (term @ random[1]), rtol=1e-9, atol=1e-9 * np.abs(form).max())
 
 
+def test_many_vectors_are_projected_in_parts() -> None:
+    matrix = CHANNEL.model.stiffness
+    parts = list(matrix.groups[0].parts(10_000))
+    assert len(parts) > 1
+    np.testing.assert_array_equal(np.concatenate([part.nodes for part in parts]), matrix.groups[0].nodes)
+    left = np.random.default_rng(4).standard_normal((matrix.size, 10_000))
+    right = left[:, :2]
+    whole, few = matrix.project(left, right), matrix.project(right, right)
+    np.testing.assert_allclose(whole[:, :2], few, rtol=1e-9, atol=1e-9 * np.abs(few).max())
+
+
 def test_congruent_elements_share_an_operator() -> None:
     first = CHANNEL.model.stiffness.groups[0]
     assert len(first.operators) < len(first.nodes) / 2

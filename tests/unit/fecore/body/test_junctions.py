@@ -13,6 +13,7 @@ from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
+from fecore.errors import InputError
 from tests.support.shells import grid, isotropic
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
@@ -144,3 +145,8 @@ def test_a_box_encloses_a_cell_and_has_the_larger_error() -> None:
         assert replace(body, with_joints=False).model_error == 0.016
     thick = {"flange": wall(0.008), "web": wall(0.004)}
     assert Structure(profile("i", 0.3, 0.06, 0.04, 0.008, 0.004, elements=2), thick).model_error == 0.0045
+
+
+def test_two_ribs_do_not_stand_at_one_place() -> None:
+    with pytest.raises(InputError, match="rising places"):
+        panel(0.4, 0.3, 0.05, 0.004, 0.006, (0.0, 0.0))
