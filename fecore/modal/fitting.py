@@ -93,7 +93,7 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     report("refining with all FRFs", 0.8)
     last = _last(still, fit)
     twice = doubled(still.arrangement, evidence_of(still.arrangement, last), last.terms)
-    return Fitted(still.arrangement, last, noise, linear, drift, full, twice)
+    return Fitted(still.arrangement, last, noise, linear, drift=drift, full=full, doubled=twice)
 
 
 @dataclass(frozen=True)
