@@ -242,8 +242,8 @@ def _lowest(grid: FloatArray, misfit: FloatArray) -> FloatArray:
 def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArray:
     """(N, q) real coefficients, all FRFs with the same weights, each term a priori as large as the FRFs.
 
-    A pole beyond the band and residual terms look nearly alike on the lines: without the prior both are large and cancel, and the drift
-    of that pole alone spoils all FRFs. With B the weighted columns of length 1, (BᵀB + N/|H|² I) c = BᵀH (Tikhonov).
+    A pole beyond the band and residual terms look nearly alike on the lines: without the prior both are large and cancel, and
+    the drift of that pole alone spoils all FRFs. With B the weighted columns of length 1, (BᵀB + N/|H|² I) c = BᵀH (Tikhonov).
     """
     scaled = np.concatenate([(root[:, None] * basis).real, (root[:, None] * basis).imag])
     size = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
