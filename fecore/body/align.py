@@ -15,7 +15,6 @@ from itertools import permutations, product
 
 import numpy as np
 import scipy
-from scipy.spatial.transform import Rotation
 
 from fecore.arrays import FloatArray
 from fecore.body.locate import Surfaces
@@ -121,7 +120,7 @@ def _fine(surfaces: Surfaces, points: FloatArray, start: Motion) -> Motion:
         arms = (moved - middle) / surfaces.mesh.size
         rows = np.hstack([np.cross(arms, normal), normal])
         step = np.linalg.lstsq(rows, np.sum((places - moved) * normal, axis=1), rcond=_SLIDES)[0]
-        small = Rotation.from_rotvec(step[:3] / surfaces.mesh.size).as_matrix()
+        small = scipy.spatial.transform.Rotation.from_rotvec(step[:3] / surfaces.mesh.size).as_matrix()
         turn, shift = small @ turn, small @ (shift - middle) + middle + step[3:]
     moved = points @ turn.T + shift
     return Motion(turn, shift, np.linalg.norm(moved - _on_face(surfaces, moved)[0], axis=1))

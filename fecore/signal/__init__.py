@@ -1,16 +1,15 @@
 """Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, windows, estimators,
-process.
+inspection, process.
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
 from fecore.signal.coupling import Coupling
 from fecore.signal.delay import Delay, estimate_delay
 from fecore.signal.document import Averages, Findings, Processed, Processing
-from fecore.signal.each_hit import EachHit, each_hit
 from fecore.signal.estimators import Estimate, Estimator, estimate
 from fecore.signal.heights import Strip
+from fecore.signal.inspection import EachHit, Inspection, each_hit, inspect
 from fecore.signal.judgement import FALSE_DISCOVERY, Verdict, overrule
-from fecore.signal.look import Look, look
 from fecore.signal.process import Shelf, process, process_in_parts
 from fecore.signal.reasons import Criterion, Finding
 from fecore.signal.spectra import Source, by_point
@@ -30,7 +29,7 @@ __all__ = [
     "Finding",
     "Findings",
     "Hit",
-    "Look",
+    "Inspection",
     "Processed",
     "Processing",
     "Shelf",
@@ -42,7 +41,7 @@ __all__ = [
     "each_hit",
     "estimate",
     "estimate_delay",
-    "look",
+    "inspect",
     "overrule",
     "process",
     "process_in_parts",

@@ -19,12 +19,12 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
+from fecore.signal.shares import hit_frfs
 from fecore.signal.traits import Traits
 
 BANDS = 32  # of an FRF, compared one by one
 MOST_LINES = 2048  # that are compared; of more, every k-th
 _PARTNERS = 8  # hits of its point that a hit is compared with, the following ones and then from the first on
-_WEAKEST = 1e-4  # of the force's largest power, below which a line is drawn to zero
 _SIGNS = 2  # partners below which no sign is decided
 _HALF = 0.42  # of the weight: a median, but of two that weigh nearly the same not the larger
 _FEWEST = 1.2  # partners that seem good, each by its probability, below which nobody can say which hit is wrong
@@ -71,7 +71,7 @@ class Point:
 
 
 @dataclass(frozen=True)
-class Beside:
+class Comparison:
     """What the other hits of its point say of each hit: (h,) distance, likeness, and the height of its FRF over theirs; NaN
     where too few others seem good.
     """
@@ -94,12 +94,8 @@ def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
     edges = np.linspace(0, lines, BANDS + 1).astype(int)[:-1]
     apart, likeness = np.zeros((*partner.shape, BANDS)), np.ones(partner.shape)
     level = np.empty((len(responses), count, BANDS))
-    excited = forces.real**2 + forces.imag**2
-    least = excited + np.maximum(
-        _WEAKEST * excited.max(axis=1, keepdims=True), 1e-300
-    )  # not divided by next to nothing
     for r, response in enumerate(responses):
-        frf = response * forces.conj() / least
+        frf = hit_frfs(forces, response)
         power = np.maximum(np.add.reduceat(frf.real**2 + frf.imag**2, edges, axis=1), 1e-300)
         level[r] = np.log(power) / 2
         for m in range(partner.shape[1]):
@@ -121,7 +117,7 @@ def usual_apart(found: Sequence[Pairs], good: Sequence[BoolArray]) -> FloatArray
     return np.maximum(np.median(rows, axis=0), 1e-12) if len(rows) else np.ones(BANDS)
 
 
-def beside(own: Pairs, probability: FloatArray, usual: FloatArray) -> Beside:
+def compare(own: Pairs, probability: FloatArray, usual: FloatArray) -> Comparison:
     """What a point's hits say of each other, each by its (h,) probability of being good by its own numbers. Most faults
     leave the sign as it is, so it is asked of all hits.
     """
@@ -136,7 +132,7 @@ def beside(own: Pairs, probability: FloatArray, usual: FloatArray) -> Beside:
             off = np.array([row[_middle(np.abs(row), weight)] for row in off])
             found[0, i] = distance[i, _middle(distance[i], weight)]
             found[2, i] = np.exp(off[np.argmax(np.abs(off))])
-    return Beside(*found)
+    return Comparison(*found)
 
 
 def _common(off: FloatArray) -> FloatArray:

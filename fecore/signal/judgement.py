@@ -27,7 +27,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.frf import Dof
-from fecore.signal.comparison import Point, beside, usual_apart
+from fecore.signal.comparison import Point, compare, usual_apart
 from fecore.signal.placing import Position, locate
 from fecore.signal.reasons import Criterion, Finding, finding
 from fecore.signal.traits import OWN, Traits
@@ -119,7 +119,7 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
     good = seems > 0.5
     usual = usual_apart([point.pairs for point in points], [good[part] for part in parts])
     for point, part in zip(points, parts, strict=True):
-        found = beside(point.pairs, seems[part], usual)
+        found = compare(point.pairs, seems[part], usual)
         numbers[part, -3:] = np.stack((1 - found.likeness, found.distance, found.height), axis=1)
     numbers[:, _DISTANCE] /= _in_common(numbers[:, _DISTANCE], parts, good)
     comparable = good & ~(numbers[:, -3] > 1) & ~(np.abs(np.log(numbers[:, -1])) > _OTHER_RANGE)

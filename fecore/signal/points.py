@@ -1,4 +1,4 @@
-"""The hits of one point after their first look, and the judgement of all points of a campaign."""
+"""The hits of one point before the campaign is judged, and the judgement of all points of a campaign."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from fecore.signal.traits import Traits, find_traits
 
 
 @dataclass(frozen=True)
-class FirstLook:
-    """A point after its first look.
+class Preliminary:
+    """A point before the campaign is judged.
 
     Attributes:
         point: what is kept of it.
@@ -30,6 +30,10 @@ class FirstLook:
     point: Point
     estimates: tuple[Estimate, ...]
     excitation: FloatArray
+
+    def frfs(self, spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]) -> tuple[Estimate, ...]:
+        """The FRFs of the hits that are good in the end."""
+        return self.estimates if good == self.point.used else frfs_of(spectra, hits, self.point.traits, good)
 
 
 def judge_points(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
@@ -57,18 +61,18 @@ def numbers_of(spectra: Spectra, hits: Sequence[Hit]) -> tuple[Point, ComplexArr
     return point, forces, responses
 
 
-def first_look(spectra: Spectra, hits: Sequence[Hit]) -> FirstLook:
+def preliminary(spectra: Spectra, hits: Sequence[Hit]) -> Preliminary:
     """Numbers of a point's hits, and the FRFs of those that seem good among themselves."""
     point, forces, responses = numbers_of(spectra, hits)
     used = tuple(i for i, v in enumerate(judge_points([point], spectra.processing)[0]) if v.accepted)
     if not used:
-        return FirstLook(point, (), np.zeros(spectra.lines.size))
+        return Preliminary(point, (), np.zeros(spectra.lines.size))
     chosen = list(used)
     estimates = tuple(estimate(forces[chosen], r[chosen], spectra.processing.estimator) for r in responses)
-    return FirstLook(replace(point, used=used), estimates, np.sqrt(squared(forces[chosen])).mean(axis=0))
+    return Preliminary(replace(point, used=used), estimates, np.sqrt(squared(forces[chosen])).mean(axis=0))
 
 
-def second_look(
+def frfs_of(
     spectra: Spectra, hits: Sequence[Hit], traits: Sequence[Traits], good: tuple[int, ...]
 ) -> tuple[Estimate, ...]:
     """The FRFs of the chosen hits of a point, with the numbers of all its hits; none for no hits."""

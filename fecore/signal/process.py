@@ -9,16 +9,16 @@ of each hit.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import FrfSet
-from fecore.signal.abreast import abreast
 from fecore.signal.blocks import FRF_QUANTITY
 from fecore.signal.comparison import Point
 from fecore.signal.delay import Delay, DelaySearch
@@ -26,14 +26,17 @@ from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate
 from fecore.signal.heights import Heights
 from fecore.signal.judgement import Verdict
-from fecore.signal.points import FirstLook, first_look, judge_points, second_look
+from fecore.signal.points import Preliminary, frfs_of, judge_points, preliminary
 from fecore.signal.spectra import Source, Spectra
 from fecore.signal.unstated import with_unstated_window
 
 _PART_BYTES = 4 * 2**20
 """Of FRFs, their variance and coherence that are given together; those of one point are not parted."""
 
+_AHEAD = 2  # results a thread that wait for the one before them
+
 Progress = Callable[[float], None]
+Result = TypeVar("Result")
 
 
 class Shelf(Protocol):
@@ -122,12 +125,12 @@ def _first_pass(
 ) -> tuple[list[Point], FloatArray]:
     """What is kept of all points, and the mean magnitude of the spectra of their forces."""
 
-    def look(number: int) -> FirstLook:
-        return first_look(spectra, source[number])
+    def inspected(number: int) -> Preliminary:
+        return preliminary(spectra, source[number])
 
     points: list[Point] = []
     total, used = np.zeros(spectra.lines.size), 0
-    for number, seen in enumerate(abreast(look, len(source), threads)):
+    for number, seen in enumerate(batched(inspected, len(source), threads)):
         shelf[number] = seen.estimates
         points.append(seen.point)
         if seen.point.used:
@@ -135,6 +138,24 @@ def _first_pass(
             used += 1
         progress(0.9 * (number + 1) / len(source))
     return points, total / used if used else np.ones(spectra.lines.size)
+
+
+def batched(work: Callable[[int], Result], count: int, threads: int) -> Iterator[Result]:
+    """work(0), work(1) … work(count - 1), in this order; few of them are worked on, or kept, before they are taken.
+
+    Transforms, sums and products of arrays, and the reading of files, let other threads work meanwhile.
+    """
+    if threads == 1:
+        yield from map(work, range(count))
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        under_way: deque[Future[Result]] = deque()
+        for number in range(count):
+            under_way.append(pool.submit(work, number))
+            if len(under_way) > _AHEAD * threads:
+                yield under_way.popleft().result()
+        while under_way:
+            yield under_way.popleft().result()
 
 
 def _second_pass(
@@ -147,7 +168,7 @@ def _second_pass(
         if not own:
             continue
         same = own == point.used
-        estimates = shelf[number] if same else second_look(spectra, source[number], point.traits, own)
+        estimates = shelf[number] if same else frfs_of(spectra, source[number], point.traits, own)
         if rows and sum(len(row[2]) for row in rows) + len(estimates) > most:
             yield _averages(spectra, rows)
             rows = []

@@ -69,7 +69,7 @@ _SAYS: dict[str, tuple[Criterion, str, str]] = {
     ),
     "gain": (
         "height",
-        "The FRF is {n:.2g} times as high as those of the point's other hits; the limit is {l:.2g}.",
+        "All bands of the FRF share a factor of {n:.2g} to those of the point's other hits; the limit is {l:.2g}.",
         "A sensitivity or range was probably another for this hit.",
     ),
 }

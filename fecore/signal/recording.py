@@ -29,7 +29,7 @@ _SAME = 1e-6  # relative, of the extremes in all hops: two channels that differ 
 
 
 @dataclass(frozen=True)
-class Knock:
+class Impact:
     """A hit in a recording.
 
     Attributes:
@@ -56,10 +56,10 @@ class Survey:
         length: samples of each block.
     """
 
-    hits: tuple[Knock, ...]
+    hits: tuple[Impact, ...]
     length: int
 
-    def fits(self, hit: Knock) -> bool:
+    def fits(self, hit: Impact) -> bool:
         """Whether a hit has its lead, and its block ends before the next hit's lead."""
         return hit.at >= LEAD and hit.room >= self.length
 
@@ -120,13 +120,13 @@ def survey(
     ends = [*at[1:], peaks.size * hops.hop + LEAD]
     decays = _decays(hops, force, first, [min(end // hops.hop, peaks.size) for end in ends], sample_rate_hz)
     hits = tuple(
-        Knock(a, float(peaks[k]), min(decay, end - a), end - a, _clipped(hops, full_scale, a, end))
+        Impact(a, float(peaks[k]), min(decay, end - a), end - a, _clipped(hops, full_scale, a, end))
         for a, k, end, decay in zip(at, first, ends, decays, strict=True)
     )
     return Survey(hits, _length(hits))
 
 
-def cut(chunks: Iterable[FloatArray], found: Survey) -> Iterator[tuple[Knock, FloatArray]]:
+def cut(chunks: Iterable[FloatArray], found: Survey) -> Iterator[tuple[Impact, FloatArray]]:
     """The block (channels, length) of each hit that has room for one; see `Survey.fits`.
 
     Args:
@@ -229,7 +229,7 @@ def _clipped(hops: _Hops, full_scale: Sequence[float | None], at: int, end: int)
     )
 
 
-def _length(hits: tuple[Knock, ...]) -> int:
+def _length(hits: tuple[Impact, ...]) -> int:
     """Samples of all blocks."""
     needed = LEAD + float(np.quantile([hit.decay for hit in hits], 0.75))
     rooms = np.array([hit.room for hit in hits])

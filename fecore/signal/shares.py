@@ -45,7 +45,7 @@ class Basis:
 
 def hit_frfs(forces: ComplexArray, responses: ComplexArray) -> ComplexArray:
     """(h, L) FRFs of single hits; lines that a hit hardly excites are drawn to zero, not divided by next to nothing."""
-    power = np.abs(forces) ** 2
+    power = forces.real**2 + forces.imag**2
     least = np.maximum(_WEAKEST * power.max(axis=1, keepdims=True), 1e-300)
     found: ComplexArray = responses * forces.conj() / (power + least)
     return found

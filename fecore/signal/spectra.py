@@ -14,13 +14,12 @@ import scipy
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
 from fecore.signal.blocks import Hit, exponential
-from fecore.signal.choice import LEFT_AT_END, choose_windows
 from fecore.signal.comparison import compare_lines
 from fecore.signal.coupling import find_coupling, impulse
 from fecore.signal.document import Processing
 from fecore.signal.shares import MOST_SENSORS, Basis, find_basis, hit_frfs
 from fecore.signal.traits import Traits, find_traits
-from fecore.signal.windows import force_window, total_rate, windowed
+from fecore.signal.windows import LEFT_AT_END, choose_windows, force_window, total_rate, windowed
 
 USABLE_SHARE = 1 / 2.56
 """Highest line over the sampling rate: analysers' anti-alias filters are flat to there."""

@@ -145,8 +145,8 @@ def _lead(samples: FloatArray, pulse: Pulse) -> FloatArray:
 
 
 def _swing(force: Block, pulse: Pulse, rate: float) -> float:
-    """Largest force against the sign of the pulse."""
-    x = (force.undone(rate) - pulse.baseline) * np.sign(pulse.height)
+    """Largest force against the sign of the pulse, where the analyser's window leaves an offset what it was."""
+    x = (force.undone(rate)[: force.shown(rate)] - pulse.baseline) * np.sign(pulse.height)
     return max(-float(x.min()), 0.0)
 
 

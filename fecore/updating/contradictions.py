@@ -113,21 +113,15 @@ class Agreement:
     z: FloatArray
 
 
-def compare_sources(
-    elastic: ElasticResult, scatter_scale: float = 0.0
-) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
-    """Sources that contradict the others, each with its likeliest cause; and each campaign beside the others, in its order.
+def conflicts(elastic: ElasticResult, scatter_scale: float) -> tuple[Conflict, ...]:
+    """Find the sources that contradict the others, each with its likeliest cause.
 
     Args:
         elastic: an update; of a single campaign its inputs and priors are the sources.
         scatter_scale: scale of the prior of the scatter between specimens; 0 for none.
     """
-    sources = _Sources.of(elastic, scatter_scale)
-    return _conflicts(sources), tuple(_agreement(sources, number) for number in range(len(elastic.rows)))
-
-
-def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
-    checks, found = sources.checks(), list[Conflict]()
+    sources, found = _Sources.of(elastic, scatter_scale), list[Conflict]()
+    checks = sources.checks()
     while against := sources.contradicting(checks):
         likeliest = sorted(checks, key=lambda each: -each.evidence)
         cause = likeliest[0] if likeliest[0].evidence > 0 else min(against, key=lambda each: each.p)
@@ -211,29 +205,18 @@ class _Sources:
 
     def checks(self) -> list[Check]:
         """Each source that is not allowed a slip beside all others."""
-        return [*map(self._of_statement, self.statements), *map(self._of_campaign, self.campaigns), *self.of_scatter]
+        return [*map(self._of_statement, self.statements), *map(self._of_campaign, self.campaigns), *self._of_scatter()]
 
-    @cached_property
-    def beside_the_rest(self) -> dict[int, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Each campaign's believed frequencies beside what the others predict: (m,) weights over the discrepancy, (m, n)
-        ln f measured over predicted, and (m, n, n) its covariance.
-        """
-        return {
-            number: _beside_the_rest(self.problem, self.elastic.rows[number], self.scatter) for number in self.campaigns
-        }
-
-    @cached_property
-    def of_scatter(self) -> tuple[Check, ...]:
-        """That specimens scatter more than the prior's scale, where they may."""
+    def _of_scatter(self) -> list[Check]:
         if not self.scatter or not self.may_scatter_more:
-            return ()
+            return []
         evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
-        return (Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),)),)
+        return [Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),))]
 
     def allowing(self, name: str) -> _Sources:
         """The same where one source may be off by a slip."""
         if name == SCATTER:
-            return replace(self, scatter=self.of_scatter[0].said[0].rest, may_scatter_more=False)
+            return replace(self, scatter=self._of_scatter()[0].said[0].rest, may_scatter_more=False)
         for number in self.campaigns:
             if self._named(number) == name:
                 at = self.elastic.rows[number]
@@ -264,7 +247,7 @@ class _Sources:
 
     def _of_campaign(self, number: int) -> Check:
         kept = self.problem.weights[self.elastic.rows[number]] > 0
-        weight, missed, V = self.beside_the_rest[number]
+        weight, missed, V = _beside_the_rest(self.problem, self.elastic.rows[number], self.scatter)
         other = self._by_material(number)[np.ix_(kept, kept)]
         along = scipy.linalg.eigh(other, np.einsum("m,mij->ij", weight, V))[1][:, -1]
         z = missed @ along / np.sqrt(along @ V @ along)
@@ -296,7 +279,7 @@ class _Sources:
 
 
 def _labelled(unknown: Unknown) -> str:
-    return f"prior of {unknown.name}" if unknown.owner is None else unknown.label
+    return unknown.label if unknown.owner else f"prior of {unknown.name}"
 
 
 def _loosened(problem: LinearProblem, source: _Statement) -> LinearProblem:
@@ -327,7 +310,15 @@ def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
     return log
 
 
+def agreements(elastic: ElasticResult, scatter_scale: float) -> tuple[Agreement, ...]:
+    """Of each campaign in its order."""
+    return tuple(_agreement(elastic, number, scatter_scale) for number in range(len(elastic.rows)))
+
+
 def _beside_the_rest(problem: LinearProblem, at: slice, scatter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A campaign's believed frequencies beside what the others predict: (m,) weights over the discrepancy, (m, n) ln f
+    measured over predicted, and (m, n, n) its covariance.
+    """
     others = problem.only(~_among(problem, at)).at_scatter(scatter)
     kept = problem.weights[at] > 0
     S, noise = problem.sensitivity[at][kept], problem.noise[at, at][np.ix_(kept, kept)]
@@ -341,11 +332,11 @@ def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> f
     return float(weight @ scipy.special.chdtrc(float(missed.shape[1]), distance))
 
 
-def _agreement(sources: _Sources, number: int) -> Agreement:
-    elastic, problem = sources.elastic, sources.problem
-    q = len(elastic.layout.shared)
-    p = _beyond(*sources.beside_the_rest[number]) if sources.campaigns else None
-    alone = problem.only(_among(problem, elastic.rows[number]))
+def _agreement(elastic: ElasticResult, number: int, scatter_scale: float) -> Agreement:
+    problem, q = elastic.problem, len(elastic.layout.shared)
+    at = elastic.rows[number]
+    p = _beyond(*_beside_the_rest(problem, at, scatter_scale)) if len(elastic.rows) > 1 else None
+    alone = problem.only(_among(problem, at))
     step, covariance = alone.solve(elastic.discrepancy, elastic.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))

@@ -15,6 +15,7 @@ CAMPAIGN_WORDS = (
     "(to_tsvector('simple'::regconfig, (name::text || ' '::text) || notes::text)"
     """ || jsonb_to_tsvector('simple'::regconfig, instruments, '["string", "numeric"]'::jsonb))"""
 )
+DRIVING_POINT = "response_point = reference_point AND abs(response_direction) = abs(reference_direction)"
 INDEXES = {
     "ix_campaigns_performed_at": ("campaigns", ["performed_at"]),
     "ix_frfs_reference_point_id": ("frfs", ["reference_point", "id"]),
@@ -56,10 +57,12 @@ def upgrade() -> None:
     op.create_index("ix_campaigns_words", "campaigns", [sa.text(CAMPAIGN_WORDS)], postgresql_using="gin")
     for name, (table, columns) in INDEXES.items():
         op.create_index(name, table, columns)
+    op.create_index("ix_frfs_driving_point", "frfs", ["campaign_id", "id"], postgresql_where=sa.text(DRIVING_POINT))
 
 
 def downgrade() -> None:
     """The documents have it all."""
+    op.drop_index("ix_frfs_driving_point", "frfs")
     for name, (table, _) in INDEXES.items():
         op.drop_index(name, table)
     op.drop_index("ix_campaigns_words", "campaigns")

@@ -6,7 +6,7 @@ import re
 from pathlib import Path, PurePosixPath
 from typing import Literal, get_args
 
-Format = Literal["uff", "npz", "mat", "csv", "wav"]
+Format = Literal["uff", "npz", "mat", "csv", "wav", "tdms"]
 
 FORMATS: tuple[Format, ...] = get_args(Format)
 
@@ -17,6 +17,7 @@ _MAGIC: dict[bytes, Format] = {
     b"RIFF": "wav",
     b"RIFX": "wav",
     b"RF64": "wav",
+    b"TDSm": "tdms",
     b"MATLAB ": "mat",
     b"\x89HDF\r\n\x1a\n": "mat",
 }

@@ -1,4 +1,4 @@
-"""Reading an npz, .mat, CSV or wav in the child process: hits or FRFs, and what its arrays are.
+"""Reading an npz, .mat, CSV, wav or TDMS in the child process: hits or FRFs, and what its arrays are.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -24,7 +24,7 @@ from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.recognise import Format
 from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of
+from service.compute.recordings import channels_of, recording_of
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -76,6 +76,13 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         yield from _recording(inputs, inputs.mapping, form)
         return
+    if form == "tdms":
+        shapes = _faults_as(_dotted, lambda: recording_of(inputs.path)).shapes()
+        if not inputs.dry_run:
+            why = f"is missing: a TDMS holds a recording of hits; the file has {', '.join(shapes)}"
+            raise Invalid(_dotted("mapping.recording"), why)
+        yield Found(form, "hits", shapes)
+        return
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", UserWarning)
         if kind == "frfs" and inputs.mapping is None and form in ("npz", "csv"):
@@ -91,9 +98,9 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
 
 
 def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
-    """The hits of a wav that goes on over many."""
-    if form != "wav":
-        raise Invalid("mapping.recording", f"is for a wav; the file is a {form}")
+    """The hits of a wav or TDMS that goes on over many."""
+    if form not in ("wav", "tdms"):
+        raise Invalid(_dotted("mapping.recording"), f"is for a wav or TDMS; the file is a {form}")
     channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename))
     try:
         found = _faults_as(_dotted, channels.survey)
@@ -102,8 +109,7 @@ def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> 
     places = _faults_as(_dotted, lambda: channels.places(found.hits))
     notes = _faults_as(_dotted, lambda: channels.notes(found))
     count = sum(map(found.fits, found.hits)) * len(channels.mapped)
-    shapes = {f"channel_{row + 1}": f"float32 [{channels.wav.frames}]" for row in range(channels.wav.channels)}
-    yield Found(form, "hits", shapes, mapping, blocks=count, counted=True, notes=notes)
+    yield Found(form, "hits", channels.file.shapes(), mapping, blocks=count, counted=True, notes=notes)
     yield from channels.blocks(found, places)
 
 
@@ -117,7 +123,7 @@ def _kind_by_names(inputs: ReadingInputs, form: Format) -> Kind | None:
     """What the mapping, the format or the names of its columns or arrays say that a file holds; None where they do not."""
     if inputs.mapping is not None:
         return "frfs" if isinstance(inputs.mapping, dict) and "frf" in inputs.mapping else "hits"
-    if form == "wav":
+    if form in ("wav", "tdms"):
         return "hits"
     names: set[str] = set()
     if form == "csv":

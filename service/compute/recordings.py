@@ -1,4 +1,4 @@
-"""A long wav with many hits, in the child process: the hits are found and their blocks cut, one at a time.
+"""A long wav or TDMS with many hits, in the child process: the hits are found and their blocks cut, one at a time.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.signal.recording import LEAD, Knock, Survey, cut, survey
+from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
+from modalbase.formats.recognise import recognise
 from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping
 from modalbase.formats.records.mapping import LARGEST
 from modalbase.formats.records.recording import Recording, Wav, read_recording, read_wav_head
+from modalbase.formats.records.tdms import Tdms, read_tdms_head
 from modalbase.formats.records.variables import SAMPLE_RATE
 
 Place = tuple[int, int]
@@ -30,15 +32,15 @@ class Channels:
     """The channels of a recording that a mapping names, the force first, and where each hit was.
 
     Attributes:
-        wav: the file.
+        file: the recording.
+        sample_rate_hz: samples a second.
         mapped: channels of the mapping.
-        rows: of the file, one for each.
-        order: see `Recording`; where it is empty, all hits are at the force's point.
+        stated: the order of the hits; where it is empty, all are at the force's point.
     """
 
-    wav: Wav
+    file: Wav | Tdms
+    sample_rate_hz: float
     mapped: tuple[ChannelMapping, ...]
-    rows: tuple[int, ...]
     stated: Recording
 
     @property
@@ -49,7 +51,7 @@ class Channels:
     @property
     def full_scales(self) -> list[float | None]:
         """Of each channel in SI; that of a file of integers is theirs where none is stated."""
-        own = self.wav.full_scale
+        own = self.file.full_scale
         return [c.full_scale or (own / c.sensitivity if own else None) for c in self.mapped]
 
     def chunks(self) -> Iterator[FloatArray]:
@@ -58,8 +60,7 @@ class Channels:
         Raises:
             FormatError: a channel reaches more than any sensor gives.
         """
-        for chunk in self.wav.chunks():
-            part = chunk[list(self.rows)]
+        for part in self.file.chunks(self.names):
             for row, channel in zip(part, self.mapped, strict=True):
                 most = max(float(row.max()), -float(row.min()))
                 if np.isfinite(most) and most >= LARGEST * channel.sensitivity:
@@ -74,14 +75,14 @@ class Channels:
         least = self.stated.least_force
         return survey(
             self.chunks(),
-            self.wav.sample_rate_hz,
+            self.sample_rate_hz,
             0,
             least_force=least,
             full_scale=self.full_scales,
             names=self.names,
         )
 
-    def places(self, hits: tuple[Knock, ...]) -> list[Place]:
+    def places(self, hits: tuple[Impact, ...]) -> list[Place]:
         """Where each hit was.
 
         Raises:
@@ -101,9 +102,9 @@ class Channels:
             )
         return places
 
-    def times(self, hits: tuple[Knock, ...]) -> str:
+    def times(self, hits: tuple[Impact, ...]) -> str:
         """When hits were, in seconds, with their force."""
-        said = [f"{hit.at / self.wav.sample_rate_hz:.2f} s ({hit.force:.3g} N)" for hit in hits[:_MOST_NAMED]]
+        said = [f"{hit.at / self.sample_rate_hz:.2f} s ({hit.force:.3g} N)" for hit in hits[:_MOST_NAMED]]
         return ", ".join(said) + (" …" if len(hits) > _MOST_NAMED else "")
 
     def notes(self, found: Survey) -> list[str]:
@@ -113,10 +114,10 @@ class Channels:
             FormatError: a channel is clipped in every hit.
         """
         said = []
-        if not self.wav.declared:
+        if not self.file.declared:
             said.append("the file declares no length: it is read to its end, and nobody knows whether it was cut off")
         if left := tuple(hit for hit in found.hits if not found.fits(hit)):
-            seconds = found.length / self.wav.sample_rate_hz
+            seconds = found.length / self.sample_rate_hz
             said.append(
                 f"{len(left)} of {len(found.hits)} hits are left out, since the next hit or the end of the recording comes "
                 f"before their {seconds:.3g} s are over, or the recording begins with them: {self.times(left)}"
@@ -146,7 +147,7 @@ class Channels:
                     *own,
                     *place,
                     number,
-                    self.wav.sample_rate_hz,
+                    self.sample_rate_hz,
                     values,
                     full_scale=full,
                     sensitivity=c.sensitivity,
@@ -159,9 +160,9 @@ def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels
     """A recording and what a mapping with the member `recording` says of it.
 
     Raises:
-        FormatError: the file is no wav, or the mapping does not fit; names the field.
+        FormatError: the file cannot be read, or the mapping does not fit; names the field.
     """
-    wav = read_wav_head(path)
+    file = recording_of(path)
     stated = read_recording(document["recording"], filename)
     rest = {name: value for name, value in document.items() if name != "recording"}
     rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
@@ -170,14 +171,10 @@ def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels
     mapping = read_mapping(rest)
     if mapping.hit is not None:
         raise FormatError("mapping.hit", "is counted in a recording; leave it out")
-    if mapping.sample_rate_hz not in (SAMPLE_RATE, wav.sample_rate_hz):
-        rate = f"is {mapping.sample_rate_hz}, and the file says {wav.sample_rate_hz:g}; leave it out"
-        raise FormatError("mapping.sample_rate_hz", rate)
-    named = {f"channel_{row + 1}": row for row in range(wav.channels)}
     for number, c in enumerate(mapping.channels):
-        if c.variable not in named:
+        if c.variable not in file.names:
             raise FormatError(
-                f"mapping.channels.{number}.variable", f"is {c.variable!r}; the file has {', '.join(named)}"
+                f"mapping.channels.{number}.variable", f"is {c.variable!r}; the file has {', '.join(file.names)}"
             )
         for name in ("point", "direction"):
             value = getattr(c, name)
@@ -190,7 +187,32 @@ def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels
         if c.window_rate_per_s:
             raise FormatError(f"mapping.channels.{number}.window_rate_per_s", "is of blocks; a recording has no window")
     mapped = tuple(sorted(mapping.channels, key=lambda c: c.quantity != "force"))
-    return Channels(wav, mapped, tuple(named[c.variable] for c in mapped), stated)
+    own = file.rate_of([c.variable for c in mapped])
+    return Channels(file, _rate(mapping.sample_rate_hz, own), mapped, stated)
+
+
+def recording_of(path: Path) -> Wav | Tdms:
+    """What a recording says of itself, by its first bytes.
+
+    Raises:
+        FormatError: it cannot be read.
+    """
+    return read_tdms_head(path) if recognise(path) == "tdms" else read_wav_head(path)
+
+
+def _rate(stated: float | str, own: float | None) -> float:
+    """The rate of a recording that states its own, or of which it is stated.
+
+    Raises:
+        FormatError: they differ, or there is none.
+    """
+    if own is None:
+        if isinstance(stated, str):
+            raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
+        return stated
+    if stated not in (SAMPLE_RATE, own):
+        raise FormatError("mapping.sample_rate_hz", f"is {stated}, and the file says {own:g}; leave it out")
+    return own
 
 
 def _placed(channel: Any, point: int) -> Any:

@@ -87,3 +87,27 @@ def test_values_that_no_sensor_gives_are_refused_by_the_channel(sent: Callable[.
     (fault,) = error["errors"]
     assert fault["pointer"] == "/channel_2"
     assert "more than any sensor gives" in fault["detail"]
+
+
+def test_a_tdms_lists_its_channels_and_gives_its_hits(api: httpx.Client, campaign: str, finished: Finished) -> None:
+    nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'")
+    file, said = io.BytesIO(), {"wf_increment": 1 / RATE}
+    force, response = recording(TIMES, [1.0, 0.5, 2.0, 1.0, 0.7, 1.5], 19.0)
+    with nptdms.TdmsWriter(file) as written:
+        both = (("force", force), ("acc", response))
+        written.write_segment([nptdms.ChannelObject("daq", name, values, said) for name, values in both])
+
+    def send(**query: str) -> dict[str, Any]:
+        raw = {"Content-Type": "application/octet-stream"}
+        answer = api.post(f"campaigns/{campaign}/imports", content=file.getvalue(), params=query, headers=raw)
+        ok(answer, 202)
+        return finished(answer.headers["Location"])
+
+    seen = send(dry_run="true")
+    assert (seen["format"], seen["kind"]) == ("tdms", "hits"), seen
+    assert seen["found"]["variables"] == dict.fromkeys(("daq/force", "daq/acc"), f"float32 [{force.size}]")
+    (fault,) = send()["error"]["errors"]
+    assert fault["pointer"] == "/mapping/recording"
+    channels = [{**CHANNELS[0], "variable": "daq/force"}, {**CHANNELS[1], "variable": "daq/acc"}]
+    read = send(mapping=json.dumps({"recording": {"order": ORDER}, "channels": channels}))
+    assert (read["status"], read["counts"]["records"], read["warnings"]) == ("succeeded", 12, []), read

@@ -12,8 +12,7 @@ from scipy.io import savemat
 
 from benchmarks.hammer import Simulated
 from benchmarks.hammer import campaign as simulated_campaign
-from fecore.signal import by_point
-from fecore.signal.look import look
+from fecore.signal import by_point, inspect
 from tests.support.rest import ok
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
@@ -179,7 +178,7 @@ def test_an_accelerometer_that_roves_gives_an_frf_for_each_place(
         assert {sensor[r["id"]] for r in frf["records"] if r["id"] in sensor} == {point}
     rows = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
     assert [row["has_coherence"] for row in rows] == [True] * len(frfs)
-    alone = look(by_point([s.hit for s in hits])).coherence  # of each place by itself, whoever roves
+    alone = inspect(by_point([s.hit for s in hits])).coherence  # of each place by itself, whoever roves
     for said, at in ((answer, hits[-1]), (first, hits[0])):  # that of the place which was hit last
         assert said["coherence"] == {"99": pytest.approx(alone[at.hit.force.dof], rel=0.05)}
 
@@ -226,6 +225,22 @@ def test_a_user_overrules_and_the_document_says_so(api: httpx.Client, campaign: 
         refused = ok(api.post(f"campaigns/{campaign}/processings", json={"overrules": wrong}), 422)
         assert text in refused["detail"], refused
         assert refused["errors"][0]["pointer"] == f"/overrules/{len(wrong) - 1}"
+
+
+def test_an_upload_shows_who_decided_what_of_its_hits(api: httpx.Client, campaign: str, hits: list[Simulated]) -> None:
+    point = next(s.hit.force.dof.point for s in hits if s.fault is None)
+    sent = ok(post(api, campaign, npz([s for s in hits if s.hit.force.dof.point == point])), 201)
+    url = f"imports/{ok(api.get(f'campaigns/{campaign}/imports'), 200)['items'][0]['id']}/records"
+    assert {hit["decision"] for hit in sent["hits"]} == {None}
+    named = {"point": point, "hit": next(hit["hit"] for hit in sent["hits"] if hit["accepted"])}
+    decisions = f"campaigns/{campaign}/hit-decisions"
+    decision = ok(api.post(decisions, json={**named, "good": False, "why": "a cable was touched"}), 201)
+    before = {hit["hit"]: hit for hit in sent["hits"]}
+    after = {hit["hit"]: hit for hit in ok(api.get(url), 200)["hits"]}
+    overruled = {**before[named["hit"]], "accepted": False, "overruled": False, "decision": decision}
+    assert after == {**before, named["hit"]: overruled}
+    ok(api.post(decisions, json={**named, "good": None, "why": "it was another's"}), 201)
+    assert {hit["hit"]: hit for hit in ok(api.get(url), 200)["hits"]} == before
 
 
 def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep_to_it(

@@ -186,6 +186,7 @@ def test_words_are_looked_for_in_names_notes_and_instruments(api: httpx.Client, 
     assert names(api, "structures", mine, q="north") == ["bridge north"]
     assert names(api, "modes", mine, q="warm") == ["warm", "warm"]
     assert names(api, "campaigns", mine, q="' & | !( :*") == []
+    assert "21 words" in ok_problem(api.get("search/campaigns", params={"q": "a " * 21}))["errors"][0]["detail"]
 
 
 def test_files_have_all_rows(api: httpx.Client, bridge: dict[str, str]) -> None:

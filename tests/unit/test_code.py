@@ -202,7 +202,7 @@ def test_every_library_that_is_installed_has_its_licence_listed() -> None:
     project = tomllib.loads((reference.ROOT / "pyproject.toml").read_text())["project"]
     wanted = [
         *project["dependencies"],
-        *(one for name in ("server", "mat73") for one in project["optional-dependencies"][name]),
+        *(one for name in ("server", "mat73", "tdms") for one in project["optional-dependencies"][name]),
     ]
     page = (reference.ROOT / "docs" / "licences.md").read_text()
     assert re.findall(r"^\| ([\w-]+) \| .+ \| `", page, flags=re.MULTILINE) == [

@@ -9,7 +9,7 @@ without an order all hits are at the point of the force channel.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
@@ -54,14 +54,28 @@ class Wav:
         """Largest sample that integers have; floating point has none."""
         return None if self.kind[1] == "f" else 1 - 2.0 ** (1 - 8 * int(self.kind[2]))
 
-    def chunks(self) -> Iterator[FloatArray]:
-        """(channels, n) float32 parts in order, from -1 to 1 where the samples are integers."""
+    @property
+    def names(self) -> list[str]:
+        """Of the channels."""
+        return [f"channel_{row + 1}" for row in range(self.channels)]
+
+    def shapes(self) -> dict[str, str]:
+        """Type and shape of each channel."""
+        return dict.fromkeys(self.names, f"float32 [{self.frames}]")
+
+    def rate_of(self, _: Sequence[str]) -> float:
+        """Rate of all channels."""
+        return self.sample_rate_hz
+
+    def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
+        """(channels, n) float32 parts of these channels in order, from -1 to 1 where the samples are integers."""
+        rows = [self.names.index(name) for name in names]
         size = int(self.kind[2]) * self.channels
         with self.path.open("rb") as file:
             file.seek(self.begin)
             for first in range(0, self.frames, _FRAMES):
                 raw = file.read(min(_FRAMES, self.frames - first) * size)
-                yield np.ascontiguousarray(_decoded(raw, self.kind).reshape(-1, self.channels).T)
+                yield np.ascontiguousarray(_decoded(raw, self.kind).reshape(-1, self.channels).T[rows])
 
 
 def _decoded(raw: bytes, kind: str) -> FloatArray:

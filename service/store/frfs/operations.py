@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, Row, Select, func, literal, select, update
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, Row, Select, func, literal, select, text, update
 from sqlalchemy.dialects.postgresql import aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -34,6 +34,10 @@ if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
 
 
+DRIVING_POINT = "response_point = reference_point AND abs(response_direction) = abs(reference_direction)"
+"""Of the few FRFs that have force and response at one point and axis."""
+
+
 class Frf(Identified, Base):
     """One FRF. Spectra lie in their own columns, out of line and uncompressed, and are loaded only when asked for."""
 
@@ -42,6 +46,7 @@ class Frf(Identified, Base):
         Index(None, "campaign_id", "id"),
         Index(None, "campaign_id", "response_point", "id"),
         Index(None, "reference_point", "id"),
+        Index("ix_frfs_driving_point", "campaign_id", "id", postgresql_where=text(DRIVING_POINT)),
         Index(None, "import_id", "dataset", unique=True),
         Index(None, "processing_id"),
         CheckConstraint("(step_hz IS NULL) = (axis IS NOT NULL)", name="axis"),

@@ -30,6 +30,7 @@ from service.store.imports import operations
 from service.store.imports.operations import Import
 from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, of_jobs, read_mapping
 from service.store.records import operations as records
+from service.store.records.judgement import judged
 from service.store.records.schemas import Proposal, Sent, StoredRecords, from_json
 from service.web import Name, Page, api_router
 from service.web.gate import without_slot
@@ -172,14 +173,14 @@ def create_records(
         if came.dry_run and state.found is not None:
             response.status_code = 200
             return state.found
-        return records.judged(session, campaign_id, records.records_of_import(session, sent))
+        return judged(session, campaign_id, records.records_of_import(session, sent))
     if came.dry_run:
         campaign_for(session, user, campaign_id, "editor")
         response.status_code = 200
         return sent.proposal()
     blocks, used = sent.blocks()
     rows = records.store_records(session, user, campaign_id, came.filename, blocks, counted=used.hit is None)
-    return records.judged(session, campaign_id, rows)
+    return judged(session, campaign_id, rows)
 
 
 async def _frfs(

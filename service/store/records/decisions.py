@@ -56,7 +56,7 @@ def decisions_of(campaign_id: UUID) -> Select[HitDecision]:
     return select(HitDecision).where(HitDecision.campaign_id == campaign_id)
 
 
-def standing(session: Session, campaign_id: UUID) -> dict[tuple[Dof, int], bool]:
+def standing(session: Session, campaign_id: UUID) -> dict[tuple[Dof, int], HitDecision]:
     """The last decision about each hit that is neither taken back nor older than the hit, which may have been measured anew."""
     place = HitDecision.point, HitDecision.direction, HitDecision.hit
     first_block = (
@@ -68,14 +68,13 @@ def standing(session: Session, campaign_id: UUID) -> dict[tuple[Dof, int], bool]
         .scalar_subquery()
     )
     last = (
-        select(*place, HitDecision.good)
+        select(HitDecision)
         .where(HitDecision.campaign_id == campaign_id, HitDecision.id > first_block)
         .distinct(*place)
         .order_by(*place, HitDecision.id.desc())
     )
-    return {
-        (Dof(point, direction), hit): good for point, direction, hit, good in session.execute(last) if good is not None
-    }
+    found = (row for row in session.scalars(last) if row.good is not None)
+    return {(Dof(row.point, row.direction), row.hit): row for row in found}
 
 
 def hits_in(rows: Iterable[Sequence[BlockRow]]) -> Iterator[tuple[Place, int]]:

@@ -15,16 +15,15 @@ from sqlalchemy import ARRAY, ForeignKey, Index, LargeBinary, Select, Uuid, any_
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from fecore.signal import look
 from modalbase.formats.records import TimeBlock
 from service.access import Lookup, User, audit
-from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
+from service.compute.hits import BlockRow, Place
 from service.compute.spectra import encode
 from service.db.base import Base, Big, Identified
 from service.db.bytea import copy_rows, new_keys, stream_rows
 from service.errors import Conflict, Damaged, verified
 from service.store.campaigns.operations import campaign_for, campaign_of
-from service.store.records.schemas import UNITS, HitOut, RecordOut, StoredRecords
+from service.store.records.schemas import UNITS, RecordOut
 from service.store.storage import book
 from service.web import shown_as
 
@@ -69,9 +68,6 @@ class Record(Identified, Base):
     sha256: Mapped[bytes]
     data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
 
-
-MOST_LOOKED_AT = 64
-"""Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
 
 COLUMNS = {
     **dict.fromkeys(("id", "campaign_id", "import_id"), "uuid"),
@@ -257,25 +253,6 @@ def samples_of(session: Session, rows: Sequence[BlockRow]) -> Iterator[FloatArra
     """
     for row, data in zip(rows, sample_bytes(session, rows), strict=True):
         yield np.frombuffer(data, row.dtype)
-
-
-def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> StoredRecords:
-    """Blocks as clients see them, with the judgement of all hits of their points where these are not too many.
-
-    A hit of which a block was deleted is no reason to refuse later ones: it is named instead of judged.
-    """
-    answer = StoredRecords(items=[describe(row) for row in stored], hits=[], coherence={}, incomplete=[])
-    known = block_rows(session, campaign_id, {row.force_point for row in stored})
-    places = [whole(rows) for rows in known.values()]
-    answer.incomplete = [sentence for _, sentences in places for sentence in sentences]
-    if sum(len(rows) for rows, _ in places) > MOST_LOOKED_AT:
-        return answer
-    alike = [of_sensors for rows, _ in places for of_sensors in by_sensors(rows)]
-    alike.sort(key=lambda rows: max(row.id for row in rows))  # the coherence of a place is that of its newest hits
-    found = look([hits_of(rows, samples_of(session, rows)) for rows in alike])
-    answer.hits = [HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts]
-    answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
-    return answer
 
 
 def describe(row: Record) -> RecordOut:

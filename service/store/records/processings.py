@@ -79,9 +79,10 @@ def load_records(
         points.append(PointFile(tuple(rows), path))
     assert next(samples, None) is None, "as many blocks as rows; and the query is at its end"
     positions = specimen_points(session, campaign_of(session, campaign_id))
+    by_hand = {hit: bool(decision.good) for hit, decision in standing(session, campaign_id).items()}
     processing = replace(
         options.processing(),
-        overrules={**standing(session, campaign_id), **decisions(options.overrules, hits_in(stored.values()))},
+        overrules={**by_hand, **decisions(options.overrules, hits_in(stored.values()))},
         strip=_strip(session, campaign_id),
         positions=positions,
     )

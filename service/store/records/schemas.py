@@ -74,20 +74,6 @@ class HitOut(StrictModel):
     findings: list[HitFindingOut]
 
 
-class StoredRecords(StrictModel):
-    """Time blocks that were stored, and the judgement of the hits of the points they are of."""
-
-    items: list[RecordOut]
-    hits: list[HitOut] = Field(description="all hits of these points as they are judged now")
-    coherence: dict[str, float] = Field(
-        description="mean coherence of the good hits in the excited band, by force point; of the sensors of its newest hit"
-    )
-    incomplete: list[str] = Field(
-        description="hits of these points that are not judged, since their force or every response was deleted; "
-        "delete what is left of them before a processing"
-    )
-
-
 class Proposal(StrictModel):
     """What a dry run says of a file."""
 
@@ -140,6 +126,26 @@ class HitDecisionOut(StrictModel):
     why: str
     by: str = Field(description="who decided")
     created_at: datetime
+
+
+class StoredHit(HitOut):
+    """The judgement of one hit that is stored, and who overruled it."""
+
+    decision: HitDecisionOut | None = Field(description="the standing decision by hand, with who, when and why")
+
+
+class StoredRecords(StrictModel):
+    """Time blocks that were stored, and the judgement of the hits of the points they are of."""
+
+    items: list[RecordOut]
+    hits: list[StoredHit] = Field(description="all hits of these points as they are judged now")
+    coherence: dict[str, float] = Field(
+        description="mean coherence of the good hits in the excited band, by force point; of the sensors of its newest hit"
+    )
+    incomplete: list[str] = Field(
+        description="hits of these points that are not judged, since their force or every response was deleted; "
+        "delete what is left of them before a processing"
+    )
 
 
 class ProcessingIn(StrictModel):

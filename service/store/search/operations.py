@@ -84,7 +84,10 @@ class Search:
         self._where += [self._scope[one.name].c.deleted_at.is_(None) for one in chain if one.hidden]
         if wanted.filter and wanted.filter.strip():
             self._where.append(condition(wanted.filter, self._noun, self._scope))
-        self._where += [self._has_word(chain, word) for word in (wanted.words or "").split()[:MOST_WORDS]]
+        words = (wanted.words or "").split()
+        if len(words) > MOST_WORDS:
+            raise Invalid("q", f"has {len(words)} words, at most {MOST_WORDS} are looked for")
+        self._where += [self._has_word(chain, word) for word in words]
 
     def page(self, session: Session, cursor: str | None, limit: int) -> tuple[list[tuple[Any, ...]], str | None]:
         """Rows as tuples of the columns' values, and the cursor of the next page.

@@ -193,7 +193,7 @@ def send_model(
         Query(description="names of cards that may be left out although modes change", max_length=100),
     ] = None,
 ) -> ModelOut:
-    """Send a deck (.inp, .bdf, .dat, .nas) as raw body or as multipart field `file`; a job reads it.
+    """Send a deck of Abaqus, CalculiX (.inp) or Nastran (.bdf) as raw body or as multipart field `file`; a job reads it.
 
     A deck has no units, so `units` states them; without, the job fails and says which fit. Once it was read, the structure's
     next version is this model.

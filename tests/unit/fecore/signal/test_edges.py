@@ -12,7 +12,7 @@ import pytest
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
 from fecore.signal import Block, Hit, Processed, Processing, by_point, each_hit, process
-from fecore.signal.abreast import abreast
+from fecore.signal.process import batched
 from fecore.signal.windows import Windows
 
 RATE, SAMPLES = 2048.0, 2048
@@ -75,6 +75,22 @@ def test_a_hit_of_almost_nothing_is_refused_beside_good_ones(
     found = processed(*(a_hit(n) for n in (1, 2, 3)), a_hit(4, force=force, response=response))
     assert [v.accepted for v in found.verdicts] == [True, True, True, False]
     assert any(fault in f.sentence for f in found.verdicts[3].faults), found.verdicts[3].faults
+
+
+def test_an_offset_under_the_analysers_window_is_no_swing_of_the_force() -> None:
+    rate = 5 * RATE / SAMPLES  # down to 0.7 % at the end, where an offset is no longer what it was
+
+    def under_window(block: Block, offset: float) -> Block:
+        return replace(block, samples=(block.samples + offset) * np.exp(-rate * TIME), window_rate_per_s=rate)
+
+    hits = [a_hit(number) for number in (1, 2, 3)]
+    found = processed(
+        *(
+            replace(h, force=under_window(h.force, 60.0), responses=tuple(under_window(r, 0.0) for r in h.responses))
+            for h in hits
+        )
+    )
+    assert [v.accepted for v in found.verdicts] == [True] * 3, found.verdicts
 
 
 def test_a_point_without_a_good_hit_has_no_frf_and_a_warning() -> None:
@@ -161,4 +177,4 @@ def test_hits_of_a_body_that_shows_no_resonance_are_not_located(response: FloatA
 
 
 def test_one_thread_and_three_give_the_same_in_the_same_order() -> None:
-    assert list(abreast(lambda n: n * n, 9, 1)) == list(abreast(lambda n: n * n, 9, 3)) == [n * n for n in range(9)]
+    assert list(batched(lambda n: n * n, 9, 1)) == list(batched(lambda n: n * n, 9, 3)) == [n * n for n in range(9)]

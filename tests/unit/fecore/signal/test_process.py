@@ -21,7 +21,7 @@ from fecore.signal import (
     Windows,
     by_point,
     each_hit,
-    look,
+    inspect,
     process,
     process_in_parts,
     remove_window,
@@ -184,11 +184,11 @@ def test_hits_are_looked_at_one_by_one_as_they_are_processed() -> None:
     """Beside the hammer and in a figure of each hit, by the rules of the whole campaign."""
     hits = _hits(_bench(6), 5, "double")
     judged = process(by_point(hits))
-    seen, drawn = look(by_point(hits)), each_hit(hits)
+    seen, drawn = inspect(by_point(hits)), each_hit(hits)
     assert [v.accepted for v in seen.verdicts] == list(drawn.accepted) == [True] * 4 + [False]
     assert list(seen.coherence) == [hits[0].force.dof]
     assert 0.9 < seen.coherence[hits[0].force.dof] <= 1
-    assert look(by_point(hits[:1])).coherence == {}  # one hit has none
+    assert inspect(by_point(hits[:1])).coherence == {}  # one hit has none
     assert drawn.frfs.shape == (5, 1, drawn.frequency_hz.size)
     lines = np.searchsorted(drawn.frequency_hz, judged.frfs.frequency_hz)
     np.testing.assert_allclose(drawn.mean[0].values[lines], judged.frfs.values[0], rtol=1e-9)

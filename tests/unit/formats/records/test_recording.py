@@ -40,7 +40,7 @@ def test_samples_of_every_width_are_those_that_were_written(tmp_path: Path, kind
     path.write_bytes(wav(kind, written(VALUES, kind), long=long))
     head = read_wav_head(path)
     assert (head.channels, head.sample_rate_hz, head.frames, head.declared) == (2, 48_000, len(VALUES), True)
-    chunks = list(head.chunks())
+    chunks = list(head.chunks(head.names))
     assert len(chunks) > 1
     step = 2.0 ** -(8 * int(kind[2]) - 1) if kind[1] != "f" else 0.0
     np.testing.assert_allclose(np.concatenate(chunks, axis=1), VALUES.T, rtol=1e-7, atol=step / 2 + 1e-7)
@@ -51,7 +51,7 @@ def test_the_largest_sample_of_integers_is_their_full_scale(tmp_path: Path) -> N
     for kind, data in (("<u1", b"\xff\x00"), ("<i2", b"\xff\x7f\x00\x80"), ("<i3", b"\xff\xff\x7f\x00\x00\x80")):
         path.write_bytes(wav(kind, data))
         head = read_wav_head(path)
-        (chunk,) = head.chunks()
+        (chunk,) = head.chunks(head.names)
         assert head.full_scale == pytest.approx(float(chunk.max()), abs=1e-7)
         assert chunk.min() == -1.0
 

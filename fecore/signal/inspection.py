@@ -1,4 +1,6 @@
-"""Hits of one point one by one: each hit's own FRF beside the average of the good ones, as a person compares them."""
+"""Hits as a person beside the hammer sees them, before there are FRFs of the campaign: how they are judged, how coherent the
+good ones are, and each hit's own FRF beside their average.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,37 @@ from fecore.signal.blocks import ChannelQuantity, Hit
 from fecore.signal.document import Processing
 from fecore.signal.estimators import Estimate
 from fecore.signal.judgement import Verdict
-from fecore.signal.points import first_look, judge_points, second_look
-from fecore.signal.spectra import Spectra
+from fecore.signal.points import judge_points, preliminary
+from fecore.signal.spectra import Source, Spectra
 from fecore.signal.traits import Traits
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Verdicts of all hits in their order, and the mean coherence of each place's good hits over the excited band."""
+
+    verdicts: tuple[Verdict, ...]
+    coherence: dict[Dof, float]
+
+
+def inspect(source: Source, processing: Processing | None = None) -> Inspection:
+    """Judge the hits of a few points, as they are wanted beside the hammer after each hit.
+
+    A place has no coherence while fewer than two of its hits are good.
+
+    Raises:
+        InputError: the hits are unlike one another.
+    """
+    spectra = Spectra(source, processing or Processing())
+    seen = [preliminary(spectra, source[number]) for number in range(len(source))]
+    verdicts = judge_points([each.point for each in seen], spectra.processing)
+    coherence = {}
+    for number, (each, judged) in enumerate(zip(seen, verdicts, strict=True)):
+        good = tuple(i for i, verdict in enumerate(judged) if verdict.accepted)
+        if len(good) > 1:
+            estimates = each.frfs(spectra, source[number], good)
+            coherence[each.point.force] = float(np.mean([e.coherence[spectra.compared].mean() for e in estimates]))
+    return Inspection(tuple(v for judged in verdicts for v in judged), coherence)
 
 
 @dataclass(frozen=True)
@@ -55,7 +85,7 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         InputError: there are none, or they are unlike one another.
     """
     spectra = Spectra([hits], Processing())
-    seen = first_look(spectra, hits)
+    seen = preliminary(spectra, hits)
     point = seen.point
     verdicts = tuple(judge_points([point], spectra.processing)[0])
     chosen = tuple(verdict.accepted for verdict in verdicts) if accepted is None else tuple(accepted)
@@ -70,7 +100,7 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         frfs=np.where(np.isfinite(frfs), frfs, np.nan),
         verdicts=verdicts,
         accepted=chosen,
-        mean=seen.estimates if good == point.used else second_look(spectra, hits, point.traits, good),
+        mean=seen.frfs(spectra, hits, good),
         pulse_s=_pulse_s(point.traits, verdicts, spectra.sample_rate),
     )
 
