@@ -23,7 +23,10 @@ Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
 Covariate = Literal["temperature_c", "humidity_percent"]
 
-CONSTANT = re.compile(r"Ex|Ey|Gxy|Gxz|Gyz|nu_xy|density|thickness|(E1|E2|G12|G13|G23|nu12)(_\d+)?")
+CONSTANT = re.compile(
+    r"Ex|Ey|Gxy|Gxz|Gyz|nu_xy|density|thickness|(E1|E2|G12|G13|G23|nu12)(_\d+)?"
+    r"|\w+\.(E|E1|E2|G12|G13|G23|nu12|density|t|factor)"
+)
 COEFFICIENT = re.compile(r"[a-z]\w{0,40}")
 OF_A_MODE = re.compile(r"(frequency|damping_ratio)_([1-9]\d?)")
 MAIL = re.compile(r"[^@\s,;<>]+@[^@\s,;<>]+\.[^@\s,;<>]+")
@@ -33,8 +36,9 @@ class WatchedIn(StrictModel):
     """A parameter to watch, and where it must not go."""
 
     name: str = Field(
-        pattern=r"^\w{1,60}$",
-        description="`Ex Ey Gxy …`, `a0 a1 …`, or `frequency_2`, `damping_ratio_2` of the campaigns' second mode",
+        pattern=r"^\w{1,60}(\.\w{1,60})?$",
+        description="`Ex Ey Gxy …`, of a body in space `web.E1 …`, `a0 a1 …`, or `frequency_2`, `damping_ratio_2` of the "
+        "campaigns' second mode",
     )
     direction: Direction | None = Field(
         None, description="default: `rise` for damping, `fall` for elastic constants and frequencies, else `both`"
@@ -45,7 +49,7 @@ class WatchedIn(StrictModel):
         """The direction, stated or not."""
         if self.direction is not None:
             return self.direction
-        if self.name in ("nu_xy", "density", "thickness"):
+        if self.name.rpartition(".")[2] in ("nu_xy", "nu12", "density", "thickness", "t"):
             return "both"
         return "fall" if CONSTANT.fullmatch(self.name) or self.name.startswith("frequency_") else "rise"
 

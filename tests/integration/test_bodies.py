@@ -138,3 +138,13 @@ def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> No
     flange = next(row for row in result["parameters"] if row["name"] == "flange.E1")
     assert flange["identifiable"]
     assert flange["interval_95"][0] < 24_381_645_391 < flange["interval_95"][1]
+
+
+def test_a_wall_can_be_watched(api: httpx.Client, project: str) -> None:
+    structure = ok(api.post(f"projects/{project}/structures", json=ANGLE), 201)["id"]
+    wanted = {"name": "m", "parameters": [{"name": "web.E1"}]}
+    monitor = ok(api.post(f"structures/{structure}/monitors", json=wanted), 201)
+    assert [(each["name"], each["direction"]) for each in monitor["parameters"]] == [("web.E1", "fall")]
+    wanted["parameters"] = [{"name": "webb.E1"}]
+    problem = ok(api.post(f"structures/{structure}/monitors", json=wanted), 422)
+    assert "is not updated by the recipe" in problem["detail"]
