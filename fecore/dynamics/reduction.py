@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -37,6 +38,7 @@ _SKETCH = 32  # random vectors: χ² with 32 degrees of freedom …
 _SAFETY = 3.0  # … falls below a third of its mean once in 10⁵
 _KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy …
 _MENDED = 0.1  # … and of those that are to mend an error, as a share of what would make the tolerance
+_AT_ONCE = 1 << 24  # numbers of the vectors from which directions are taken at once: 134 MB
 _REACH = 0.5  # relative change of a coefficient, where no changes are given
 _LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for …
 _GROWTH = 3  # … unless it began nearly as large, with many changes to come: then it may grow by so many times its modes
@@ -151,7 +153,7 @@ class ReducedModel:
         self._probe = self._factor.solve(self._factor.colour(white))
         rigid = modes.shapes[:, : modes.rigid]
         self._vectors = rigid / np.sqrt(-modes.shift) if modes.rigid else rigid
-        self._add(self._with_derivatives(modes.shapes[:, modes.rigid :]))
+        self._add_with_derivatives(modes.shapes[:, modes.rigid :])
         self._hold_static(self._loads, self._factor, mass)
         self._begun = self._vectors.shape[1]
 
@@ -250,7 +252,7 @@ class ReducedModel:
             # Nearly all of it are the lowest modes; FRFs are judged by what it has besides them.
             self._add(self._unit_energy(self._outside(series[-1])))
             forces = M @ series[-1]
-        self._add(self._with_derivatives(series[0]))
+        self._add_with_derivatives(series[0])
 
     def _solve_full(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         self.full_solves += 1
@@ -262,14 +264,26 @@ class ReducedModel:
         unit: FloatArray = vectors / np.sqrt(energy)
         return unit
 
-    def _with_derivatives(self, vectors: FloatArray) -> FloatArray:
-        """Vectors of unit energy, and for each change F₀⁻¹ ΔK and λ F₀⁻¹ ΔM of them, λ the vector's Rayleigh quotient."""
+    def _add_with_derivatives(self, vectors: FloatArray) -> None:
+        """Take vectors of unit energy, and for each change F₀⁻¹ ΔK and λ F₀⁻¹ ΔM of them, λ the vector's Rayleigh quotient.
+
+        Of a large model there are many more than directions that matter, so they come in parts.
+        """
         unit, model = self._unit_energy(vectors), self._model
         stiffer, heavier = (change.T[change.any(axis=0)] for change in self._changes)
         mass = np.einsum("di,di->i", unit, model.mass.at(self._start[1]) @ unit)
-        forces = [model.stiffness.at(change) @ unit for change in stiffer]
-        forces += [model.mass.at(change) @ unit / mass for change in heavier]
-        return np.hstack([unit, *(self._factor.solve(force) for force in forces)])
+        forces = chain(
+            (model.stiffness.at(change) @ unit for change in stiffer),
+            (model.mass.at(change) @ unit / mass for change in heavier),
+        )
+        part = [unit]
+        for force in forces:
+            part.append(self._factor.solve(force))
+            if len(part) * unit.size > _AT_ONCE:
+                self._add(np.hstack(part))
+                part = []
+        if part:
+            self._add(np.hstack(part))
 
     def _add(self, vectors: FloatArray, kept: float = _KEPT) -> None:
         """Take what lies outside the basis into it, in F₀-orthonormal directions of enough energy."""
