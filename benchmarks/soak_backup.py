@@ -46,6 +46,24 @@ MONITOR: dict[str, Any] = {
 }
 
 
+DECK = b"""*HEADING
+*NODE
+1, 0, 0, 0
+2, 1, 0, 0
+3, 1, 1, 0
+4, 0, 1, 0
+*ELEMENT, TYPE=S4, ELSET=PLATE
+1, 1, 2, 3, 4
+*MATERIAL, NAME=STEEL
+*ELASTIC
+2.1E11, 0.3
+*DENSITY
+7850
+*SHELL SECTION, ELSET=PLATE, MATERIAL=STEEL
+0.01
+"""
+
+
 @dataclass
 class Tally:
     """What became of the jobs.
@@ -163,12 +181,17 @@ class Laboratory:
         return str(monitor)
 
     def queue_others(self) -> None:
-        """Ask for an import, a processing, an identification and a joint update, and give the monitor what to judge anew."""
+        """Ask for a job of each other kind, and give the monitor what to judge anew."""
         hits, imported = self.new_campaign(), self.new_campaign()
         self.post(f"campaigns/{hits}/records", hits_of_a_point())
         self.post(f"campaigns/{hits}/processings", {})
         self.send_file(imported)
         self.post(f"campaigns/{self.campaign}/identifications", {})
+        plate = self.post(f"projects/{self.project}/structures", {"name": "plate"})["id"]
+        model = self.client.post(
+            f"structures/{plate}/model", params={"filename": "p.inp", "units": "m-N-kg"}, content=DECK
+        )
+        model.raise_for_status()
         modes = self.post(f"campaigns/{imported}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
         jobs = [
             {"campaign_id": self.campaign, "recipe": {"mode_set": self.recipe["mode_set"]}},

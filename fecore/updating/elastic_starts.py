@@ -32,7 +32,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import kind_of
-from fecore.errors import UpdatingError
+from fecore.errors import ModelError, UpdatingError
 from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_belief
@@ -242,9 +242,13 @@ def _other_starts(layout: Layout, seed: int) -> list[FloatArray]:
         x[:free] = _REACH * (2 * draw - 1) * sd[:free]
         if not layout.are_believable(x):
             continue
+        try:
+            states = layout.solved(x)
+        except ModelError:  # far from the start a model of joints may have no definite stiffness
+            continue
         key: list[object] = []
         alone, misses = 0, []
-        for campaign, state in zip(layout.campaigns, layout.solved(x), strict=True):
+        for campaign, state in zip(layout.campaigns, states, strict=True):
             pairing = pair_with(campaign.modes, state)
             alone += len(pairing.unpaired_measured)
             key.append(tuple((row, column, state.kinds[column]) for row, column in pairing.pairs))

@@ -67,15 +67,15 @@ def explained(
     change, slopes = change_of(first, last, *at)
     not_given = tuple(name for name in _CLIMATE if name not in covariates)
     ranked = explanations(change, _effects(moves, row[modes], covariates, slopes[1:, : modes.sum()], not_given))
-    return {"ranked": [_described(each) for each in ranked], "text": in_words(ranked, not_given)}
+    return {"ranked": [_described(each, ranked[0].evidence) for each in ranked], "text": in_words(ranked, not_given)}
 
 
-def _described(each: Explanation) -> dict[str, Any]:
-    """An explanation to the digits that mean something."""
+def _described(each: Explanation, most: float) -> dict[str, Any]:
+    """An explanation to the digits that mean something, its evidence over that of the likeliest."""
     return {
         "kind": each.kind,
         "probability": round(each.probability, 3),
-        "evidence": _three_digits(each.evidence),
+        "evidence": _three_digits(each.evidence - most),
         "sizes": {name: [*map(_three_digits, size)] for name, size in each.sizes.items()},
     }
 

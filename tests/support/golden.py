@@ -43,8 +43,10 @@ good as their mirror images which were chosen, hang on the last bits.
 """
 NO_WEIGHT = 1e-6
 """Of a pole's feature: below, rounding decides which of them comes first."""
-NUMBERLESS = {"null_directions"}
-"""Of which only the names are compared: a basis of what is not known may turn."""
+NUMBERLESS = {"null_directions", "sizes"}
+"""Of which only the names are compared: a basis of what is not known may turn, and a number of three digits, the size of an
+explanation, may be rounded the other way by the last bits.
+"""
 VOLATILE_HEADERS = {"content-length", "date", "etag", "server", "x-request-id", "server-timing"}
 _ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
 _TIME = re.compile(r"20\d\d-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?( UTC|Z|[+-]\d\d:\d\d)?")

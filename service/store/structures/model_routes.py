@@ -31,19 +31,19 @@ BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
 class CountsOut(StrictModel):
     """How many of each there are."""
 
-    nodes: int
-    elements: int
+    nodes: int = Field(description="of the mesh")
+    elements: int = Field(description="of all sets")
     masses: int = Field(description="masses at nodes")
-    springs: int
+    springs: int = Field(description="to the ground or between nodes")
     links: int = Field(description="nodes that others lead")
-    supports: int
+    supports: int = Field(description="groups of nodes that are held")
 
 
 class SetOut(StrictModel):
     """Elements of one section."""
 
-    name: str
-    elements: int
+    name: str = Field(description="in small letters, as parameters have it")
+    elements: int = Field(description="number of them")
     kinds: list[str] = Field(description="quad8, quad4, tri6, tri3, beam2, beam3")
     materials: list[str] = Field(description="names, from the bottom")
     area_m2: float | None = Field(None, description="of shells; null of beams")
@@ -51,14 +51,14 @@ class SetOut(StrictModel):
     thickness_m: float | None = Field(None, description="of shells; null of beams")
     plies: int | None = Field(None, description="number of them; null of beams")
     section_area_m2: float | None = Field(None, description="of a beam's section; null of shells")
-    mass_kg: float
+    mass_kg: float = Field(description="of its elements")
     line: int = Field(description="where the section begins in the deck")
 
 
 class ModelMaterialOut(StrictModel):
     """A material."""
 
-    name: str
+    name: str = Field(description="as the deck has it")
     line: int = Field(description="where it begins in the deck")
     constants: dict[str, float] = Field(description="SI")
 
@@ -67,7 +67,7 @@ class ModelMassOut(StrictModel):
     """A mass at a node."""
 
     node: int = Field(description="the deck's number")
-    mass_kg: float
+    mass_kg: float = Field(description="kg")
     line: int = Field(description="where it stands in the deck")
 
 
@@ -91,8 +91,8 @@ class IgnoredOut(StrictModel):
 class JunctionWallOut(StrictModel):
     """A wall at a junction."""
 
-    set: str
-    thickness_m: float
+    set: str = Field(description="whose elements it is of")
+    thickness_m: float = Field(description="m")
     passes: bool = Field(description="whether it goes on beyond the line")
 
 
@@ -101,24 +101,24 @@ class JunctionOut(StrictModel):
 
     walls: list[JunctionWallOut] = Field(description="around the line")
     angles_deg: list[float] = Field(description="between each wall and the next")
-    length_m: float
+    length_m: float = Field(description="m")
     nodes: list[int] = Field(description="the deck's numbers")
 
 
 class FoundModelOut(StrictModel):
     """What was read of a deck, in SI."""
 
-    format: str
-    title: str
-    counts: CountsOut
+    format: str = Field(description="inp or bdf")
+    title: str = Field(description="the deck's heading")
+    counts: CountsOut = Field(description="how many of each there are")
     size_m: list[float] = Field(description="extent along x, y and z, m")
-    mass_kg: float
-    sets: list[SetOut]
-    materials: list[ModelMaterialOut]
-    masses: list[ModelMassOut]
-    supports: list[ModelSupportOut]
-    ignored: list[IgnoredOut]
-    junctions: list[JunctionOut]
+    mass_kg: float = Field(description="of all it has")
+    sets: list[SetOut] = Field(description="elements by section")
+    materials: list[ModelMaterialOut] = Field(description="of the sections")
+    masses: list[ModelMassOut] = Field(description="at nodes")
+    supports: list[ModelSupportOut] = Field(description="nodes that are held")
+    ignored: list[IgnoredOut] = Field(description="cards that were not used")
+    junctions: list[JunctionOut] = Field(description="lines along which walls meet")
 
 
 class ModelOut(JobOut):
@@ -146,8 +146,8 @@ class MeshNodesOut(StrictModel):
 class MeshBlockOut(StrictModel):
     """Elements of one kind and set."""
 
-    set: str
-    kind: str
+    set: str = Field(description="whose elements they are")
+    kind: str = Field(description="quad8, quad4, tri6, tri3, beam2 or beam3")
     numbers: list[int] = Field(description="the deck's")
     nodes: list[list[int]] = Field(description="rows of `nodes` from 0: corners in order, then middles of sides")
 
@@ -155,8 +155,8 @@ class MeshBlockOut(StrictModel):
 class MeshOut(StrictModel):
     """The mesh of a model."""
 
-    nodes: MeshNodesOut
-    blocks: list[MeshBlockOut]
+    nodes: MeshNodesOut = Field(description="by column")
+    blocks: list[MeshBlockOut] = Field(description="elements of one kind and set each")
 
 
 def _described(session: Session, rows: Sequence[tuple[StructureModel, Job]]) -> list[ModelOut]:

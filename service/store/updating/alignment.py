@@ -106,7 +106,7 @@ class FoundFrameOut(StrictModel):
 class FoundFramesOut(StrictModel):
     """Frames that fit, the best first. Several: the body and the grid are alike from several sides, so name pairs."""
 
-    frames: list[FoundFrameOut]
+    frames: list[FoundFrameOut] = Field(description="the best first")
     sentence: str = Field(description="what was found, in words")
 
 
