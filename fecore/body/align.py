@@ -74,8 +74,12 @@ def by_closest(surfaces: Surfaces, points: FloatArray) -> tuple[Motion, ...]:
     by_pairs(points, points)
     nodes = np.concatenate([surfaces.mesh.nodes[block.nodes].mean(axis=1) for block in surfaces.mesh.blocks])
     tree = scipy.spatial.cKDTree(np.concatenate([surfaces.mesh.nodes, nodes]))
-    starts = sorted((_coarse(tree, surfaces, points, turn) for turn in _turns()), key=lambda found: found.rms)
-    fine = sorted((_fine(surfaces, points, start) for start in _different(starts)[:_WORTH]), key=lambda f: f.rms)
+    as_it_is = _on_faces(surfaces, points, np.eye(3), np.zeros(3))
+    turns = product(_turns(), (0, _COARSE))
+    starts = sorted((_coarse(tree, surfaces, points, *each) for each in turns), key=lambda found: found.rms)
+    some = _different([as_it_is, *starts])[:_WORTH]
+    # Of those whose residuals say nothing the first stays, as a grid on one face of a wall lies as well on the other.
+    fine = sorted((_fine(surfaces, points, start) for start in some), key=lambda found: max(found.rms, _RESOLVED))
     limit = max(_AS_GOOD * fine[0].rms, _RESOLVED)
     return tuple(found for found in _different(fine) if found.rms <= limit)
 
@@ -98,16 +102,19 @@ def _turns() -> list[FloatArray]:
     return found
 
 
-def _coarse(tree: scipy.spatial.cKDTree, surfaces: Surfaces, points: FloatArray, turn: FloatArray) -> Motion:
-    """From middles on each other, by the nearest of the mesh's nodes and centres."""
+def _coarse(
+    tree: scipy.spatial.cKDTree, surfaces: Surfaces, points: FloatArray, turn: FloatArray, steps: int
+) -> Motion:
+    """From middles on each other, some steps by the nearest of the mesh's nodes and centres; these lie in the walls' middles,
+    so that steps may also lead away from an answer.
+    """
     low, high = surfaces.mesh.nodes.min(axis=0), surfaces.mesh.nodes.max(axis=0)
     turned = points @ turn.T
     shift = (low + high) / 2 - (turned.min(axis=0) + turned.max(axis=0)) / 2
-    for _ in range(_COARSE):
+    for _ in range(steps):
         _, nearest = tree.query(points @ turn.T + shift)
         turn, shift = _kabsch(points, tree.data[nearest])
-    away, _ = tree.query(points @ turn.T + shift)
-    return Motion(turn, shift, np.asarray(away))
+    return _on_faces(surfaces, points, turn, shift)
 
 
 def _fine(surfaces: Surfaces, points: FloatArray, start: Motion) -> Motion:
@@ -122,6 +129,11 @@ def _fine(surfaces: Surfaces, points: FloatArray, start: Motion) -> Motion:
         step = np.linalg.lstsq(rows, np.sum((places - moved) * normal, axis=1), rcond=_SLIDES)[0]
         small = scipy.spatial.transform.Rotation.from_rotvec(step[:3] / surfaces.mesh.size).as_matrix()
         turn, shift = small @ turn, small @ (shift - middle) + middle + step[3:]
+    return _on_faces(surfaces, points, turn, shift)
+
+
+def _on_faces(surfaces: Surfaces, points: FloatArray, turn: FloatArray, shift: FloatArray) -> Motion:
+    """The motion with the distances that it leaves to the faces."""
     moved = points @ turn.T + shift
     return Motion(turn, shift, np.linalg.norm(moved - _on_face(surfaces, moved)[0], axis=1))
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.structures import stated
 from fecore.arrays import FloatArray
 from fecore.body.align import by_closest, by_pairs
 from fecore.body.structure import Structure
 from fecore.errors import InputError
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_body
+from tests.support.places import shared_file
 from tests.support.profiles import ANGLE, points
 
 
@@ -53,3 +57,13 @@ def _on_one_half() -> FloatArray:
 def test_a_symmetric_grid_has_several_answers(body: Structure) -> None:
     ends = np.array([[x, 0.0, -0.04] for x in (0.05, 0.2, 0.35)] + [[x, 0.01, -0.04] for x in (0.05, 0.2, 0.35)])
     assert len(by_closest(body.model.surfaces, ends)) > 1
+
+
+@pytest.mark.parametrize("kind", ["i", "channel", "angle"])
+def test_a_frame_that_is_the_bodys_comes_first(kind: str) -> None:
+    """Points on outer faces, half a wall off the middle surfaces: of the open solids, whose drawing is the mesh's."""
+    truth = json.loads(shared_file("BLIND_OPEN", "blind-open", f"structures/{kind}-1.truth.json").read_text())
+    surfaces = stated(truth, 4)[0].model.surfaces
+    best, *_ = by_closest(surfaces, np.array([point["xyz"] for point in truth["points"]]))
+    np.testing.assert_allclose(best.turn, np.eye(3), atol=5e-3)
+    np.testing.assert_allclose(best.shift, 0, atol=5e-4)
