@@ -141,12 +141,12 @@ class ReducedModel:
     def _begin(self, stiffness: FloatArray, mass: FloatArray) -> None:
         """A fresh basis about given coefficients: modes, their derivative vectors, static deflections and theirs."""
         model = self._model
+        modes = self._solve_full(stiffness, mass)  # where this fails all stays as it was
         self._start = stiffness, mass
         self._known: ReducedSystem | None = None  # what is projected already: the basis only grows
         self.__dict__.pop("system", None)
         self._ratio = CoefficientRatio(model.stiffness, stiffness), CoefficientRatio(model.mass, mass)
         K, M = model.stiffness.at(stiffness), model.mass.at(mass)
-        modes = self._solve_full(stiffness, mass)
         self._factor, self._shift, self._rigid = modes.factor, modes.shift, modes.rigid
         self._metric = K - modes.shift * M
         white = np.random.default_rng(0).standard_normal((K.shape[0], _SKETCH))
