@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.objects.thing import Access, Table
+from modalbase.objects.thing import Access, Table, library
 
 SHOWN = 10
 """Rows that printing shows."""
@@ -67,11 +67,7 @@ class Found:
         Raises:
             ClientError: pandas is not installed, or there are more rows than a file has.
         """
-        try:
-            import pandas as pd
-        except ModuleNotFoundError:
-            raise ClientError("pandas is not installed: pip install pandas", Exit.USAGE) from None
-        return pd.read_csv(io.BytesIO(self._file("csv")), parse_dates=self._times())
+        return library("pandas").read_csv(io.BytesIO(self._file("csv")), parse_dates=self._times())
 
     def to_polars(self) -> Any:
         """All rows as a `polars.DataFrame`, SI in full.
@@ -79,11 +75,7 @@ class Found:
         Raises:
             ClientError: polars is not installed, or there are more rows than a file has.
         """
-        try:
-            import polars
-        except ModuleNotFoundError:
-            raise ClientError("polars is not installed: pip install polars", Exit.USAGE) from None
-        return polars.read_ipc_stream(self._file("arrow"))
+        return library("polars").read_ipc_stream(self._file("arrow"))
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
         """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines), `frequency_hz` (lines,).

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
@@ -16,6 +17,18 @@ from modalbase.client.rest import Rest
 
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
+
+
+def library(name: str) -> Any:
+    """A library that need not be there.
+
+    Raises:
+        ClientError: it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ModuleNotFoundError:
+        raise ClientError(f"{name} is not installed: pip install {name}", Exit.USAGE) from None
 
 
 class Access:
@@ -198,11 +211,7 @@ class Table(Sequence[Mapping[str, Any]]):
         Raises:
             ClientError: pandas is not installed.
         """
-        try:
-            import pandas as pd
-        except ModuleNotFoundError:
-            raise ClientError("pandas is not installed: pip install pandas", Exit.USAGE) from None
-        return pd.DataFrame(self.rows)
+        return library("pandas").DataFrame(self.rows)
 
     def __str__(self) -> str:
         from rich.console import Console

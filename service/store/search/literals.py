@@ -58,7 +58,7 @@ def bound(field: Field, name: str, value: Any) -> ColumnElement[Any]:
             try:
                 return literal(UUID(value), Uuid)
             except ValueError:
-                pass
+                raise _mismatch(field, name, value) from None
     raise _mismatch(field, name, value)
 
 
