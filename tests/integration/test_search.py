@@ -261,6 +261,16 @@ def test_no_filter_is_an_error_of_the_service(api: httpx.Client, noun: str, text
     assert api.get(f"search/{noun}", params={"filter": text, "limit": 1}).status_code in (200, 422)
 
 
+def test_spectra_of_one_campaign_are_written_as_uff(api: httpx.Client, bridge: dict[str, str]) -> None:
+    for name in ("warm", "cold"):
+        ok(api.post(f"campaigns/{bridge[name]}/frfs", json=frfs(12)), 201)
+    one = {"filter": f"campaign.id = '{bridge['warm']}'", "format": "uff"}
+    whole = api.get(f"campaigns/{bridge['warm']}/frfs/data", params={"format": "uff"})
+    assert api.get("search/frfs/data", params=one).content == whole.content
+    both = {"filter": f"structure.id = '{bridge['bridge north']}'", "format": "uff"}
+    assert "of 2" in ok_problem(api.get("search/frfs/data", params=both))["errors"][0]["detail"]
+
+
 def test_the_library_fetches_what_is_asked_for(
     service: LocalService, api: httpx.Client, bridge: dict[str, str]
 ) -> None:
