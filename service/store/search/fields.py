@@ -26,7 +26,6 @@ class Field:
         unit: of a number; empty where it has none.
         column: of the noun's table, where it is not called like the field.
         value: from the noun's table to its value, where it is no column.
-        constant: of results: name of the constant, and the column of the table of constants.
         nullable: whether it may be unknown.
     """
 
@@ -36,7 +35,6 @@ class Field:
     unit: str = ""
     column: str = ""
     value: Callable[[FromClause], ColumnElement[Any]] | None = None
-    constant: tuple[str, str] | None = None
     nullable: bool = False
 
     def of(self, table: FromClause) -> ColumnElement[Any]:
@@ -52,7 +50,6 @@ class Noun:
         name: in filters.
         table: its name.
         owner: noun that it belongs to; empty of a project.
-        owner_key: column that names the owner's row, where it is not the owner's name and `_id`.
         key: columns that name a row.
         fields: all of them.
         shown: fields of an answer where none are asked for; those of owners with the noun in front.
@@ -65,7 +62,6 @@ class Noun:
     table: str
     fields: tuple[Field, ...]
     owner: str = ""
-    owner_key: str = ""
     key: tuple[str, ...] = ("id",)
     shown: tuple[str, ...] = ()
     facets: tuple[str, ...] = ()
@@ -78,7 +74,7 @@ class Noun:
 
     def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
         """That one row belongs to another."""
-        return row.c[self.owner_key or f"{self.owner}_id"] == owner.c.id
+        return row.c[f"{self.owner}_id"] == owner.c.id
 
 
 def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str) -> tuple[Noun, Field]:

@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, FromClause, and_, func
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.store.search.fields import Field, Noun
 from service.store.structures.operations import WORDS as STRUCTURE_WORDS
+from service.store.updating.result_schemas import CONSTANTS
 
 Value = Callable[[FromClause], ColumnElement[Any]]
 
@@ -30,21 +31,19 @@ ID = Field("id", "id", "UUIDv7; sorts by the time of creation")
 CREATED = Field("created_at", "time", "when it was stored, UTC")
 NAME = Field("name", "text", "what people call it")
 
-CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
-"""Names of the constants of a result that can be searched, with their units."""
-
-_MEMBERS = {
-    "": ("estimate", "estimate of {}"),
-    "_sd": ("standard_deviation", "its standard deviation"),
-    "_low": ("low", "lower end of its 95 % interval"),
-    "_high": ("high", "upper end of its 95 % interval"),
+_ENDS = {
+    "": "estimate of {}",
+    "_sd": "its standard deviation",
+    "_low": "lower end of its 95 % interval",
+    "_high": "upper end of its 95 % interval",
 }
 
 
 def _constants() -> Iterator[Field]:
     for name, unit in CONSTANTS.items():
-        for suffix, (member, meaning) in _MEMBERS.items():
-            yield Field(name + suffix, "number", meaning.format(name), unit, constant=(name, member), nullable=True)
+        for end, meaning in _ENDS.items():
+            column = f"{name}{end}".lower()
+            yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True)
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
@@ -154,12 +153,10 @@ _ALL = (
         ),
         facets=("mode_set.origin", "structure.name"),
     ),
-    Noun("update_job", "update_jobs", owner="campaign", fields=(ID,)),
     Noun(
         "result",
         "update_results",
-        owner="update_job",
-        owner_key="id",
+        owner="campaign",
         fields=(
             ID,
             Field("verdict", "text", "`usable`, `with_care` or `do_not_use`", nullable=True),

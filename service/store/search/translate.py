@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import cql2
-from sqlalchemy import ColumnElement, FromClause, and_, exists, not_, or_, select
+from sqlalchemy import ColumnElement, FromClause, and_, exists, not_, or_
 
-from service.db.base import Base
 from service.errors import Invalid
 from service.store.search import literals
 from service.store.search.fields import Field, Noun, find_field
@@ -38,8 +37,6 @@ class Leaf:
     field: Field
     test: Callable[[ColumnElement[Any]], ColumnElement[bool]]
     negated: bool
-    unknown: bool = False
-    """Whether it asks if the value is unknown."""
 
 
 @dataclass(frozen=True)
@@ -148,7 +145,7 @@ class _Reader:
         def test(column: ColumnElement[Any]) -> ColumnElement[bool]:
             return make(field, name, op, literals.folded(column) if folded else column, values)
 
-        return Leaf(noun, field, test, negated, op == "isnull")
+        return Leaf(noun, field, test, negated)
 
 
 _MIRRORED = {"=": "=", "<>": "<>", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
@@ -197,7 +194,8 @@ def _all(trees: Sequence[Leaf | Branch], scope: Scope) -> ColumnElement[bool]:
         if len(steps) == 1:
             below.setdefault(next(iter(steps)), []).append(tree)
         elif isinstance(tree, Leaf):
-            found.append(_of_row(tree, scope))
+            test = tree.test(tree.field.of(scope[tree.noun.name]))
+            found.append(not_(test) if tree.negated else test)
         else:  # an OR of several nouns, or of none but those at hand
             found.append(or_(*(_all([part], scope) for part in tree.parts)))
     for name, about in below.items():
@@ -222,30 +220,3 @@ def _first_steps(tree: Leaf | Branch, scope: Scope) -> set[str]:
         return {next((one.name for one in reversed(lineage(tree.noun)) if one.name not in scope), "")} - {""}
     parts = [_first_steps(part, scope) for part in tree.parts]
     return set.union(*parts) | ({""} if set() in parts and any(parts) else set())
-
-
-def _of_row(leaf: Leaf, scope: Scope) -> ColumnElement[bool]:
-    """A condition on a row at hand."""
-    row = scope[leaf.noun.name]
-    if leaf.field.constant is None:
-        test = leaf.test(leaf.field.of(row))
-        return not_(test) if leaf.negated else test
-    name, member = leaf.field.constant
-    constants = Base.metadata.tables["result_constants"].alias()
-    held = [constants.c.result_id == row.c.id, constants.c.name == name]
-    if leaf.unknown:
-        known = exists().select_from(constants).where(*held, constants.c[member].is_not(None))
-        return known if leaf.negated else not_(known)
-    test = leaf.test(constants.c[member])
-    return exists().select_from(constants).where(*held, not_(test) if leaf.negated else test)
-
-
-def value_of(noun: Noun, field: Field, scope: Scope) -> ColumnElement[Any]:
-    """The value of a field in a row at hand, to be shown or sorted by."""
-    row = scope[noun.name]
-    if field.constant is None:
-        return field.of(row)
-    name, member = field.constant
-    constants = Base.metadata.tables["result_constants"].alias()
-    held = (constants.c.result_id == row.c.id, constants.c.name == name)
-    return select(constants.c[member]).where(*held).scalar_subquery()

@@ -31,8 +31,9 @@ from service.store.updating.document import MARKS, StoredArrays, up_to_date
 from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
 from service.store.updating.loading import body_for, load_joint, load_update
+from service.store.updating.result_schemas import CONSTANTS
 from service.store.updating.schemas import RecipeIn
-from service.store.updating.tables import JointUpdate, ResultConstant, UpdateJob, UpdateResult
+from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -57,23 +58,20 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
         book(session, row.project_id, "results", size, campaign_id=row.campaign_id)
-        _keep(session, job_id, document, output.prediction)
+        _keep(session, row, document, output.prediction)
 
 
-def _keep(session: Session, job_id: UUID, document: dict[str, Any], prediction: bytes) -> None:
+def _keep(session: Session, job: UpdateJob, document: dict[str, Any], prediction: bytes) -> None:
     """Store a result, and what it is found by."""
-    verdict = document["verdict"]["level"]
-    session.add(UpdateResult(id=job_id, verdict=verdict, document=document, prediction=prediction))
-    session.flush()
+    verdict, found_by = document["verdict"]["level"], dict[str, float | None]()
     for one in document["parameters"]:
-        low, high = one["interval_95"] or (None, None)
-        constant = {
-            "estimate": one["estimate"],
-            "standard_deviation": one["standard_deviation"],
-            "low": low,
-            "high": high,
-        }
-        session.add(ResultConstant(result_id=job_id, name=one["name"], **constant))
+        if one["name"] in CONSTANTS:
+            name = one["name"].lower()
+            low, high = one["interval_95"] or (None, None)
+            found_by |= {name: one["estimate"], f"{name}_sd": one["standard_deviation"]}
+            found_by |= {f"{name}_low": low, f"{name}_high": high}
+    stored = {"document": document, "prediction": prediction, "verdict": verdict, **found_by}
+    session.add(UpdateResult(id=job.id, campaign_id=job.campaign_id, **stored))
 
 
 def _store_joint(session: Session, job_id: UUID, items: Iterator[JointOutput]) -> None:
