@@ -224,6 +224,7 @@ def test_what_is_deleted_is_not_found(api: httpx.Client, bridge: dict[str, str])
 
 
 _NAMES = [f"{noun.name}.{field.name}" for noun in NOUNS.values() for field in noun.fields]
+_NAMES += ["tag", "meta.client", "frf.meta.a.b", "campaign.meta.a"]
 _OPERATORS = "AND OR NOT IN LIKE BETWEEN IS NULL ( ) , = <> < <= > >= + - * / ^ % DIV T_DURING( CASEI( A_CONTAINS("
 _VALUES = (
     "'a%' '\\' '' 12 -1.5 1e308 99999999999999999999 TRUE DATE('2026-03-01') DATE('9999-12-31') INTERVAL('..','..')"

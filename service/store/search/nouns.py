@@ -30,6 +30,10 @@ def _driving(t: FromClause) -> ColumnElement[Any]:
 ID = Field("id", "id", "UUIDv7; sorts by the time of creation")
 CREATED = Field("created_at", "time", "when it was stored, UTC")
 NAME = Field("name", "text", "what people call it")
+LABELS = (
+    Field("tag", "tags", "any of its tags", column="tags"),
+    Field("meta", "json", "free metadata; its members are `meta.client` and the like"),
+)
 
 _ENDS = {
     "": "estimate of {}",
@@ -49,12 +53,12 @@ def _constants() -> Iterator[Field]:
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
 
 _ALL = (
-    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), CREATED)),
+    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), *LABELS, CREATED)),
     Noun(
         "structure",
         "structures",
         owner="project",
-        fields=(ID, NAME, Field("version", "whole", "number of its present version"), CREATED),
+        fields=(ID, NAME, Field("version", "whole", "number of its present version"), *LABELS, CREATED),
         shown=("id", "name", "project.id", "project.name", "created_at"),
         facets=("project.name",),
         hidden=True,
@@ -77,6 +81,7 @@ _ALL = (
             Field("hammer_serial", "text", "its number", value=_instrument("hammer", "serial"), nullable=True),
             Field("sensor_serial", "text", "its number", value=_instrument("sensor", "serial"), nullable=True),
             Field("analyser", "text", "model of the analyser", value=_instrument("analyser", "model"), nullable=True),
+            *LABELS,
             CREATED,
         ),
         shown=("id", "name", "structure.id", "structure.name", "boundary", "performed_at", "temperature_c"),
@@ -101,6 +106,7 @@ _ALL = (
             Field("start_hz", "number", "first line", "Hz"),
             Field("end_hz", "number", "last line", "Hz"),
             Field("lines", "whole", "number of frequency lines"),
+            *LABELS,
             CREATED,
         ),
         shown=(
@@ -161,6 +167,7 @@ _ALL = (
             ID,
             Field("verdict", "text", "`usable`, `with_care` or `do_not_use`", nullable=True),
             *_constants(),
+            *LABELS,
             CREATED,
         ),
         shown=(

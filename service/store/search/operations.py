@@ -155,6 +155,8 @@ class Search:
         within = {noun.name: noun for noun in lineage(self._noun)}
         noun, field = find_field(within, self._noun, name, parameter)
         shown = field.name if noun is self._noun else f"{noun.name}.{field.name}"
+        if parameter == "sort" and field.kind in ("tags", "json"):
+            raise Invalid("sort", f"{shown} has no order; sort by another field")
         return Column(shown, field, field.of(self._scope[noun.name]))
 
     def _joined(self, chain: Sequence[Noun]) -> FromClause:
