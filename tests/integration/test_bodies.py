@@ -18,14 +18,21 @@ def made(api: httpx.Client, project: str, **shape: Any) -> dict[str, Any]:
     return ok(api.post(f"projects/{project}/structures", json=body), 201)
 
 
-def updated(api: httpx.Client, structure: str, content: bytes, boundary: str, **campaign: Any) -> tuple[str, Any]:
-    """The address of an update with an empty recipe, and its result."""
+def updated(
+    api: httpx.Client,
+    structure: str,
+    content: bytes,
+    boundary: str,
+    recipe: dict[str, Any] | None = None,
+    **campaign: Any,
+) -> tuple[str, Any]:
+    """The address of an update, with an empty recipe where none is stated, and its result."""
     sent = {"name": boundary, "boundary": boundary, "inputs": {"window_rate_per_s": 0}, **campaign}
     key = ok(api.post(f"structures/{structure}/campaigns", json=sent), 201)["id"]
     queued = api.post(f"campaigns/{key}/imports", params={"filename": "test.uff"}, content=content)
     report = finished(api, queued.headers["Location"])
     assert (report["status"], report["warnings"]) == ("succeeded", [])
-    job = api.post(f"campaigns/{key}/update-jobs", json={})
+    job = api.post(f"campaigns/{key}/update-jobs", json=recipe or {})
     done = finished(api, job.headers["Location"])
     assert done["status"] == "succeeded", done["error"]
     return job.headers["Location"], ok(api.get(api.base_url.join(job.headers["Location"] + "/result")), 200)

@@ -47,7 +47,10 @@ def body_of(
             raise InputError("zones_m", "are of strips and plates; a body in space has sets")
         carried = tuple(mass.on_surface() for mass in masses)
         body = nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
-        return replace(body, springs=(*body.springs, *springs), masses=(*body.masses, *carried))
+        joined = recipe.junctions == "on"
+        return replace(body, springs=(*body.springs, *springs), masses=(*body.masses, *carried), with_joints=joined)
+    if recipe.junctions == "off":
+        raise InputError("junctions", "are of bodies in space; a strip or plate has none")
     return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
 
 
