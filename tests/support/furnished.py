@@ -144,6 +144,8 @@ write   editor  POST /mode-sets/{mode_set_id}/edits, POST /campaigns/{campaign_i
 write   editor  POST /campaigns/{campaign_id}/mode-sets, POST /campaigns/{campaign_id}/complete
 read    viewer  GET /campaigns/{campaign_id}/alignment
 write   editor  POST /campaigns/{campaign_id}/alignment
+write   editor  PUT /campaigns/{campaign_id}/frfs/labels, PUT /update-jobs/{job_id}/labels
+read    viewer  GET /update-jobs/{job_id}/labels
 read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/imports, GET /imports/{import_id}
 read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
 read    viewer  GET /campaigns/{campaign_id}/frfs, GET /campaigns/{campaign_id}/frfs/data, GET /frfs/{frf_id}
@@ -213,6 +215,8 @@ BODIES: dict[str, Any] = {
     "POST /coupon-batches/{batch_id}/coupons": {"specimen": "A", "E_Pa": 3e10},
     "PATCH /coupons/{coupon_id}": {"excluded": False},
     "POST /campaigns/{campaign_id}/update-jobs": {},
+    "PUT /campaigns/{campaign_id}/frfs/labels": {"tags": ["t"]},
+    "PUT /update-jobs/{job_id}/labels": {"tags": ["t"]},
     "POST /update-jobs": {"jobs": [{"campaign": "00000000-0000-0000-0000-000000000000"}]},
     "POST /structures/{structure_id}/monitors": MONITOR,
     "POST /structures/{structure_id}/plans": {"tests": [{"boundary": "free", "highest_hz": 300}]},

@@ -23,7 +23,7 @@ from service.errors import Invalid
 from service.store.search import literals
 from service.store.search.fields import Field, Noun, find_field
 from service.store.search.nouns import lineage
-from service.store.search.translate import Scope, condition, value_of
+from service.store.search.translate import Scope, condition
 
 SECONDS = 5
 """A search that takes longer is ended."""
@@ -125,13 +125,18 @@ class Search:
 
     def counts(self, session: Session) -> tuple[int, dict[str, dict[str, int]]]:
         """How many rows there are, and how often each value of each facet; of the first `MOST_COUNTED` + 1 rows."""
-        some = self.some().cte()
-        found: dict[str, dict[str, int]] = {}
-        for name, value in zip(self._noun.facets, some.c, strict=True):
-            times = func.count()
-            query = select(value, times).group_by(value).order_by(times.desc(), value).limit(MOST_FACETS)
-            found[name] = {"" if one is None else str(one): count for one, count in session.execute(query)}
-        return session.execute(select(func.count()).select_from(some)).scalar_one(), found
+        some, times = self.some().cte(), func.count()
+        left_out = func.grouping(*some.c)  # of the facets: a bit each, of those that a row does not count by
+        rank = func.row_number().over(partition_by=left_out, order_by=(times.desc(), *some.c))
+        sets = func.grouping_sets(tuple_(), *map(tuple_, some.c))
+        counted = select(left_out, *some.c, times, rank.label("rank")).group_by(sets).subquery()
+        total, found = 0, {name: dict[str, int]() for name in self._noun.facets}
+        for bits, *values, count, _ in session.execute(select(counted).where(counted.c.rank <= MOST_FACETS)):
+            facets = zip(found, values, format(bits, f"0{len(found)}b"), strict=True)
+            by = [(name, value) for name, value, bit in facets if bit == "0"]
+            total = total if by else count
+            found |= {name: found[name] | {"" if value is None else str(value): count} for name, value in by}
+        return total, found
 
     def some(self) -> Select[Any]:
         """The query of the facets' values in the rows that are counted."""
@@ -150,7 +155,9 @@ class Search:
         within = {noun.name: noun for noun in lineage(self._noun)}
         noun, field = find_field(within, self._noun, name, parameter)
         shown = field.name if noun is self._noun else f"{noun.name}.{field.name}"
-        return Column(shown, field, value_of(noun, field, self._scope))
+        if parameter == "sort" and field.kind in ("tags", "json"):
+            raise Invalid("sort", f"{shown} has no order; sort by another field")
+        return Column(shown, field, field.of(self._scope[noun.name]))
 
     def _joined(self, chain: Sequence[Noun]) -> FromClause:
         joined = self._scope[chain[0].name]

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import IO, Annotated, Any
 
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Depends, Header, Query, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
-from service.store.frfs.data import Cut, make_tables
 from service.store.frfs.operations import frfs_of
-from service.store.frfs.routes import FORMATS, Hertz, Stride, file_of
+from service.store.frfs.routes import FILES, SpectraDep
 from service.store.search.fields import Noun
 from service.store.search.nouns import NOUNS, SEARCHED
 from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
@@ -32,8 +31,6 @@ MOST_ROWS = 100_000
 MEDIA_TYPES = {"json": "application/json", "csv": "text/csv", "arrow": "application/vnd.apache.arrow.stream"}
 MOST_SPECTRA = 20_000
 """FRFs of a file."""
-SPECTRA = {name: form.media_type for name, form in FORMATS.items() if form.one_table}
-SPECTRA_FILES = {200: {"content": {kind: {} for kind in SPECTRA.values()}, "description": "The spectra."}}
 WRITERS: dict[str, tuple[Callable[[Sequence[Column], Iterable[tuple[Any, ...]], IO[bytes]], None], str]] = {
     "csv": (write_csv, "csv"),
     "arrow": (write_arrow, "arrows"),
@@ -119,29 +116,19 @@ for _address, _noun in SEARCHED.items():
     _add(_address, _noun)
 
 
-@router.get("/search/frfs/data", response_class=FileResponse, responses=SPECTRA_FILES)  # type: ignore[arg-type]
-def get_found_data(
-    wanted: WantedDep,
-    session: SessionDep,
-    user: CurrentUser,
-    request: Request,
-    fmin: Annotated[Hertz, Query(description="Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="Hz")] = None,
-    stride: Stride = 1,
-    file_format: Annotated[
-        Annotated[str, one_of(SPECTRA)] | None, Query(alias="format", description="default: by Accept")
-    ] = None,
-    accept: Accept = None,
-) -> Response:
-    """Spectra of all FRFs that a search finds, in the order of their ids, as one file; of one axis and one quantity."""
+@router.get("/search/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_found_data(wanted: WantedDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep) -> Response:
+    """Spectra of all FRFs that a search finds, in the order of their ids, as one file.
+
+    UFF takes FRFs of one campaign; the others need one axis and one quantity.
+    """
     with bounded(session):
         keys = Search(user, NOUNS["frf"], wanted).keys(session, MOST_SPECTRA + 1)
     if not keys:
         raise NotFound("FRF that the search finds")
     if len(keys) > MOST_SPECTRA:
         raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, which is as many as a file has; narrow it")
-    tables = make_tables(session, frfs_of(session, keys), Cut(fmin, fmax, stride))
-    return file_of(session, tables, choose_format(file_format, accept, SPECTRA), request)
+    return spectra.of(session, frfs_of(session, keys))
 
 
 def _page(found: Search, session: Session, cursor: str | None, limit: int) -> Found:
