@@ -72,6 +72,7 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
     both = {"joint": True, "jobs": [{"campaign_id": first}, {"campaign_id": second}]}
     return {
         "project_id": project,
+        "search_id": made("searches", {"project": project, "name": mark, "noun": "frfs", "q": mark})["id"],
         "structure_id": structure,
         "campaign_id": first,
         "frf_id": frf,
@@ -112,6 +113,10 @@ JUDGED = """
 public  -       GET /healthz, GET /readyz
 read    anyone  GET /projects, GET /api-keys, GET /audit-events, GET /update-jobs, GET /monitors, GET /alarms, GET /webhooks
 read    anyone  GET /search/structures, GET /search/campaigns, GET /search/frfs, GET /search/records, GET /search/modes
+write   anyone  POST /searches
+write   editor  DELETE /searches/{search_id}
+read    viewer  GET /searches/{search_id}
+read    anyone  GET /searches
 read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
 read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects
@@ -163,6 +168,7 @@ read    viewer  GET /update-jobs/{job_id}, GET /update-jobs/{job_id}/events, GET
 read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/figures
 read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/deck, GET /update-jobs/{job_id}/report
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
+read    viewer  GET /update-jobs/{job_id}/mesh, GET /update-jobs/{job_id}/mesh/shapes
 jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
 read    viewer  GET /joint-updates/{joint_id}/figures, GET /joint-updates/{joint_id}/figures/{name}
@@ -223,6 +229,7 @@ BODIES: dict[str, Any] = {
     "PATCH /monitors/{monitor_id}": {"name": "m"},
     "POST /monitors/{monitor_id}/runs": {},
     "POST /alarms/{alarm_id}/acknowledge": {"note": "n"},
+    "POST /searches": {"project": "00000000-0000-0000-0000-000000000000", "name": "n", "noun": "frfs"},
     "POST /webhooks": {"project": "00000000-0000-0000-0000-000000000000", "url": HOOK},
 }
 

@@ -29,6 +29,7 @@ class Field:
         column: of the noun's table, where it is not called like the field.
         value: from the noun's table to its value, where it is no column.
         nullable: whether it may be unknown.
+        sd: name of the field of its standard deviation, which says how many of its digits mean something.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Field:
     column: str = ""
     value: Callable[[FromClause], ColumnElement[Any]] | None = None
     nullable: bool = False
+    sd: str = ""
 
     def of(self, table: FromClause) -> ColumnElement[Any]:
         """Its value in a row of the noun's table."""

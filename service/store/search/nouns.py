@@ -47,7 +47,8 @@ def _constants() -> Iterator[Field]:
     for name, unit in CONSTANTS.items():
         for end, meaning in _ENDS.items():
             column = f"{name}{end}".lower()
-            yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True)
+            sd = f"{name}_sd"
+            yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True, sd=sd)
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
@@ -148,8 +149,8 @@ _ALL = (
         key=("mode_set_id", "number"),
         fields=(
             Field("number", "whole", "in its set, from 1"),
-            Field("frequency_hz", "number", "natural frequency", "Hz"),
-            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True),
+            Field("frequency_hz", "number", "natural frequency", "Hz", sd="frequency_sd_hz"),
+            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True, sd="damping_sd"),
             Field("frequency_sd_hz", "number", "standard deviation of the frequency", "Hz", nullable=True),
             Field("damping_sd", "number", "standard deviation of the damping ratio", nullable=True),
         ),

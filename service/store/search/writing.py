@@ -40,6 +40,14 @@ def write_csv(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: 
     text.detach()
 
 
+def write_lines(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
+    """A line of JSON for each row, with a member for each column."""
+    names = [column.name for column in columns]
+    for row in rows:
+        item = dict(zip(names, map(shown, row), strict=True))
+        file.write(json.dumps(item, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+
+
 def write_arrow(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
     """An Arrow IPC stream with a column for each field: text, float64, int64, bool, or microseconds UTC."""
     schema = na.struct({column.name: _TYPES[column.field.kind] for column in columns})
