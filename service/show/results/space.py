@@ -23,7 +23,7 @@ from service.store.structures.model_routes import MeshBlockOut
 from service.web import StrictModel
 
 UNSEEN = 0.03
-"""Share of the best seen combination of modes below which the points do not tell how much there is of one."""
+"""Share of the best seen combination of modes below which the points do not determine it."""
 
 DIGITS = 5
 
