@@ -23,7 +23,7 @@ from service.store.structures.model_routes import MeshBlockOut
 from service.web import StrictModel
 
 UNSEEN = 0.03
-"""Share of the best seen combination of modes below which the points do not determine it."""
+"""Share of the best seen combination of modes below which the points leave open how much there is of one."""
 
 DIGITS = 5
 
@@ -66,12 +66,12 @@ class ModelModeOut(StrictModel):
 class ResultMeshOut(StrictModel):
     """The mesh of the updated model, the measured points, and the modes that have shapes."""
 
-    nodes: PlacesOut
+    nodes: PlacesOut = Field(description="by column")
     blocks: list[MeshBlockOut] = Field(description="elements of one kind and set each")
     points: list[MeasuredPointOut]
     joined: list[tuple[int, int]] = Field(description="rows of `points` from 0 that are neighbours and not held out")
-    measured: list[MeasuredModeOut]
-    model: list[ModelModeOut]
+    measured: list[MeasuredModeOut] = Field(description="measured modes with shapes")
+    model: list[ModelModeOut] = Field(description="modes of the updated model")
 
 
 class MotionOut(StrictModel):
