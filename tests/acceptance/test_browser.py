@@ -27,6 +27,7 @@ MOST_CLICKS = 8
 PARTS = (
     "verdict",
     "parameters",
+    "steps",
     "modes",
     "correlation",
     "frfs",
@@ -120,6 +121,7 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         page = seen.page
         result = main_job(seen, key, measured)
         look_at_every_part(seen)
+        a_result_opens_with_what_was_found(page)
         with page.context.expect_event("response", lambda answer: "/report" in answer.url) as report:
             seen.click("[data-report] >> nth=0")
         assert report.value.status == 200
@@ -157,6 +159,16 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
             assert overflow(seen) == 0, path
             assert spilled(seen) == [], path
         assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def a_result_opens_with_what_was_found(page: Page) -> None:
+    """Each parameter has a bar of its interval; at most three findings say what to do and lead there; the rest is folded."""
+    rows = page.locator("#parameters tbody tr")
+    assert rows.locator("svg.span .posterior").count() == rows.count() > 0
+    steps = page.locator("#steps .step")
+    assert steps.count() <= 3
+    assert steps.locator("a").count() == steps.count()
+    assert not page.locator("#steps details li").first.is_visible()
 
 
 def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:

@@ -170,6 +170,7 @@ read    viewer  GET /update-jobs/{job_id}, GET /update-jobs/{job_id}/events, GET
 read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/figures
 read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/deck, GET /update-jobs/{job_id}/report
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
+read    viewer  GET /update-jobs/{job_id}/mesh, GET /update-jobs/{job_id}/mesh/shapes
 jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
 read    viewer  GET /joint-updates/{joint_id}/figures, GET /joint-updates/{joint_id}/figures/{name}
