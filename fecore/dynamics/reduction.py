@@ -119,7 +119,8 @@ class ReducedModel:
         count: how many modes are asked for.
         loads: (dofs, l) unit forces whose static deflections the basis has to hold too.
         tolerance: largest estimated relative error of a natural frequency.
-        held: eigenvalue up to which modes keep the tolerance, wherever they come to lie, and have derivative vectors.
+        held: eigenvalue up to which modes keep the tolerance, wherever they come to lie. They have derivative vectors, and
+            so have those close above them, whose errors would be pooled with theirs.
         changes: (k, d) and (j, d) changes of the coefficients that are to come, about as large as they will; it starts with
             the motion's first derivatives along them. None: each coefficient by itself.
     """
@@ -158,7 +159,7 @@ class ReducedModel:
         rigid = modes.shapes[:, : modes.rigid]
         self._vectors = rigid / np.sqrt(-modes.shift) if modes.rigid else rigid
         self._images = self._metric @ self._vectors
-        held = max(int(np.searchsorted(modes.eigenvalue, self._held)), modes.rigid)
+        held = max(int(np.searchsorted(modes.eigenvalue, self._held / (1 - _CLOSE))), modes.rigid)
         self._add_with_derivatives(modes.shapes[:, modes.rigid : held])
         if held < modes.eigenvalue.size:
             self._add(self._unit_energy(modes.shapes[:, held:]), self._kept)

@@ -28,9 +28,9 @@ __all__ = ["EXTRA_MODES", "ForwardModel", "ForwardState", "modes_to_cover"]
 EXTRA_MODES = 3
 """Modes beyond the measured ones, at least, so that neighbours can be paired."""
 
-_OF_MODEL_ERROR = 0.01  # share of the model's own error that a reduced basis may add to it
+_OF_MODEL_ERROR = 0.03  # share of the model's own error that a reduced basis may add to it
 _COVERED, _COVERED_IN_SPACE = 2.0, 1.3  # times the highest frequency: modes up to there are solved for …
-_HELD_IN_SPACE = 1.1  # … and a basis of a body in space, which has many modes, holds those up to here
+_HELD_IN_SPACE = 1.05  # … and a basis of a body in space, which has many modes, holds those up to here
 
 
 @dataclass(frozen=True)
