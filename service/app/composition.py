@@ -31,6 +31,7 @@ from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records
 from service.store.search.routes import router as search
+from service.store.search.saved import router as saved_searches
 from service.store.storage.routes import router as storage
 from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
@@ -57,6 +58,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     updating,
     plans,
     search,
+    saved_searches,
     results,
     measured_figures,
     monitoring,

@@ -48,6 +48,8 @@ def test_pages_show_what_is_there(
         "/ui/update-jobs": "No update yet",
         "/ui/compare": "Choose results",
         "/ui/monitors": "No monitor yet",
+        "/ui/search?noun=structures&for=FRP": "1 structures",
+        "/ui/search?noun=results&for=Ex < 30e9 AND tag = 'x'": "Nothing is found",
         "/ui/keys": "Begins with",
         f"/ui/imports/{points['id']}": "0 FRFs, 1 grid point, 0 modes",
     }

@@ -81,17 +81,19 @@ def _named(places: FloatArray) -> dict[str, list[float | None]]:
 
 
 def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Both shapes real, with their greatest value ±1 and alike in sign.
-
-    The complex shape is turned so that as much of it as possible is real: by half the angle of Σφ².
-    """
+    """Both shapes real, with their greatest value ±1 and alike in sign."""
     updated = updated / max(float(np.abs(updated).max(initial=0.0)), 1e-300)
     if measured.size == 0:
         return np.zeros(0), updated
-    real = (measured * np.exp(-0.5j * np.angle(np.sum(measured**2)))).real
+    real = turned(measured).real
     if real @ updated[: real.size] < 0:
         real = -real
     return real / max(float(np.abs(real).max()), 1e-300), updated
+
+
+def turned(shape: ComplexArray) -> ComplexArray:
+    """A complex shape, turned so that as much of it as possible is real: by half the angle of Σφ²."""
+    return np.asarray(shape * np.exp(-0.5j * np.angle(np.sum(shape**2))))
 
 
 class _Grid:

@@ -16,8 +16,9 @@ from service.show.pages.grid import draw_grid
 from service.show.pages.joint import joint_updates_of
 from service.show.pages.look import VisitDep
 from service.show.pages.names import NamedJob, name_jobs, over_time
+from service.show.pages.space import has_mesh, points_in_space
 from service.store.campaigns import routes as campaigns
-from service.store.campaigns.operations import campaign_for, stored_points
+from service.store.campaigns.operations import campaign_for, frame_of, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
@@ -28,6 +29,7 @@ from service.store.imports import routes as imports
 from service.store.modes import routes as modes
 from service.store.records import routes as records
 from service.store.records.schemas import RecordOut
+from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
 from service.web.routing import page_router
 
@@ -51,9 +53,14 @@ def get_structure(
         visit.session, visit.user, structure=structure_id, status=["succeeded"], limit=MOST
     ).items
     newest = _newest(name_jobs(visit, jobs, ("verdict", "parameters", "modes")))
+    context = visit.in_structure(structure_id)
+    sent = models.of_jobs.page(visit.session, visit.user, structure_id, limit=1).items
     return visit.show(
         "structure.html",
-        **visit.in_structure(structure_id),
+        **context,
+        has_mesh=has_mesh(context["structure"]),
+        model=models.get_model(structure_id, visit.session, visit.user) if context["structure"].model else None,
+        sent=sent[0] if sent else None,
         campaigns=sorted(shown, key=lambda c: c.performed_at or c.created_at),
         all_campaigns=len(listed.items),
         following=listed.next_cursor,
@@ -91,7 +98,8 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     """A campaign: upload, grid to scale, FRF viewer, files, mode sets, hits, updates."""
     context = visit.in_campaign(campaign_id, deleted=False)
     listed = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000)
-    points = specimen_points(visit.session, campaign_for(visit.session, visit.user, campaign_id))
+    campaign = campaign_for(visit.session, visit.user, campaign_id)
+    points, counts = specimen_points(visit.session, campaign), _measured_points(listed.items)
     jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
     blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
     processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
@@ -101,7 +109,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         **context,
         frfs=listed.items,
         more_frfs=listed.next_cursor is not None,
-        grid=draw_grid(points, context["structure"].geometry, _measured_points(listed.items)),
+        grid=draw_grid(points, context["structure"].geometry, counts),
+        space=points_in_space(points, listed.items, counts, frame_of(campaign)),
+        has_mesh=has_mesh(context["structure"]),
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
         mode_sets=modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items,

@@ -126,25 +126,6 @@ def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
     return {"filename": row.filename, "sets": row.document["sets"]}
 
 
-def mesh_of(model: FiniteElementModel) -> dict[str, Any]:
-    """Nodes and elements of a model, for a page that draws it."""
-    return {
-        "nodes": {
-            "numbers": model.numbers.tolist(),
-            **{f"{axis}_m": model.nodes[:, k].tolist() for k, axis in enumerate("xyz")},
-        },
-        "blocks": [
-            {
-                "set": block.set,
-                "kind": block.kind,
-                "numbers": block.numbers.tolist(),
-                "nodes": block.nodes.tolist(),
-            }
-            for block in model.elements
-        ],
-    }
-
-
 def model_sizes(session: Session, rows: list[StructureModel]) -> dict[bytes, int]:
     """Bytes of the decks, by SHA-256."""
     return original_sizes(session, [row.sha256 for row in rows])

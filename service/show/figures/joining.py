@@ -1,0 +1,35 @@
+"""Which measured points are neighbours, so that a picture joins them as an eye would.
+
+Two points are joined where the ball between them holds no other (Gabriel and Sokal, Systematic Zoology 18, 1969): of a
+rectangular grid its rows and columns, of irregular points a part of their triangulation, never a zigzag.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy
+
+from fecore.arrays import FloatArray
+
+NEAREST = 128
+"""Candidates of a point: in a grid of up to so many points all, in a larger one all that are near."""
+
+_TOUCHING = 1e-6  # share of a ball's radius within which a point lies on it, such as the other corners of a square
+
+
+def joined(places: FloatArray) -> list[tuple[int, int]]:
+    """Pairs of numbers of (p, 3) places that are neighbours, the lower number first, m."""
+    distinct, first = np.unique(places, axis=0, return_index=True)
+    count = len(distinct)
+    if count < 2:
+        return []
+    tree = scipy.spatial.cKDTree(distinct)
+    _, near = tree.query(distinct, k=min(NEAREST, count))
+    a = np.repeat(np.arange(count), near.shape[1])
+    b = near.ravel()
+    a, b = a[a < b], b[a < b]
+    third = tree.query((distinct[a] + distinct[b]) / 2, k=[3])[0][:, 0]  # the nearest are the two themselves
+    alone = third > (1 + _TOUCHING) * np.linalg.norm(distinct[a] - distinct[b], axis=1) / 2
+    return sorted(
+        (min(i, j), max(i, j)) for i, j in zip(first[a[alone]].tolist(), first[b[alone]].tolist(), strict=True)
+    )
