@@ -12,7 +12,7 @@ from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, poles
 from fecore.modal.compression import compress
 from fecore.modal.drift import Drift, in_band, session_of, sessions, without_drift
-from fecore.modal.error_model import memory
+from fecore.modal.error_model import memory, shared_error
 from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import (
     ENOUGH,
@@ -202,4 +202,4 @@ def _last(data: _Data, fit: Level) -> Fit:
     variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured)
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return replace(fit, memory=tau, sessions=session_of(arrangement))
+    return replace(fit, memory=tau, sessions=session_of(arrangement), shared=shared_error(arrangement, fit))

@@ -81,6 +81,7 @@ class Fit(Level):
         lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
         pull: (N, parameters) what each FRF adds to the gradient of -χ²/2.
         sessions: (N,) number of the test that each FRF belongs to, where the scatter between tests is to count.
+        shared: (n,) relative error of each mode's curve that all FRFs share.
     """
 
     freedom: int
@@ -88,6 +89,7 @@ class Fit(Level):
     lever: FloatArray
     pull: FloatArray
     sessions: IntArray | None = None
+    shared: FloatArray | float = 0.0
 
     @property
     def gradient(self) -> FloatArray:
@@ -116,7 +118,9 @@ class Fit(Level):
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
 
         A null direction of the information gives its own parameters a large variance and touches no other. Where the sessions
-        are known, each standard deviation is at least what the scatter between them shows (`_between`).
+        are known, each standard deviation is at least what the scatter between them shows (`_between`). A shift of a pole by δ
+        half bandwidths changes its curve by δ/√2 in the mean over it: errors e that all FRFs share are taken to have shifted it
+        by as much as they have left, √2 e.
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
@@ -124,7 +128,8 @@ class Fit(Level):
             vector.T**2 > _TOUCHED, vector.T**2, 0.0
         )
         inverse = inverse / scale[:, None] / scale
-        return widened(inverse, self.inflation, self.pull, self.sessions)
+        shifts = np.tile(2 * (self.shared * self.terms.damping_ratio) ** 2, 2)
+        return np.asarray(widened(inverse, self.inflation, self.pull, self.sessions) + np.diag(shifts))
 
 
 def widened(inverse: FloatArray, inflation: float, pull: FloatArray, sessions: IntArray | None) -> FloatArray:
