@@ -95,7 +95,8 @@ def get_shown(api: httpx.Client, address: str) -> None:
     assert "400 × 60 × 80 mm (length × width × height), 1850 kg/m³" in report
     assert "angle: flange 4 mm, web 4 mm" in report
     assert api.get(f"{base}/report", params={"format": "pdf"}).content.startswith(b"%PDF")
-    assert "body in space" in ok(api.get(f"{base}/cards"), 409)["detail"]
+    for name in ("cards", "deck"):
+        assert "/model/mesh?format=uff" in ok(api.get(f"{base}/{name}"), 409)["detail"]
 
 
 def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project: str) -> None:
@@ -202,6 +203,14 @@ def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> 
     campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
     problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 422)
     assert "wall flange: a model needs it" in problem["detail"]
+    heavy = made(api, project)["id"]
+    campaign = ok(api.post(f"structures/{heavy}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    along = {"springs": [{"name": "bed", "stiffness": 1e4, "direction": 3, "edge": "lower"}]}
+    problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json=along), 422)["errors"][0]
+    assert (problem["pointer"], problem["detail"]) == (
+        "/springs/0/edge",
+        "is lower; this body in space has start, end",
+    )
     plan = ok(api.post(f"structures/{made(api, project)['id']}/plans", json={}), 422)
     assert "body in space" in plan["detail"]
 
