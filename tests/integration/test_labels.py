@@ -120,6 +120,7 @@ def test_frfs_and_results_take_labels(service: LocalService, api: httpx.Client, 
         assert job.label(tags=["approved"]) == {"tags": ["approved"], "meta": {}}
         assert [row["id"] for row in lab.find("results", "tag = 'approved'")] == [labelled["job"]]
         assert campaign.change(tags=["autumn"]).tags == ["autumn"]
+        assert lab.campaign(f"{BEAM['name']}/b").change(tags=["found by name"]).tags == ["found by name"]
         structure = lab.structure(labelled["structure"]).change(meta={"span": 4})
         assert (structure.version, structure.tags, structure.meta) == (1, ["bridge"], {"span": 4})
     stale = api.put(f"update-jobs/{labelled['job']}/labels", json={}, headers={"If-Match": '"x"'})

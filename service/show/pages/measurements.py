@@ -8,7 +8,7 @@ from typing import Annotated
 from uuid import UUID
 
 from fastapi import Query
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.monitoring import routes as monitoring
 from service.show.hits import AXES
@@ -31,6 +31,7 @@ from service.store.records import routes as records
 from service.store.records.schemas import RecordOut
 from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
+from service.web.parameters import etag_of
 from service.web.routing import page_router
 
 router = page_router()
@@ -58,6 +59,7 @@ def get_structure(
     return visit.show(
         "structure.html",
         **context,
+        etag=etag_of(context["structure"]),
         has_mesh=has_mesh(context["structure"]),
         model=models.get_model(structure_id, visit.session, visit.user) if context["structure"].model else None,
         sent=sent[0] if sent else None,
@@ -72,6 +74,13 @@ def get_structure(
         boundary=boundary,
         name=name,
     )
+
+
+@router.get("/models/{model_id}")
+def get_model(model_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> Response:
+    """A model's structure; `part` is the piece that says how far its reading is, and replaces itself."""
+    model = models.of_jobs.one(visit.session, visit.user, model_id)
+    return visit.show_progress(model, "models") if part else RedirectResponse(f"../structures/{model.structure_id}")
 
 
 def _wanted(campaign: CampaignOut, boundary: str | None, name: str) -> bool:

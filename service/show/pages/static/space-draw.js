@@ -50,7 +50,7 @@ class Body {
     });
   }
   add(Kind, of, index, material) {
-    if (!index.length) return;
+    if (!index.length) return null;
     const geometry = new this.three.BufferGeometry();
     geometry.setAttribute("position", this.rest[of]);
     geometry.setIndex(new this.three.BufferAttribute(Uint32Array.from(index), 1));
@@ -58,6 +58,7 @@ class Body {
     part.frustumCulled = false; // its motion is not in its box
     this.moving[of].push(geometry);
     this.group.add(part);
+    return part;
   }
   /* How the shape moves nodes and points; what has none stays. */
   move(shape, amplitude) {
@@ -119,6 +120,10 @@ function bodyOf(three, scene, rest, colors, look) {
   body.add(three.Points, "points", among((p) => !p.off && p.frfs !== 0), dot(colors.measured, 7));
   body.add(three.Points, "points", among((p) => !p.off && p.frfs === 0), dot(colors.hint, 6));
   body.add(three.Points, "points", among((p) => p.off), dot(colors.bad, 9));
+  if (scene.points.length) {
+    body.marker = body.add(three.Points, "points", [0], dot(colors.initial, 14));
+    body.marker.renderOrder = 2;
+  }
   const which = (role) => scene.arrows.flatMap((arrow, i) => (arrow.role === role ? [0, 1, 2, 3, 4, 5].map((k) => 6 * i + k) : []));
   body.add(three.LineSegments, "arrows", which("response"), body.material("line", colors.measured));
   body.add(three.LineSegments, "arrows", which("reference"), body.material("line", colors.initial));
@@ -176,22 +181,17 @@ export class Space {
     this.bodies = looks.map((look) => bodyOf(three, scene, rest, colors, look));
     this.bodies.forEach((body, i) => body.move(shapes[i], 0.2 * this.radius));
     this.scenes = this.bodies.map(({ group }) => { const made = new three.Scene(); made.add(group); return made; });
-    this.marked = null;
     this.select(this.chosen ?? -1);
     this.resize();
     if (before !== this.beside) this.home();
   }
-  /* Mark a point, by its number in the list. */
+  /* Mark a point, by its number in the list; −1 marks none. */
   select(i) {
     this.chosen = i;
-    const body = this.bodies.find(({ moving }) => moving.points.length) ?? this.bodies[0];
-    if (this.marked) { body.group.remove(this.marked); body.moving.points.pop(); this.marked.geometry.dispose(); this.marked.material.dispose(); }
-    this.marked = null;
-    if (i >= 0 && body) {
-      body.add(this.three.Points, "points", [i], body.material("point", this.colors.initial, { size: 14 * devicePixelRatio }));
-      this.marked = body.group.children.at(-1);
-      this.marked.renderOrder = 2;
-      body.move(body.shape, body.reach);
+    for (const { marker } of this.bodies) if (marker) {
+      marker.visible = i >= 0;
+      marker.geometry.index.setX(0, Math.max(i, 0));
+      marker.geometry.index.needsUpdate = true;
     }
     this.dirty();
   }
