@@ -30,8 +30,9 @@ SENSOR = 0.01
 LOSS = 0.05
 """Standard deviation of a relative change of a stiffness: what monitors are there for."""
 
-CLIMATE = 0.02
-"""Standard deviation of a relative change of all stiffness by climate that was not given: 0.1 % a kelvin over a season."""
+CLIMATE = {"temperature_c": 0.02, "humidity_percent": 0.005}
+"""Standard deviations of a relative change of all stiffness over a season by what was not given: 0.1 % for each
+kelvin of 20, and 2.5 % for each per cent of water, of which a laminate indoors takes up 0.2 %."""
 
 CALIBRATION = 0.1
 """Standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip."""
@@ -70,7 +71,7 @@ class Effects:
         sites: (P, 3) where a mass may be, m, as evenly spread as a mesh.
         mass: (f, P) change by a mass at each of them, 1/kg.
         covariates: (f,) by name, slopes by a covariate that is regressed out.
-        not_given: covariates that are not.
+        not_given: covariates that are not, of those that `CLIMATE` knows.
     """
 
     stiffness: Mapping[str, FloatArray]
@@ -196,7 +197,8 @@ def _climate(effects: Effects) -> list[_Candidate]:
         return []
     size = np.linalg.norm(alike)
     slopes = [slope * size / np.linalg.norm(slope) for slope in effects.covariates.values() if np.any(slope)]
-    return [_Candidate({"all stiffness": (each, CLIMATE)}) for each in (alike, *slopes)]
+    sd = float(np.linalg.norm([CLIMATE[name] for name in effects.not_given]))
+    return [_Candidate({"all stiffness": (each, sd)}) for each in (alike, *slopes)]
 
 
 def _alone_and_together(effects: Mapping[str, FloatArray], sd: float) -> list[_Candidate]:

@@ -10,14 +10,13 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.updating.campaign_layout import MATERIAL, MATERIAL_PARAMETERS, Campaign, check_material, clamped, lay_out
-from fecore.updating.contradictions import Agreement, Check, Conflict, agreements, conflicts
+from fecore.updating.contradictions import Agreement, Conflict, compare_sources
 from fecore.updating.discretisation import meshed
-from fecore.updating.elastic_findings import USUAL_MISS, pairing_findings, points_beyond
+from fecore.updating.elastic_findings import USUAL_MISS, contradiction, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
-from fecore.updating.excursions import REACH_95
-from fecore.updating.findings import Level, found, judge, listed, modes_of, ordered, plus_minus, warnings
+from fecore.updating.findings import Level, found, judge, modes_of, ordered, warnings
 from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
@@ -36,9 +35,6 @@ __all__ = [
     "lay_out",
     "update_campaigns",
 ]
-
-
-_NAMED = 4  # sources in one sentence
 
 
 @dataclass(frozen=True)
@@ -141,13 +137,12 @@ def update_campaigns(
         layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons, scatter=scatter
     )
     progress("comparing the campaigns", 0.7)
-    alone = agreements(elastic, scatter)
-    against = conflicts(elastic, scatter)
+    against, alone = compare_sources(elastic, scatter)
     progress("making intervals", 0.9)
     parameters = tuple(constant_estimates(elastic, None))
     causes = {conflict.cause.owner for conflict in against} - {""}
     parts = tuple(_part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready))
-    findings = [*map(_contradiction, against), *_findings(elastic, parts)]
+    findings = [*map(contradiction, against), *_findings(elastic, parts)]
     for model, campaign in zip(layout.campaigns, ready, strict=True):
         findings += points_beyond(model.forward, campaign.inputs, campaign.name)
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
@@ -203,39 +198,6 @@ def _odd_one_out(against: Sequence[Conflict], campaigns: Sequence[Campaign]) -> 
     owners = {each.owner for each in (against[0].cause, *against[0].rivals)}
     odd = [campaign.name for campaign in campaigns if owners <= _owners(campaign)]
     return odd[0] if len(odd) == 1 else None
-
-
-def _contradiction(conflict: Conflict) -> Finding:
-    """What contradicts the other data, which causes are as likely, and what is cleared."""
-    cause = conflict.cause
-    rivals = listed([_explained(each) for each in conflict.rivals], _NAMED)
-    cleared = listed(conflict.cleared, _NAMED)
-    return found(
-        "sources_conflict",
-        level="do_not_use" if cause.kind == "campaign" or conflict.moved > REACH_95 else None,
-        cause=_explained(cause),
-        p=cause.p,
-        rivals=f"; nearly as likely: {rivals}" if rivals else "",
-        cleared=f"; it also explains what contradicts {cleared}" if cleared else "",
-    )
-
-
-def _explained(check: Check) -> str:
-    """A cause as a sentence says it: `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`."""
-    if check.kind == "campaign":
-        return f"{check.name} as one of another material, angle or boundary than stated"
-    if check.kind == "scatter":
-        (said,) = check.said
-        return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"
-    several, words = len(check.said) > 1, []
-    for said in check.said:
-        found, stated = (
-            plus_minus(said.constant, *each) for each in ((said.rest, said.rest_sd), (said.stated, said.stated_sd))
-        )
-        words.append(
-            f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead of {stated}"
-        )
-    return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
 
 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:

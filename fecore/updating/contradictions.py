@@ -10,9 +10,12 @@ grow with every contradiction and hide it; that specimens scatter more is one of
 a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
 all of them together (posterior predictive χ²).
 
-Where a source contradicts, each one is a possible cause. A slip of ten times the stated error multiplies the evidence by
-N(y; m, 100σ² + v)/N(y; m, σ² + v); that of a campaign is another material, or any other body. The likeliest cause is allowed
-for, and the others are looked at anew: those that still contradict have causes of their own, the rest are cleared.
+Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
+of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
+A source explains what contradicts where some of it does so no longer once the slip is allowed for. One that the rest says
+nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. The likeliest explanation is the
+cause. It is allowed for, and the others are looked at anew: those that still contradict have causes of their own, the rest are
+cleared.
 """
 
 from __future__ import annotations
@@ -32,8 +35,8 @@ from fecore.updating.posterior import LinearProblem, Mixture
 FALSE_ALARMS = 0.05
 """Probability that any source of an update is said to contradict the others where all are as good as stated."""
 
-SLIP = 10.0
-"""Standard deviation of a slip, in those that are stated: a digit, a unit, another specimen's number."""
+SLIPS = (3.0, 10.0, 30.0, 100.0)
+"""Standard deviations of slips, in those that are stated, each as likely: a worn edge, a digit, another specimen, a unit."""
 
 ANYTHING = 0.05
 """Standard deviation of a frequency of a campaign that is of another body or boundary than stated, as a share of it."""
@@ -44,7 +47,7 @@ RIVAL = float(np.log(20.0))
 """Log evidence by which another cause must be behind to be ruled out."""
 
 
-_UNSAID = 1e-9  # of what a source says is left where the rest says nothing, so that matrices can be inverted
+_UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrices can be inverted
 
 
 @dataclass(frozen=True)
@@ -69,6 +72,7 @@ class Check:
         evidence: logarithm of how much likelier the data are where this source is off by a slip.
         owner: the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it.
         said: of each constant that it says; nothing of a campaign.
+        slip: the likeliest standard deviation of a slip of a coupon or an input, in those that are stated.
     """
 
     kind: str
@@ -77,6 +81,7 @@ class Check:
     evidence: float
     owner: str = ""
     said: tuple[Said, ...] = ()
+    slip: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -85,7 +90,7 @@ class Conflict:
 
     Attributes:
         cause: the likeliest.
-        rivals: other causes that the data do not rule out, the likeliest first.
+        rivals: other explanations that the data do not rule out, the likeliest first.
         cleared: names of sources that contradict no more once the cause is allowed for.
         moved: how far a constant then moves at most, in its stated standard deviations.
     """
@@ -113,20 +118,24 @@ class Agreement:
     z: FloatArray
 
 
-def conflicts(elastic: ElasticResult, scatter_scale: float) -> tuple[Conflict, ...]:
-    """Find the sources that contradict the others, each with its likeliest cause.
+def compare_sources(
+    elastic: ElasticResult, scatter_scale: float = 0.0
+) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
+    """Sources that contradict the others, each with its likeliest cause; and each campaign beside the others, in its order.
 
     Args:
         elastic: an update; of a single campaign its inputs and priors are the sources.
         scatter_scale: scale of the prior of the scatter between specimens; 0 for none.
     """
-    sources, found = _Sources.of(elastic, scatter_scale), list[Conflict]()
-    checks = sources.checks()
+    sources = _Sources.of(elastic, scatter_scale)
+    return _conflicts(sources), tuple(_agreement(sources, number) for number in range(len(elastic.rows)))
+
+
+def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
+    checks, found = sources.checks(), list[Conflict]()
     while against := sources.contradicting(checks):
-        likeliest = sorted(checks, key=lambda each: -each.evidence)
-        cause = likeliest[0] if likeliest[0].evidence > 0 else min(against, key=lambda each: each.p)
-        rivals = [each for each in likeliest if each is not cause and each.evidence > max(0.0, cause.evidence - RIVAL)]
-        sources = sources.allowing(cause.name)
+        cause, *rivals = sources.explanations(checks, against)
+        sources = sources.allowing(cause)
         checks = sources.checks()
         left = {each.name for each in sources.contradicting(checks)}
         cleared = tuple(each.name for each in against if each.name not in {cause.name, *left})
@@ -196,37 +205,59 @@ class _Sources:
         """Those of some checks that are too improbable to be chance."""
         return [each for each in checks if each.p < FALSE_ALARMS / self.count]
 
+    def explanations(self, checks: Sequence[Check], against: Sequence[Check]) -> list[Check]:
+        """Which sources explain what contradicts, the likeliest first; where none does, what contradicts most."""
+        found, names = list[Check](), {each.name for each in against}
+        for each in sorted(checks, key=lambda each: -each.evidence):
+            if each.evidence <= (found[0].evidence - RIVAL if found else 0.0):
+                break
+            allowed = self.allowing(each)
+            left = {other.name for other in allowed.contradicting(allowed.checks())}
+            if names - left:
+                found.append(each)
+        return found or [min(against, key=lambda each: each.p)]
+
     @property
     def moved(self) -> float:
         """How far a shared constant is at most from the estimate, in its stated standard deviations."""
-        q = len(self.elastic.layout.shared)
-        off = self.posterior.weight @ self.posterior.shift[:, :q]
-        return float(np.max(np.abs(off) / np.sqrt(np.diag(self.elastic.mixture.total))[:q]))
+        off = self.posterior.weight @ self.posterior.shift[:, : len(self.elastic.layout.shared)]
+        return float(np.max(np.abs(off) / np.sqrt(np.diag(self.elastic.mixture.total))[: off.size]))
 
     def checks(self) -> list[Check]:
         """Each source that is not allowed a slip beside all others."""
-        return [*map(self._of_statement, self.statements), *map(self._of_campaign, self.campaigns), *self._of_scatter()]
+        return [*map(self._of_statement, self.statements), *map(self._of_campaign, self.campaigns), *self.of_scatter]
 
-    def _of_scatter(self) -> list[Check]:
+    @cached_property
+    def beside_the_rest(self) -> dict[int, tuple[FloatArray, FloatArray, FloatArray]]:
+        """Each campaign's believed frequencies beside what the others predict: (m,) weights over the discrepancy, (m, n)
+        ln f measured over predicted, and (m, n, n) its covariance.
+        """
+        return {
+            number: _beside_the_rest(self.problem, self.elastic.rows[number], self.scatter) for number in self.campaigns
+        }
+
+    @cached_property
+    def of_scatter(self) -> tuple[Check, ...]:
+        """That specimens scatter more than the prior's scale, where they may."""
         if not self.scatter or not self.may_scatter_more:
-            return []
+            return ()
         evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
-        return [Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),))]
+        return (Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),)),)
 
-    def allowing(self, name: str) -> _Sources:
+    def allowing(self, check: Check) -> _Sources:
         """The same where one source may be off by a slip."""
-        if name == SCATTER:
-            return replace(self, scatter=self._of_scatter()[0].said[0].rest, may_scatter_more=False)
+        if check.kind == "scatter":
+            return replace(self, scatter=check.said[0].rest, may_scatter_more=False)
         for number in self.campaigns:
-            if self._named(number) == name:
+            if self._named(number) == check.name:
                 at = self.elastic.rows[number]
                 noise = self.problem.noise.copy()
                 noise[at, at] += ANYTHING**2 * np.eye(at.stop - at.start)
                 rest = tuple(other for other in self.campaigns if other != number)
                 return replace(self, problem=replace(self.problem, noise=noise), campaigns=rest)
-        (source,) = (each for each in self.statements if each.name == name)
+        (source,) = (each for each in self.statements if each.name == check.name)
         others = tuple(each for each in self.statements if each is not source)
-        return replace(self, problem=_loosened(self.problem, source), statements=others)
+        return replace(self, problem=_loosened(self.problem, source, check.slip), statements=others)
 
     def _of_statement(self, source: _Statement) -> Check:
         posterior, at, own = self.posterior, list(source.places), np.diag(source.sds**2)
@@ -236,18 +267,23 @@ class _Sources:
         V = np.linalg.inv(precision - np.diag((1 - _UNSAID) / source.sds**2))
         m = (V @ (precision @ mean[..., None] - (source.values / source.sds**2)[:, None]))[..., 0]
         off = source.values - m
-        as_stated, slipped = (_log_gaussian(off, V + scale**2 * own) for scale in (1.0, SLIP))
+        as_stated = _log_gaussian(off, V + own)
         log_weight = _log(posterior.weight) - as_stated
         weight = scipy.special.softmax(log_weight)
-        evidence = scipy.special.logsumexp(log_weight + slipped) - scipy.special.logsumexp(log_weight + as_stated)
-        rest = weight @ m
+        slipped = [scipy.special.logsumexp(log_weight + _log_gaussian(off, V + k**2 * own)) for k in SLIPS]
+        evidence = scipy.special.logsumexp(slipped) - scipy.special.logsumexp(log_weight + as_stated, b=len(SLIPS))
+        rest, elsewhere = weight @ m, self.problem.x.copy()
+        elsewhere[at] = rest
+        if not self.elastic.layout.are_believable(elsewhere):
+            return Check(source.kind, source.name, 1.0, 0.0, source.owner)
         spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
-        return Check(source.kind, source.name, _beyond(weight, off, V + own), float(evidence), source.owner, said)
+        p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
+        return Check(source.kind, source.name, p, float(evidence), source.owner, said, slip)
 
     def _of_campaign(self, number: int) -> Check:
         kept = self.problem.weights[self.elastic.rows[number]] > 0
-        weight, missed, V = _beside_the_rest(self.problem, self.elastic.rows[number], self.scatter)
+        weight, missed, V = self.beside_the_rest[number]
         other = self._by_material(number)[np.ix_(kept, kept)]
         along = scipy.linalg.eigh(other, np.einsum("m,mij->ij", weight, V))[1][:, -1]
         z = missed @ along / np.sqrt(along @ V @ along)
@@ -279,17 +315,17 @@ class _Sources:
 
 
 def _labelled(unknown: Unknown) -> str:
-    return unknown.label if unknown.owner else f"prior of {unknown.name}"
+    return f"prior of {unknown.name}" if unknown.owner is None else unknown.label
 
 
-def _loosened(problem: LinearProblem, source: _Statement) -> LinearProblem:
+def _loosened(problem: LinearProblem, source: _Statement, slip: float) -> LinearProblem:
     """The problem where a source may be off by a slip."""
     places, size = list(source.places), problem.x.size
     if source.kind == "input":
-        wider = np.where(np.isin(np.arange(size), places), SLIP, 1.0)
+        wider = np.where(np.isin(np.arange(size), places), slip, 1.0)
         return replace(problem, sd=lambda scatter: wider * problem.sd(scatter))
     less, off = np.zeros(size), np.zeros(size)
-    less[places] = (1 - SLIP**-2) / source.sds**2
+    less[places] = (1 - slip**-2) / source.sds**2
     off[places] = source.values - problem.x[places]
     return replace(
         problem,
@@ -310,15 +346,7 @@ def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
     return log
 
 
-def agreements(elastic: ElasticResult, scatter_scale: float) -> tuple[Agreement, ...]:
-    """Of each campaign in its order."""
-    return tuple(_agreement(elastic, number, scatter_scale) for number in range(len(elastic.rows)))
-
-
 def _beside_the_rest(problem: LinearProblem, at: slice, scatter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """A campaign's believed frequencies beside what the others predict: (m,) weights over the discrepancy, (m, n) ln f
-    measured over predicted, and (m, n, n) its covariance.
-    """
     others = problem.only(~_among(problem, at)).at_scatter(scatter)
     kept = problem.weights[at] > 0
     S, noise = problem.sensitivity[at][kept], problem.noise[at, at][np.ix_(kept, kept)]
@@ -332,11 +360,11 @@ def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> f
     return float(weight @ scipy.special.chdtrc(float(missed.shape[1]), distance))
 
 
-def _agreement(elastic: ElasticResult, number: int, scatter_scale: float) -> Agreement:
-    problem, q = elastic.problem, len(elastic.layout.shared)
-    at = elastic.rows[number]
-    p = _beyond(*_beside_the_rest(problem, at, scatter_scale)) if len(elastic.rows) > 1 else None
-    alone = problem.only(_among(problem, at))
+def _agreement(sources: _Sources, number: int) -> Agreement:
+    elastic, problem = sources.elastic, sources.problem
+    q = len(elastic.layout.shared)
+    p = _beyond(*sources.beside_the_rest[number]) if sources.campaigns else None
+    alone = problem.only(_among(problem, elastic.rows[number]))
     step, covariance = alone.solve(elastic.discrepancy, elastic.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))

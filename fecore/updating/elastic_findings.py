@@ -7,8 +7,10 @@ import numpy as np
 from fecore.body.named import OfStructure
 from fecore.body.specimen import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
+from fecore.updating.contradictions import Check, Conflict, compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
-from fecore.updating.findings import Level, amount, found, listed, modes_of, remarks
+from fecore.updating.excursions import REACH_95
+from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.result import Finding
@@ -41,7 +43,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
-        *_far_from_prior(elastic),
+        *map(contradiction, compare_sources(elastic)[0]),
         *_confounded(elastic),
     ]
 
@@ -127,19 +129,37 @@ def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
     return [found("frequencies_missed", level=level, percent=100 * elastic.misfit)]
 
 
-def _far_from_prior(elastic: ElasticResult) -> list[Finding]:
-    prior, theta, away = elastic.updated.forward.parametrisation, elastic.theta, elastic.away
-    return [
-        found(
-            "far_from_prior",
-            name=prior.names[i],
-            away=abs(away[i]),
-            side="above" if away[i] > 0 else "below",
-            value=amount(prior.names[i], theta[i]),
-            mean=amount(prior.names[i], prior.prior_mean[i]),
+def contradiction(conflict: Conflict) -> Finding:
+    """What contradicts the other data, which causes are as likely, and what is cleared."""
+    cause = conflict.cause
+    rivals = listed([_explained(each) for each in conflict.rivals], _NAMED)
+    cleared = listed(conflict.cleared, _NAMED)
+    return found(
+        "sources_conflict",
+        level="do_not_use" if cause.kind == "campaign" or conflict.moved > REACH_95 else None,
+        cause=_explained(cause),
+        p=cause.p,
+        rivals=f"; nearly as likely: {rivals}" if rivals else "",
+        cleared=f"; it also explains what contradicts {cleared}" if cleared else "",
+    )
+
+
+def _explained(check: Check) -> str:
+    """A cause as a sentence says it: `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`."""
+    if check.kind == "campaign":
+        return f"{check.name} as one of another material, angle or boundary than stated"
+    if check.kind == "scatter":
+        (said,) = check.said
+        return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"
+    several, words = len(check.said) > 1, []
+    for said in check.said:
+        found, stated = (
+            plus_minus(said.constant, *each) for each in ((said.rest, said.rest_sd), (said.stated, said.stated_sd))
         )
-        for i in np.flatnonzero(np.abs(away) > FAR)
-    ]
+        words.append(
+            f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead of {stated}"
+        )
+    return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
 
 
 def _confounded(elastic: ElasticResult) -> list[Finding]:

@@ -145,12 +145,6 @@ FINDINGS = {
         "of plate theory: a prior is too narrow, a constant fixed at a wrong value, or geometry, density or boundary wrong",
         "find the cause before you use the estimates",
     ),
-    "far_from_prior": Row(
-        "with_care",
-        20,
-        "{name} ended {away:.1f} prior standard deviations {side} its prior mean ({value} against {mean})",
-        "the prior or the model is wrong, and the interval allows for neither",
-    ),
     "confounded": Row(
         "with_care",
         10,
@@ -236,13 +230,13 @@ FINDINGS = {
         "{percent:.0f} %, and the interval of {name} allows for that",
         _WINDOW,
     ),
-    # of several campaigns
     "sources_conflict": Row(
         "with_care",
         70,
         "the data contradict each other (p = {p:.2g}), and the likeliest explanation is {cause}{rivals}{cleared}",
         "correct it or leave it out",
     ),
+    # of several campaigns
     "campaign_missed": Row(
         "with_care",
         40,

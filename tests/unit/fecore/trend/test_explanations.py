@@ -118,10 +118,16 @@ def test_a_loss_of_stiffness_is_called_stiffness(loss: float) -> None:
     assert np.mean([each.sizes["Ex"][0] for each in right if "Ex" in each.sizes]) == pytest.approx(loss, rel=0.1)
 
 
+def test_a_loss_of_several_moduli_is_more_than_humidity_does() -> None:
+    """A strip's modes see Ex and Gxy, so both together look as all stiffness does; the temperature is given."""
+    found = [ranked(seed, {"Ex": -0.03, "Gxy": -0.03})[0].kind for seed in range(10)]
+    assert found.count("stiffness") >= 9
+
+
 def test_a_climate_that_was_not_given_a_calibration_and_nothing_at_all() -> None:
     humid, calibrated, same = (
         [ranked(seed, **what)[0].kind for seed in range(5)]
-        for what in ({"changed": dict.fromkeys(BY_KELVIN, -0.02)}, {"scale": 0.15}, {})
+        for what in ({"changed": dict.fromkeys(BY_KELVIN, -0.007)}, {"scale": 0.15}, {})
     )
     assert humid.count("climate") >= 4
     assert calibrated.count("calibration") >= 4

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.contradictions import Conflict, conflicts
+from fecore.updating.contradictions import Conflict, compare_sources
 from fecore.updating.elastic import fit
 from fecore.updating.layout import Coupon
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import Parameter
+from fecore.updating.pipeline import update
 from fecore.updating.posterior import SCATTER
+from fecore.updating.recipe import Recipe
+from fecore.updating.result import Finding
 from tests.support.strips import TRUTH, measured
 
 LONG, SHORT = (0.30, 0.03, 0.005), (0.25, 0.03, 0.005)
@@ -29,7 +35,7 @@ def coupons(factor: float = 1.0) -> list[Coupon]:
 
 def found(campaigns: list[Campaign], batch: list[Coupon]) -> tuple[Conflict, ...]:
     elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, scatter=True), coupons=batch, scatter=SCATTER)
-    return conflicts(elastic, SCATTER)
+    return compare_sources(elastic, SCATTER)[0]
 
 
 def shortened(campaign: Campaign, by: float) -> Campaign:
@@ -70,10 +76,28 @@ def test_a_check_agrees_with_a_fit_without_its_source() -> None:
     """What the rest says of the coupons is what a fit without them says, up to the model's curvature."""
     campaigns = strips(0)
     layout = lay_out(campaigns, MATERIAL_PARAMETERS, scatter=False)
-    (conflict,) = conflicts(fit(layout, coupons=coupons(1.15)), 0.0)
+    (conflict,) = compare_sources(fit(layout, coupons=coupons(1.15)))[0]
     without = fit(layout)
     for said in conflict.cause.said:
         place = layout.shared.index(said.constant)
         sd = np.sqrt(without.mixture.total[place, place]) * said.rest
         assert said.rest == pytest.approx(layout.material(without.x)[place], abs=0.3 * sd)
         assert said.rest_sd == pytest.approx(sd, rel=0.2)
+
+
+def single(campaign: Campaign) -> list[Finding]:
+    """What an update of one campaign finds, whose moduli are known to 5 % beforehand."""
+    material = tuple(Parameter(name, prior_mean=value, prior_sd=0.05 * value) for name, value in TRUTH.items())
+    measurement = Measurement(None, campaign.points, campaign.modes, inputs=campaign.inputs)
+    findings = update(measurement, campaign.body, Recipe(parameters=material, damping_models=("rayleigh",))).findings
+    return [each for each in findings if each.kind == "sources_conflict"]
+
+
+def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:
+    """A thickness 15 % too small lets the strip bend as one of another material."""
+    campaign = strips(0)[0]
+    assert single(campaign) == []
+    thin = replace(campaign, body=replace(campaign.body, thickness=0.85 * campaign.body.thickness))
+    (conflict, *_) = single(thin)
+    assert re.search(r"explanation is thickness as (4\.[89]|5)", conflict.text)
+    assert conflict.level in ("with_care", "do_not_use")
