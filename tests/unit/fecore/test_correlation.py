@@ -230,7 +230,8 @@ def test_two_measured_modes_of_a_mixed_pair_both_have_partners_and_few_dofs_say_
     turn = np.array([[1.0, 1.0], [1.0, -1.0]])
     found = pair_modes(turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6, mixing=0.01)
     assert found.pairs == ((0, 0), (1, 1))
-    assert found.mac is not None and found.mac.diagonal() == pytest.approx([1.0, 1.0])
+    assert found.mac is not None
+    assert found.mac.diagonal() == pytest.approx([1.0, 1.0])
     assert not pair_modes(turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6).pairs
     # Two shapes span much of what a few dofs can show.
     few = pair_modes(turn @ np.eye(2, 8), np.eye(2, 8), [100.0, 100.1], [100.2, 100.3], 0.6, mixing=0.01)

@@ -202,7 +202,8 @@ def test_where_the_model_may_mix_two_modes_a_measured_one_is_compared_with_both(
     exact, inexact = (solved([243.3, 244.4, 309.0], shapes.tolist(), model_error=e) for e in (0.0, 0.003))
     alone, found = pair_with(modes, exact), pair_with(modes, inexact)
     assert alone.pairs == found.pairs == ((0, 1), (1, 2))
-    assert alone.mac is not None and found.mac is not None
+    assert alone.mac is not None
+    assert found.mac is not None
     assert alone.mac[0, 1] == pytest.approx(np.sin(1.0) ** 2, abs=0.01)
     assert found.mac[0, 1] > 0.99
     far = solved([243.3, 250.0, 309.0], shapes.tolist(), model_error=0.003)
