@@ -170,23 +170,31 @@ def import_archive(project: Project, path: Path) -> Imported:
     """Read an archive into a project; everything gets ids of the service, and says in `meta.archive` where it came from.
 
     Raises:
-        ClientError: the archive is broken, which is known before anything is sent, or the service refuses a part of it.
+        ClientError: the archive is not what was written, which is known before anything is sent; or a part of it is none of an
+            archive, or refused by the service.
     """
     with ArchiveFile(path) as archive:
         archive.check()
-        ids: dict[str, str] = {}
-        for name in archive.names("structures/", "/structure.json"):
-            was = archive.json(name)
-            ids[_id(was)] = _structure(project, archive, was).id
-        for name in archive.names("campaigns/", "/campaign.json"):
-            was = archive.json(name)
-            if (structure := ids.get(str(was.get("structure_id")))) is None:
-                raise _broken(f"{name} is of a structure that the archive does not have")
-            made = project.lab.connection.get(f"structures/{structure}")
-            campaign = _campaign(project, archive, was, made)
-            ids[_id(was)] = campaign.id
-            ids |= _measurements(campaign, archive, f"campaigns/{_id(was)}")
-        return Imported(ids, [name for name in archive.names("campaigns/", ".json") if "/results/" in name])
+        try:
+            return _imported(project, archive)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise _broken(f"{path.name} is not as an archive is: {type(error).__name__} {error}") from error
+
+
+def _imported(project: Project, archive: ArchiveFile) -> Imported:
+    structures = {
+        _id(was): _structure(project, archive, was)
+        for was in map(archive.json, archive.names("structures/", "/structure.json"))
+    }
+    ids = {was: made.fields["id"] for was, made in structures.items()}
+    for name in archive.names("campaigns/", "/campaign.json"):
+        was = archive.json(name)
+        if (structure := structures.get(str(was.get("structure_id")))) is None:
+            raise _broken(f"{name} is of a structure that the archive does not have")
+        campaign = _campaign(structure, archive, was)
+        ids[_id(was)] = campaign.id
+        ids |= _measurements(campaign, archive, f"campaigns/{_id(was)}")
+    return Imported(ids, [name for name in archive.names("campaigns/", ".json") if "/results/" in name])
 
 
 def _structure(project: Project, archive: ArchiveFile, was: Mapping[str, Any]) -> Structure:
@@ -202,14 +210,12 @@ def _structure(project: Project, archive: ArchiveFile, was: Mapping[str, Any]) -
     return made
 
 
-def _campaign(project: Project, archive: ArchiveFile, was: Mapping[str, Any], structure: dict[str, Any]) -> Campaign:
-    from modalbase.objects.projects import Structure
-
+def _campaign(structure: Structure, archive: ArchiveFile, was: Mapping[str, Any]) -> Campaign:
     stated = _stated(was)
     rates = {row["window_rate_per_s"] for row in archive.rows(f"campaigns/{_id(was)}/frfs.csv")}
     if (stated.get("inputs") or {}).get("window_rate_per_s") is None and len(rates) == 1 and (rate := rates.pop()):
         stated["inputs"] = {**(stated.get("inputs") or {}), "window_rate_per_s": float(rate)}
-    return Structure(project.lab, structure).new_campaign(**stated, confirm=True)
+    return structure.new_campaign(**stated, confirm=True)
 
 
 def _measurements(campaign: Campaign, archive: ArchiveFile, folder: str) -> dict[str, str]:

@@ -237,16 +237,22 @@ def test_an_archive_that_contradicts_itself_is_refused(
         file = lab.project(measured["project"]).archive(tmp_path / "good.zip")
         with ZipFile(file) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
-        name = f"campaigns/{measured['campaign']}/campaign.json"
-        campaign = json.loads(members[name]) | {"structure_id": measured["job"]}
-        members[name] = json.dumps(campaign).encode()
-        files = json.loads(members["manifest.json"])["files"]
-        files[name] = {"bytes": len(members[name]), "sha256": sha256(members[name]).hexdigest()}
-        with ZipFile(file, "w", ZIP_DEFLATED) as archive:
-            for path, content in restated(members, files=files).items():
-                archive.writestr(path, content)
-        with pytest.raises(ClientError, match="a structure that the archive does not have"):
-            lab.new_project("p").import_archive(file)
+        folder = f"campaigns/{measured['campaign']}"
+        campaign = json.loads(members[f"{folder}/campaign.json"])
+        foreign = json.dumps(campaign | {"structure_id": measured["job"]}).encode()
+        strange = members[f"{folder}/frfs.csv"].replace(b'"[""second hammer""]"', b"[")
+        for name, content, said in (
+            (f"{folder}/campaign.json", foreign, "a structure that the archive does not have"),
+            (f"{folder}/campaign.json", b"[]", "something in the archive|is not as an archive is"),
+            (f"{folder}/frfs.csv", strange, "is not as an archive is: JSONDecodeError"),
+        ):
+            files = json.loads(members["manifest.json"])["files"]
+            files[name] = {"bytes": len(content), "sha256": sha256(content).hexdigest()}
+            with ZipFile(file, "w", ZIP_DEFLATED) as archive:
+                for path, kept in (restated(members, files=files) | {name: content}).items():
+                    archive.writestr(path, kept)
+            with pytest.raises(ClientError, match=said):
+                lab.new_project(said).import_archive(file)
 
 
 def test_an_archive_has_nothing_of_others(measured: dict[str, str], new_client: Callable[[], httpx.Client]) -> None:

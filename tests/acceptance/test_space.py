@@ -149,6 +149,9 @@ def a_point_is_chosen(page: Page) -> None:
     page.focus("[data-space-canvas]")
     page.keyboard.press("p")
     assert said(page).startswith("Point 1: ")
+    box: Any = page.locator("[data-space-labels] span:text-is('5')").bounding_box()
+    page.mouse.click(box["x"] - 5, box["y"] - 4)  # a label stands beside its point
+    assert said(page).startswith("Point 5: ")
 
 
 def a_shape_moves(page: Page) -> None:

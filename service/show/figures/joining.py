@@ -6,6 +6,9 @@ rectangular grid its rows and columns, of irregular points a part of their trian
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
+
 import numpy as np
 import scipy
 
@@ -34,6 +37,20 @@ def joined(places: FloatArray) -> list[tuple[int, int]]:
     return sorted(
         (min(i, j), max(i, j)) for i, j in zip(first[a[alone]].tolist(), first[b[alone]].tolist(), strict=True)
     )
+
+
+def joined_as(lines: Iterable[Sequence[int]], labels: Sequence[int], places: FloatArray) -> list[tuple[int, int]]:
+    """Pairs of numbers of labelled places: along the file's trace lines, or neighbours where it has none between them.
+
+    Args:
+        lines: labels along each, 0 lifts the pen.
+        labels: of the places.
+        places: (p, 3) m.
+    """
+    number = {label: i for i, label in enumerate(labels)}
+    steps = ((number.get(a, -1), number.get(b, -1)) for line in lines for a, b in pairwise(line))
+    drawn = {(min(i, j), max(i, j)) for i, j in steps if i != j and min(i, j) >= 0}
+    return sorted(drawn) or joined(places)
 
 
 def chains(places: FloatArray) -> list[list[int]]:

@@ -26,6 +26,7 @@ from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
+from service.store.imports.operations import trace_lines_of
 from service.store.modes import routes as modes
 from service.store.records import routes as records
 from service.store.records.schemas import RecordOut
@@ -119,7 +120,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         frfs=listed.items,
         more_frfs=listed.next_cursor is not None,
         grid=draw_grid(points, context["structure"].geometry, counts),
-        space=points_in_space(points, listed.items, counts, frame_of(campaign)),
+        space=points_in_space(
+            points, listed.items, counts, frame_of(campaign), trace_lines_of(visit.session, campaign_id)
+        ),
         has_mesh=has_mesh(context["structure"]),
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),

@@ -15,10 +15,11 @@ from pydantic import Field
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from service.errors import Conflict, NotFound
-from service.show.figures.joining import joined
+from service.show.figures.joining import joined_as
 from service.show.figures.marks import counted
 from service.show.figures.shapes import turned
 from service.show.results.figure_data import UpdateFigures
+from service.store.imports.operations import trace_lines_of
 from service.store.structures.model_routes import MeshBlockOut
 from service.web import StrictModel
 
@@ -69,7 +70,9 @@ class ResultMeshOut(StrictModel):
     nodes: PlacesOut = Field(description="by column")
     blocks: list[MeshBlockOut] = Field(description="elements of one kind and set each")
     points: list[MeasuredPointOut]
-    joined: list[tuple[int, int]] = Field(description="rows of `points` from 0 that are neighbours and not held out")
+    joined: list[tuple[int, int]] = Field(
+        description="rows of `points` from 0: along the files' trace lines, else neighbours; none that is held out"
+    )
     measured: list[MeasuredModeOut] = Field(description="measured modes with shapes")
     model: list[ModelModeOut] = Field(description="modes of the updated model")
 
@@ -100,6 +103,7 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
     labels, first, _ = _points(data)
     places = arrays["shape_places_m"][first]
     known = arrays["shapes_measured"].shape[1]
+    lines = trace_lines_of(data.session, data.job.campaign_id)
     own = np.flatnonzero(first < (known or len(arrays["shape_points"])))
     partners = {int(i): int(j) + 1 for i, j in arrays["shape_pairs"].tolist()}
     nodes = arrays["mesh_nodes_m"].astype(float)
@@ -118,7 +122,7 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
             )
             for k, (label, (x, y, z)) in enumerate(zip(labels, places.tolist(), strict=True))
         ],
-        joined=[(int(own[i]), int(own[j])) for i, j in joined(places[own])],
+        joined=[(int(own[i]), int(own[j])) for i, j in joined_as(lines, [labels[k] for k in own], places[own])],
         measured=[
             MeasuredModeOut(number=k + 1, frequency_hz=mode["measured_hz"], model=partners.get(k))
             for k, mode in enumerate(measured)

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from service.show.figures.joining import chains, joined
+from service.show.figures.joining import chains, joined, joined_as
 
 
 def test_a_grid_is_joined_along_its_rows_and_columns() -> None:
@@ -47,3 +47,9 @@ def test_lines_go_on_along_a_grid_and_hold_each_pair_once() -> None:
     irregular = np.random.default_rng(2).random((40, 3)) * [1.0, 0.5, 0.0]
     held = sorted((min(a, b), max(a, b)) for line in chains(irregular) for a, b in itertools.pairwise(line))
     assert held == joined(irregular)
+
+
+def test_trace_lines_come_before_neighbours() -> None:
+    places = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]])
+    assert joined_as([(10, 30, 0, 30, 20), (20, 30, 77, 10)], [10, 20, 30], places) == [(0, 2), (1, 2)]
+    assert joined_as([(0, 77, 10)], [10, 20, 30], places) == joined(places) == [(0, 1), (1, 2)]

@@ -23,6 +23,7 @@ const FRAGMENT = {
     void main() { vec2 off = gl_PointCoord - 0.5; if (dot(off, off) > 0.25) discard; gl_FragColor = vec4(color, opacity); }`,
 };
 const NEAR = 20; // CSS pixels around a point within which it is meant
+const MOST_LABELS = 120; // of more points they would cover one another
 const FIELD = 28; // degrees that the camera sees
 const FROM = [0.4, -0.8, 0.5]; // where it stands at first
 
@@ -235,19 +236,33 @@ export class Space {
       renderer.setViewport(left, 0, width, high);
       renderer.render(this.scenes[i], this.camera);
     });
+    this.label();
     if (state.running && this.seen && bodies.some(({ shape }) => shape)) this.dirty(); else this.last = undefined;
+  }
+  /* Where the points are seen, CSS pixels of the canvas. */
+  seenAt() {
+    const { clientWidth, clientHeight: high } = this.canvas;
+    const at = Math.max(0, this.bodies.findIndex(({ marker }) => marker));
+    const [left, wide] = this.beside ? [at * clientWidth / 2, clientWidth / 2] : [0, clientWidth];
+    const place = new this.three.Vector3();
+    return this.scene.points.map((_, i) => {
+      place.set(...this.bodies[at].place(i)).project(this.camera);
+      return [left + (place.x + 1) / 2 * wide, (1 - place.y) / 2 * high];
+    });
+  }
+  label() {
+    const { labels } = this.said;
+    if (!labels || this.scene.points.length > MOST_LABELS) return;
+    if (!labels.childElementCount) labels.append(...this.scene.points.map((point) => Object.assign(document.createElement("span"), { textContent: point.label })));
+    this.seenAt().forEach(([x, y], i) => { labels.children[i].style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`; });
   }
   /* The point nearest to a place of the canvas, CSS pixels; −1 where none is near. */
   pick(x, y) {
-    const { clientWidth, clientHeight: high } = this.canvas;
-    const at = Math.max(0, this.bodies.findIndex(({ moving }) => moving.points.length));
-    const [left, wide] = this.beside ? [at * clientWidth / 2, clientWidth / 2] : [0, clientWidth];
     let best = -1, least = NEAR;
-    for (let i = 0; i < this.scene.points.length; i += 1) {
-      const seen = new this.three.Vector3(...this.bodies[at].place(i)).project(this.camera);
-      const away = Math.hypot(left + (seen.x + 1) / 2 * wide - x, (1 - seen.y) / 2 * high - y);
+    this.seenAt().forEach(([left, top], i) => {
+      const away = Math.hypot(left - x, top - y);
       if (away < least) [best, least] = [i, away];
-    }
+    });
     return best;
   }
   listen() {
