@@ -21,6 +21,8 @@ from fecore.errors import InputError
 _FREQUENCY_SCALE = 0.2  # a model's frequency is expected within some 20 % (as ln ratio) of the measured one
 _FREQUENCY_WEIGHT = 0.25  # what lying that far off costs a pair: as much as a MAC of 0.98 in place of 1.00
 _UNLIKENESS = 0.05  # 1 - MAC that noise and model error make of a true pair
+_OWN = 0.01  # of a mode's own MAC, which settles whose partner it is of modes that may mix
+_CHANCE = 0.1  # share of any shape in a span of modes, above which the dofs are too few for the span to say something
 
 
 def mac(a: ArrayLike, b: ArrayLike) -> FloatArray:
@@ -142,7 +144,8 @@ class Pairing:
 
     Attributes:
         pairs: (measured index, model index), ascending in the measured one.
-        mac: (n_measured, n_model) MAC matrix, or None where pairing went by frequency.
+        mac: (n_measured, n_model) MAC matrix, or None where pairing went by frequency. That of a pair is the measured shape's
+            with the span of all modes that may mix with its partner (`span_mac`).
         unpaired_measured: measured modes without a partner.
         unpaired_model: model modes within the measured range of frequency without a partner.
         ambiguous: (measured, model, other model) where the other fits nearly as well, within the margin.
@@ -179,6 +182,7 @@ def pair_modes(
     maximum_frequency_ratio: float = 3.0,
     *,
     hidden: Sequence[int] = (),
+    mixing: float = 0.0,
 ) -> Pairing:
     """Pair measured with model modes as one assignment problem, never one by one.
 
@@ -197,6 +201,8 @@ def pair_modes(
             within this much MAC (without shapes: when another is nearly as near in frequency).
         maximum_frequency_ratio: furthest ratio of frequencies of a pair.
         hidden: numbers of model modes that no sensor of this test can see: in-plane ones.
+        mixing: relative distance of model modes within which the model's error may mix their shapes: a measured one is then
+            compared with their span.
 
     Raises:
         InputError: shapes and frequencies that do not fit together.
@@ -209,23 +215,28 @@ def pair_modes(
     if np.any(measured <= 0) or not np.all(np.isfinite(measured)) or not np.all(np.isfinite(model)):
         raise InputError("measured_hz", "must be positive and finite, model_hz finite")
     distance = np.abs(np.log(np.maximum(model, 1e-9)[None, :] / measured[:, None]))
-    matrix = None
+    matrix, likeness = None, distance
     if measured_shapes is not None and model_shapes is not None:
         matrix = mac(measured_shapes, model_shapes)
         if matrix.shape != distance.shape:
             raise InputError(
                 "measured_shapes", f"and model_shapes give {matrix.shape} pairs, frequencies {distance.shape}"
             )
+        likeness = span_mac(matrix, measured_shapes, model_shapes, model, mixing, hidden)
     allowed = distance <= np.log(maximum_frequency_ratio)
     allowed[:, list(hidden)] = False
     if matrix is None:
         score = np.exp(-distance / _FREQUENCY_SCALE)
     else:
-        likeness = np.nan_to_num(matrix)
+        own = np.nan_to_num(matrix)
         allowed &= likeness >= minimum_mac
         far = np.minimum((distance / _FREQUENCY_SCALE) ** 2, 4.0)
         score = -np.log(1 + _UNLIKENESS - likeness) - _FREQUENCY_WEIGHT * far
+        score[likeness > own] += _OWN * own[likeness > own]
     pairs = _assign(score, allowed)
+    if matrix is not None:
+        for pair in pairs:
+            matrix[pair] = likeness[pair]
     ambiguous = _ambiguous(pairs, score if matrix is None else np.nan_to_num(matrix), distance, margin)
     taken = {j for _, j in pairs} | set(hidden)
     low, high = measured.min() * (1 - _FREQUENCY_SCALE), measured.max() * (1 + _FREQUENCY_SCALE)
@@ -236,6 +247,42 @@ def pair_modes(
         tuple(j for j in range(model.size) if j not in taken and low <= model[j] <= high),
         ambiguous,
     )
+
+
+def span_mac(
+    matrix: FloatArray,
+    measured_shapes: ArrayLike,
+    model_shapes: ArrayLike,
+    model_hz: FloatArray,
+    mixing: float,
+    hidden: Sequence[int] = (),
+) -> FloatArray:
+    """(n, m) share of each measured shape in the span of each model mode and those that may mix with it; else the MAC.
+
+    Two modes of nearly one frequency have any shapes of their span where the structure is not quite the model.
+
+    Args:
+        matrix: (n, m) MAC; NaN counts as 0.
+        measured_shapes: (n, p).
+        model_shapes: (m, p).
+        model_hz: (m,).
+        mixing: relative distance of frequencies within which modes may mix.
+        hidden: numbers of model modes that take no part.
+    """
+    likeness = np.nan_to_num(matrix)
+    if not mixing:
+        return likeness
+    measured, model = _rows("measured_shapes", measured_shapes), _rows("model_shapes", model_shapes)
+    size = np.linalg.norm(measured, axis=1)
+    close = np.abs(np.log(np.maximum(model_hz, 1e-9) / np.maximum(model_hz, 1e-9)[:, None])) < mixing
+    close[:, list(hidden)] = False
+    for j in np.flatnonzero(close.sum(axis=1) > 1).tolist():
+        group = np.flatnonzero(close[j])
+        if close[j, j] and group.size <= _CHANCE * model.shape[1]:
+            span = np.linalg.qr(_unit(model[group]).T)[0]
+            share = np.linalg.norm(measured @ span.conj(), axis=1) / np.where(size, size, 1)
+            likeness[:, j] = np.maximum(likeness[:, j], np.minimum(share**2, 1.0))
+    return likeness
 
 
 def _assign(score: FloatArray, allowed: np.ndarray) -> tuple[tuple[int, int], ...]:

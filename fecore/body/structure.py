@@ -98,7 +98,7 @@ class Structure:
         """Where walls were found to meet."""
         return self.model.joints.junctions
 
-    @property
+    @cached_property
     def model_error(self) -> float:
         """Relative error of a natural frequency by the model of joints, independent from mode to mode; 0 without any.
 

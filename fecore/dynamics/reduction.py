@@ -37,8 +37,9 @@ FREQUENCY_TOLERANCE = 1e-6
 _SKETCH = 32  # random vectors: χ² with 32 degrees of freedom …
 _SAFETY = 3.0  # … falls below a third of its mean once in 10⁵
 _KEPT = 3e-4  # energy norm below which a direction is left out of the basis, for vectors of unit energy …
-_MENDED = 0.1  # … and of those that are to mend an error, as a share of what would make the tolerance
-_AT_ONCE = 1 << 24  # numbers of the vectors from which directions are taken at once: 134 MB
+_SHARE = 0.3  # … or this share of what would make the tolerance, which is more where that is a wide one …
+_MENDED = 0.1  # … and this of vectors that are to mend an error
+_AT_ONCE = 1 << 21  # numbers of the vectors from which directions are taken at once: 17 MB
 _REACH = 0.5  # relative change of a coefficient, where no changes are given
 _LARGEST = 160  # vectors; a basis that has grown beyond is begun anew at the coefficients then asked for …
 _GROWTH = 3  # … unless it began nearly as large, with many changes to come: then it may grow by so many times its modes
@@ -118,6 +119,8 @@ class ReducedModel:
         count: how many modes are asked for.
         loads: (dofs, l) unit forces whose static deflections the basis has to hold too.
         tolerance: largest estimated relative error of a natural frequency.
+        held: eigenvalue up to which modes keep the tolerance, wherever they come to lie. They have derivative vectors, and
+            so have those close above them, whose errors would be pooled with theirs.
         changes: (k, d) and (j, d) changes of the coefficients that are to come, about as large as they will; it starts with
             the motion's first derivatives along them. None: each coefficient by itself.
     """
@@ -130,9 +133,11 @@ class ReducedModel:
         count: int,
         loads: FloatArray | None = None,
         tolerance: float = FREQUENCY_TOLERANCE,
+        held: float = np.inf,
         changes: tuple[FloatArray, FloatArray] | None = None,
     ) -> None:
-        self._model, self._count, self._tolerance = model, count, tolerance
+        self._model, self._count, self._tolerance, self._held = model, count, tolerance, held
+        self._kept = max(_KEPT, _SHARE * np.sqrt(tolerance))
         self._changes = (np.diag(_REACH * stiffness), np.diag(_REACH * mass)) if changes is None else changes
         self._loads = np.zeros((model.stiffness.size, 0)) if loads is None else loads
         self.full_solves = 0
@@ -153,7 +158,11 @@ class ReducedModel:
         self._probe = self._factor.solve(self._factor.colour(white))
         rigid = modes.shapes[:, : modes.rigid]
         self._vectors = rigid / np.sqrt(-modes.shift) if modes.rigid else rigid
-        self._add_with_derivatives(modes.shapes[:, modes.rigid :])
+        self._images = self._metric @ self._vectors
+        held = max(int(np.searchsorted(modes.eigenvalue, self._held / (1 - _CLOSE))), modes.rigid)
+        self._add_with_derivatives(modes.shapes[:, modes.rigid : held])
+        if held < modes.eigenvalue.size:
+            self._add(self._unit_energy(modes.shapes[:, held:]), self._kept)
         self._hold_static(self._loads, self._factor, mass)
         self._begun = self._vectors.shape[1]
 
@@ -201,18 +210,23 @@ class ReducedModel:
             ModelError: the full model cannot be solved.
         """
         modes = self.system.modes(stiffness, mass, self._count)
-        if self.frequency_error(stiffness, mass, modes).max() <= self._tolerance:
+        if self._keep_tolerance(self.frequency_error(stiffness, mass, modes), modes):
             return modes
         if self.basis.shape[1] > max(_LARGEST, self._begun + _GROWTH * self._count):
             return self._begun_anew(stiffness, mass)
         full = self._solve_full(stiffness, mass)
         # What is left out of a vector has there no more than 1/α of its energy at the start.
         kept = _MENDED * np.sqrt(self._tolerance * self._smallest(stiffness, mass))
-        self._add(self._unit_energy(full.shapes[:, full.rigid :]), min(kept, _KEPT))
+        self._add(self._unit_energy(full.shapes[:, full.rigid :]), min(kept, self._kept))
         modes = self.system.modes(stiffness, mass, self._count)
-        worst = float(np.abs(modes.frequency_hz[full.rigid :] / full.frequency_hz[full.rigid :] - 1).max())
+        off = np.abs(modes.frequency_hz[full.rigid :] / full.frequency_hz[full.rigid :] - 1)
         # By a hair, where the metric of the start is a poor one here, or round-off is as large as the tolerance.
-        return modes if worst <= self._tolerance else self._begun_anew(stiffness, mass)
+        return modes if self._keep_tolerance(off, full) else self._begun_anew(stiffness, mass)
+
+    def _keep_tolerance(self, errors: FloatArray, modes: NormalModes) -> bool:
+        """Whether no elastic mode that is to keep the tolerance has an error beyond it."""
+        held = modes.eigenvalue[modes.rigid :] <= self._held
+        return bool(errors[held].max(initial=0.0) <= self._tolerance)
 
     def _begun_anew(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         """The modes on a basis about these coefficients: the full model's."""
@@ -250,7 +264,7 @@ class ReducedModel:
         for _ in range(RESIDUAL_TERMS):
             series.append(factor.solve(forces))
             # Nearly all of it are the lowest modes; FRFs are judged by what it has besides them.
-            self._add(self._unit_energy(self._outside(series[-1])))
+            self._add(self._unit_energy(self._outside(series[-1])), self._kept)
             forces = M @ series[-1]
         self._add_with_derivatives(series[0])
 
@@ -280,27 +294,27 @@ class ReducedModel:
         for force in forces:
             part.append(self._factor.solve(force))
             if len(part) * unit.size > _AT_ONCE:
-                self._add(np.hstack(part))
+                self._add(np.hstack(part), self._kept)
                 part = []
         if part:
-            self._add(np.hstack(part))
+            self._add(np.hstack(part), self._kept)
 
-    def _add(self, vectors: FloatArray, kept: float = _KEPT) -> None:
+    def _add(self, vectors: FloatArray, kept: float) -> None:
         """Take what lies outside the basis into it, in F₀-orthonormal directions of enough energy."""
         vectors = self._outside(vectors)
         weight, turn = np.linalg.eigh(vectors.T @ (self._metric @ vectors))
         keep = weight > kept**2
         fresh = self._outside(vectors @ (turn[:, keep] / np.sqrt(weight[keep])))
         lower = np.linalg.cholesky(fresh.T @ (self._metric @ fresh))
-        self._vectors = np.hstack([self._vectors, fresh @ np.linalg.inv(lower).T])
+        fresh = fresh @ np.linalg.inv(lower).T
+        self._vectors = np.hstack([self._vectors, fresh])
+        self._images = np.hstack([self._images, self._metric @ fresh])
         self.__dict__.pop("system", None)
 
     def _outside(self, vectors: FloatArray) -> FloatArray:
         """What lies outside the basis; twice, as the first pass leaves round-off of the whole."""
-        V = self._vectors
-        image = self._metric @ V
         for _ in range(2):
-            vectors = vectors - V @ (image.T @ vectors)
+            vectors = vectors - self._vectors @ (self._images.T @ vectors)
         return vectors
 
 

@@ -98,11 +98,11 @@ def update_from_several_starts(
         except UpdatingError as error:
             return error
 
-    found = [run(layout, None, 0.0, 0.5)]
+    found = [_first(layout, run)]
     by_shapes = layout.by_shapes
     if isinstance(found[0], UpdatingError) or is_doubtful(found[0]) or not by_shapes:
         loose = layout.unverified()
-        starts = _other_starts(loose, seed)
+        starts = _other_starts(loose, seed, _alone_at_most(found[0]))
         steps = np.linspace(0.5, 0.8, len(starts) + 1)
         searched = [run(loose, start, *between) for start, between in zip(starts, pairwise(steps), strict=True)]
         to_hold = _to_hold([*found, *searched], layout)
@@ -119,6 +119,27 @@ def update_from_several_starts(
     torn = found[0].torn if isinstance(found[0], SwingingError) else ()
     starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in found)
     return replace(best, starts=starts_tried, rivals=_rivals(best, found), torn=torn)
+
+
+def _first(layout: Layout, run: Callable[[Layout, FloatArray | None, float, float], Found]) -> Found:
+    """The fit from the prior means; of a large body first on the basis as it is, and verified from where that ends.
+
+    There each point of a path that were verified would cost a solution of the full model.
+    """
+    if not layout.is_large:
+        return run(layout, None, 0.0, 0.5)
+    rough = run(layout.unverified(), None, 0.0, 0.3)
+    if isinstance(rough, UpdatingError):
+        return run(layout, None, 0.3, 0.5)
+    found = run(layout, rough.x, 0.3, 0.5)
+    return found if isinstance(found, UpdatingError) else replace(found, history=(*rough.history, *found.history))
+
+
+def _alone_at_most(found: Found) -> float:
+    """How many modes may stay alone at a start that is worth it: fewer than in a result that only this makes doubtful."""
+    if isinstance(found, UpdatingError) or not found.layout.by_shapes or _is_far(found):
+        return np.inf
+    return sum(len(pairing.unpaired_measured) for pairing in found.pairings) - 1
 
 
 def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
@@ -207,7 +228,12 @@ def _behind(rival: tuple[int, float], chosen: tuple[int, float]) -> float:
 def is_doubtful(result: ElasticResult) -> bool:
     """Whether another start may do better: modes without a partner, a large misfit, or a parameter far from its prior."""
     alone = any(pairing.unpaired_measured for pairing in result.pairings)
-    return bool(alone or result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(result.away).max(initial=0.0) > _FAR)
+    return alone or _is_far(result)
+
+
+def _is_far(result: ElasticResult) -> bool:
+    """Whether a result misses the frequencies, or lies far from the prior."""
+    return bool(result.misfit > _DOUBTFUL * DISCREPANCY or np.abs(result.away).max(initial=0.0) > _FAR)
 
 
 def evidence(result: ElasticResult) -> tuple[int, float]:
@@ -233,8 +259,11 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     return 0, float(misfit + narrowed + missed)
 
 
-def _other_starts(layout: Layout, seed: int) -> list[FloatArray]:
-    """Draws from the prior of the shared parameters that pair the modes differently, the best of each pairing first."""
+def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> list[FloatArray]:
+    """Draws from the prior of the shared parameters that pair the modes differently, the best of each pairing first.
+
+    Those that leave more than so many modes alone are left out.
+    """
     free, sd = len(layout.shared), layout.sd(0.0)
     best: dict[tuple[object, ...], tuple[tuple[int, float], FloatArray]] = {}
     for draw in even_draws(free, _DRAWS, seed):
@@ -247,10 +276,11 @@ def _other_starts(layout: Layout, seed: int) -> list[FloatArray]:
         except ModelError:  # far from the start a model of joints may have no definite stiffness
             continue
         key: list[object] = []
-        alone, misses = 0, []
-        for campaign, state in zip(layout.campaigns, states, strict=True):
-            pairing = pair_with(campaign.modes, state)
-            alone += len(pairing.unpaired_measured)
+        pairings = [pair_with(campaign.modes, state) for campaign, state in zip(layout.campaigns, states, strict=True)]
+        alone, misses = sum(len(pairing.unpaired_measured) for pairing in pairings), []
+        if alone > alone_at_most:
+            continue
+        for campaign, state, pairing in zip(layout.campaigns, states, pairings, strict=True):
             key.append(tuple((row, column, state.kinds[column]) for row, column in pairing.pairs))
             misses += [np.log(campaign.modes.frequency_hz[i] / state.frequency_hz[j]) for i, j in pairing.pairs]
         if not all(key):

@@ -17,7 +17,7 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.constants import Body
 from fecore.body.model import observed_at
 from fecore.dynamics.eigen import modes_below, normal_modes
-from fecore.dynamics.reduction import ReducedModel
+from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.updating.parameters import Parametrisation
@@ -27,6 +27,10 @@ __all__ = ["EXTRA_MODES", "ForwardModel", "ForwardState", "modes_to_cover"]
 
 EXTRA_MODES = 3
 """Modes beyond the measured ones, at least, so that neighbours can be paired."""
+
+_OF_MODEL_ERROR = 0.03  # share of the model's own error that a reduced basis may add to it
+_COVERED, _COVERED_IN_SPACE = 2.0, 1.3  # times the highest frequency: modes up to there are solved for …
+_HELD_IN_SPACE = 1.05  # … and a basis of a body in space, which has many modes, holds those up to here
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,7 @@ class ForwardModel:
         dofs: the r measured rows: a point and a direction each, without sign.
         places: (r, 3) coordinates of their points, m; (r, 2) where z = 0.
         count: how many modes to solve for.
+        held_hz: up to where a reduced basis meets the full model's frequencies; beyond, modes count for their tails.
         reduced: solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time.
         roving_mass: of a sensor that sits at the response point of each FRF, kg. The modes are those without it.
         axes: (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows.
@@ -54,6 +59,7 @@ class ForwardModel:
     roving_mass: float = 0.0
     verified: bool = True
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
+    held_hz: float = np.inf
 
     def __post_init__(self) -> None:
         if self.places.shape[1] == 2:
@@ -85,6 +91,7 @@ class ForwardModel:
             reduced=reduced,
             roving_mass=roving_mass,
             axes=axes or {},
+            held_hz=_HELD_IN_SPACE * highest_hz if _is_in_space(parametrisation) else np.inf,
         )
 
     @property
@@ -98,13 +105,32 @@ class ForwardModel:
         return observed_at(self.specimen.model, self.points, self.places, directions_of(self.dofs, self.axes))
 
     @cached_property
+    def whole_motion(self) -> scipy.sparse.csr_array:
+        """(3 × points, dofs) displacement of each point once, along all axes."""
+        _, first = np.unique(self.points, return_index=True)
+        return self.specimen.model.displacement(self.places[first])
+
+    @cached_property
     def basis(self) -> ReducedModel:
-        """The reduced basis about the prior means; it grows as it is used."""
+        """The reduced basis about the prior means; it grows as it is used.
+
+        Where the model itself is known to miss frequencies by more, the basis need not meet them as closely.
+        """
         prior = self.parametrisation
         start = prior.coefficients(prior.prior_mean)
         reach = np.minimum(prior.prior_sd, np.where(prior.logarithmic, np.abs(prior.prior_mean) / 2, 0.5))
         changes = start.stiffness_by * reach, start.mass_by * reach
-        return ReducedModel(self.specimen.model, start.stiffness, start.mass, self.count, changes=changes)
+        tolerance = max(FREQUENCY_TOLERANCE, _OF_MODEL_ERROR * self.specimen.model_error)
+        held = (2 * np.pi * self.held_hz) ** 2
+        return ReducedModel(
+            self.specimen.model,
+            start.stiffness,
+            start.mass,
+            self.count,
+            tolerance=tolerance,
+            held=held,
+            changes=changes,
+        )
 
     def unverified(self) -> ForwardModel:
         """The same on the basis as it is now, for a search that is verified afterwards."""
@@ -188,8 +214,14 @@ def directions_of(dofs: Sequence[Dof], axes: Mapping[int, FloatArray]) -> FloatA
 def modes_to_cover(parametrisation: Parametrisation, highest_hz: float, at_least: int) -> int:
     """How many modes to solve for: those below twice a frequency at the prior means, and at least so many elastic ones.
 
-    The factor is the margin for constants that come out lower, and for the residual series.
+    The factor is the margin for constants that come out lower, and for the residual series. In a body in space modes are so
+    many that each of the next counts for little, and the factor is 1.3.
     """
     model, c = parametrisation.body.model, parametrisation.coefficients(parametrisation.prior_mean)
-    below = modes_below(model.stiffness.at(c.stiffness), model.mass.at(c.mass), (2 * np.pi * 2 * highest_hz) ** 2)
+    factor = _COVERED_IN_SPACE if _is_in_space(parametrisation) else _COVERED
+    below = modes_below(model.stiffness.at(c.stiffness), model.mass.at(c.mass), (2 * np.pi * factor * highest_hz) ** 2)
     return max(below, at_least + int(model.rigid_modes.shape[1]))
+
+
+def _is_in_space(parametrisation: Parametrisation) -> bool:
+    return len(parametrisation.body.model.dofs) == 6

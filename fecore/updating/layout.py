@@ -192,6 +192,11 @@ class Layout:
         """Whether every campaign has shapes that distinguish its modes."""
         return all(has_shapes(campaign.modes) for campaign in self.campaigns)
 
+    @property
+    def is_large(self) -> bool:
+        """Whether a model is so large that its basis holds only the modes which the measurement needs."""
+        return any(np.isfinite(campaign.forward.held_hz) for campaign in self.campaigns)
+
     def solved(self, x: FloatArray) -> tuple[ForwardState, ...]:
         """Each campaign's model at x."""
         return tuple(campaign.forward.solve(campaign.theta(x)) for campaign in self.campaigns)

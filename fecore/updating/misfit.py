@@ -82,20 +82,24 @@ class FrfMisfit:
 
     def residual(self, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
         """(N, L) residuals in units of H, and their weights: both 0 where nothing was measured."""
-        if self.counted.all():
-            return self._residual(self.frfs.values, predicted)
-        residual, weight = self._residual(np.where(self.counted, self.frfs.values, predicted), predicted)
-        return residual, np.where(self.counted, weight, 0.0)
-
-    def _residual(self, values: ComplexArray, predicted: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-        if self.weighting == "log":
+        values = self.frfs.values if self.counted.all() else np.where(self.counted, self.frfs.values, predicted)
+        if self.fixed_weight is None:
             # r = H ln(H_exp/H) has the derivative -∂H of the log residual times H, to first order.
-            return predicted * np.log(values / predicted), np.abs(predicted) ** -2
-        if self.weighting == "noise":
-            return values - predicted, 1 / self.variance
-        if self.weighting == "relative":
-            return values - predicted, np.abs(values) ** -2
-        return values - predicted, np.ones(values.shape)
+            return predicted * np.log(values / predicted), np.where(self.counted, np.abs(predicted) ** -2, 0.0)
+        return values - predicted, self.fixed_weight
+
+    @cached_property
+    def fixed_weight(self) -> FloatArray | None:
+        """(N, L) weights of the residuals; None where the model's FRFs are in them."""
+        if self.weighting == "log":
+            return None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            weight = {
+                "noise": 1 / self.variance,
+                "relative": np.abs(self.frfs.values) ** -2.0,
+                "linear": np.ones(self.counted.shape),
+            }
+        return np.where(self.counted, weight[self.weighting], 0.0)
 
     def scatter(self, weight: FloatArray) -> FloatArray:
         """(N, L) w²v: the noise of weighted residuals."""
@@ -172,6 +176,12 @@ class FrfMisfit:
     def products(self) -> FloatArray:
         """(pairs, N) products A_ik A_ij of the residues."""
         return self._products(self.model.residues, self.model.residues)
+
+    @cached_property
+    def fixed_coupling(self) -> FloatArray:
+        """(pairs, L) Σ_i w_i A_ik A_ij by the fixed weights, which no eigenvalue or rate changes."""
+        assert self.fixed_weight is not None, "the weights are fixed"
+        return np.asarray(self.products @ self.fixed_weight)
 
     @cached_property
     def drive_products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -257,9 +267,10 @@ class FrfJacobian:
         d, coupling = self.by_eigenvalue, self._coupling(weight)
         powers = np.vander(self.misfit.frfs.omega, 5, increasing=True).astype(complex)
         S = np.zeros((5, len(d), len(d)), dtype=complex)
+        first = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1))
         for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
             lines = d[k].conj() * d[k:]
-            lines *= coupling[self.misfit.pairs[0] == k]
+            lines *= coupling[first[k] : first[k + 1]]
             S[:, k, k:] = 2 * (lines @ powers).T
             S[:, k:, k] = S[:, k, k:].conj()
         crossed = -S[1].imag  # Re iω z
@@ -279,7 +290,7 @@ class FrfJacobian:
         """(pairs, L) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
         misfit = self.misfit
         if self.factors is None:
-            return misfit.products @ weight
+            return misfit.fixed_coupling if weight is misfit.fixed_weight else misfit.products @ weight
         g, h = self.factors
         mixed, turned, driving = misfit.drive_products
         between = weight * g.conj() * h

@@ -36,6 +36,7 @@ _ALONE = 8.0  # L: a measured mode without a partner is what an offset of four Ï
 _NEAR_NODE = 0.1  # amplitude over the largest mode's at which a mode is as often missed as seen
 _LEAST, _MOST = 0.05, 0.95  # p_k: nothing is sure
 _SAME = 1e-9  # relative distance of frequencies that is round-off
+_MIXING = 3.0  # times the model's own error of a frequency: distance within which that error may mix modes
 
 
 def has_shapes(modes: MeasuredModes) -> bool:
@@ -48,7 +49,12 @@ def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
     dofs = len(modes.dofs)
     if has_shapes(modes):
         return pair_modes(
-            modes.shapes, state.shapes[:, :dofs], modes.frequency_hz, state.frequency_hz, hidden=state.hidden
+            modes.shapes,
+            state.shapes[:, :dofs],
+            modes.frequency_hz,
+            state.frequency_hz,
+            hidden=state.hidden,
+            mixing=_MIXING * state.forward.specimen.model_error,
         )
     seen = probability_seen(modes, state)
     shown = np.setdiff1d(np.arange(state.frequency_hz.size), state.hidden)

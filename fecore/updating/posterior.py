@@ -202,10 +202,10 @@ class LinearProblem:
 
     def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
         """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X, X)."""
-        hessian, descent, misfit, _ = self._of_data(spread)
+        hessian, descent, (misfit,), _ = self._of_data(np.array([spread]))
         precision = self.sd(scatter) ** -2
-        cost = (misfit + float(self.x @ (precision * self.x))) / 2 + self.other_cost
-        return cost, descent - precision * self.x, hessian + np.diag(precision)
+        cost = (float(misfit) + float(self.x @ (precision * self.x))) / 2 + self.other_cost
+        return cost, descent[0] - precision * self.x, hessian[0] + np.diag(precision)
 
     def solve(self, spread: float, scatter: float) -> tuple[FloatArray, FloatArray]:
         """(X,) step and (X, X) covariance at a discrepancy and a scatter."""
@@ -216,7 +216,7 @@ class LinearProblem:
     def gain(self, spread: float, scatter: float) -> FloatArray:
         """(X, n) G = H⁻¹SᵀW_s: how the estimate follows the logarithms of the measured frequencies."""
         _, covariance = self.solve(spread, scatter)
-        gain: FloatArray = covariance @ self._weighted(spread, self.sensitivity).T
+        gain: FloatArray = covariance @ self._weighted(self._variance(np.array([spread])), self.sensitivity)[0].T
         return gain
 
     def informed(self, spread: float, scatter: float) -> float:
@@ -253,12 +253,15 @@ class LinearProblem:
         root, fitted = np.sqrt(self.weights), self.informed(spread, scatter)
         return discrepancy(root * self.residual, fitted + self.residual.size - float(self.weights.sum()), DISCREPANCY)
 
-    def _weighted(self, spread: float, columns: FloatArray) -> FloatArray:
-        """(n, c) √w W_s √w times some columns."""
+    def _variance(self, spreads: FloatArray) -> FloatArray:
+        """(s, n, n) W_s⁻¹ at (s,) discrepancies."""
+        variance: FloatArray = self.noise + spreads[:, None, None] ** 2 * np.eye(self.residual.size)
+        return variance
+
+    def _weighted(self, variance: FloatArray, columns: FloatArray) -> FloatArray:
+        """(s, n, c) √w W_s √w times some columns."""
         root = np.sqrt(self.weights)[:, None]
-        variance = self.noise + spread**2 * np.eye(self.residual.size)
-        weighted: FloatArray = root * np.linalg.solve(variance, root * columns)
-        return weighted
+        return np.asarray(root * np.linalg.solve(variance, root * columns))
 
     def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
         """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
@@ -290,8 +293,7 @@ class LinearProblem:
 
     def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
-        data = [self._of_data(float(spread)) for spread in spreads]
-        own, pull, misfit, logs = (np.array(part) for part in zip(*data, strict=True))
+        own, pull, misfit, logs = self._of_data(spreads)
         precision = np.array([self.sd(float(scatter)) for scatter in scatters]) ** -2
         hessian = own + precision[:, None, :, None] * np.eye(self.x.size)
         descent = pull - (precision * self.x)[:, None]
@@ -301,18 +303,17 @@ class LinearProblem:
         logs = np.sum(np.log(precision), axis=-1)[:, None] - np.linalg.slogdet(hessian)[1] - logs
         return step, covariance, (gain + logs) / 2
 
-    def _of_data(self, spread: float) -> tuple[FloatArray, FloatArray, float, float]:
-        """What no scatter changes: hessian and descent without the prior's, rᵀW_sr and -log|W_s|."""
-        variance = self.noise + spread**2 * np.eye(self.residual.size)
-        weighted = self._weighted(spread, np.column_stack([self.sensitivity, self.residual]))
-        S, r = weighted[:, :-1], weighted[:, -1]
+    def _of_data(self, spreads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """What no scatter changes, for each discrepancy: hessian and descent without the prior's, rᵀW_sr and -log|W_s|."""
+        variance = self._variance(spreads)
+        weighted = self._weighted(variance, np.column_stack([self.sensitivity, self.residual]))
+        S, r = weighted[..., :-1], weighted[..., -1:]
         # Of a frequency that is no mode's the variance says nothing.
-        counted = float(np.linalg.slogdet(variance)[1] - (1 - self.weights) @ np.log(np.diag(variance)))
-        hessian, descent = (
-            self.sensitivity.T @ S + sum(self.others.values()),
-            self.sensitivity.T @ r + self.other_descent,
-        )
-        return hessian, descent, float(self.residual @ r), counted
+        known = np.log(np.diagonal(variance, axis1=1, axis2=2)) @ (1 - self.weights)
+        counted = np.linalg.slogdet(variance)[1] - known
+        hessian = self.sensitivity.T @ S + np.sum([np.zeros((self.x.size,) * 2), *self.others.values()], axis=0)
+        descent = (self.sensitivity.T @ r)[..., 0] + self.other_descent
+        return hessian, descent, r[..., 0] @ self.residual, counted
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:

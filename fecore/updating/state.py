@@ -94,8 +94,13 @@ class ForwardState:
 
     def displacement(self, places: FloatArray) -> FloatArray:
         """(n, p, 3) displacement of the middle surface in the elastic modes at (p, 3) places, m."""
-        moved = self.forward.specimen.model.displacement(places) @ self.full_shapes
-        return np.asarray(moved.T.reshape(-1, len(places), 3))
+        return self._moved(self.forward.specimen.model.displacement(places))
+
+    def _moved(self, rows: scipy.sparse.csr_array) -> FloatArray:
+        """(n, p, 3) of the rows that `Model.displacement` gives for p places."""
+        seen = rows if self.basis is None else rows @ self.basis  # few rows: cheaper than shapes of all dofs
+        moved: FloatArray = (seen @ self.modes.shapes[:, self.modes.rigid :]).T
+        return moved.reshape(len(moved), -1, 3)
 
     def participation(self, motions: FloatArray) -> FloatArray:
         """(m, n) rᵀMφ of (dofs, m) motions and the elastic modes."""
@@ -113,8 +118,7 @@ class ForwardState:
         forward = self.forward
         if not forward.dofs or len({0, 1, 2} & set(forward.specimen.model.dofs)) == 1:
             return ()
-        _, first = np.unique(forward.points, return_index=True)
-        all_of_it = np.sum(self.displacement(forward.places[first]) ** 2, axis=(1, 2))
+        all_of_it = np.sum(self._moved(forward.whole_motion) ** 2, axis=(1, 2))
         return tuple(np.flatnonzero(np.sum(self.shapes**2, axis=1) < _UNSEEN * all_of_it).tolist())
 
     # --- strain energy

@@ -222,3 +222,19 @@ def test_a_model_mode_a_little_outside_of_the_measured_ones_was_not_measured() -
 def test_shapes_of_any_size_are_compared() -> None:
     shapes = np.array([[1e-200, 0], [3e200, 3e200]])
     assert mac(shapes, shapes) == pytest.approx(np.array([[1, 0.5], [0.5, 1]]))
+
+
+def test_two_measured_modes_of_a_mixed_pair_both_have_partners_and_few_dofs_say_nothing() -> None:
+    dofs = 30
+    shapes = np.linalg.qr(np.random.default_rng(1).standard_normal((dofs, 2)))[0].T
+    turn = np.array([[1.0, 1.0], [1.0, -1.0]])
+    found = pair_modes(turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6, mixing=0.01)
+    assert found.pairs == ((0, 0), (1, 1))
+    assert found.mac is not None
+    assert found.mac.diagonal() == pytest.approx([1.0, 1.0])
+    assert not pair_modes(turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6).pairs
+    # Two shapes span much of what a few dofs can show.
+    few = pair_modes(turn @ np.eye(2, 8), np.eye(2, 8), [100.0, 100.1], [100.2, 100.3], 0.6, mixing=0.01)
+    assert not few.pairs
+    # A hidden mode mixes with none.
+    assert not pair_modes(turn @ shapes, shapes, [100.0, 100.1], [100.2, 100.3], 0.6, hidden=(1,), mixing=0.01).pairs

@@ -144,3 +144,26 @@ def test_coefficient_ratio_bounds_the_stiffness_from_below() -> None:
         inverse = np.linalg.inv(lower)
         least = np.linalg.eigvalsh(inverse @ model.stiffness.at(c.stiffness).toarray() @ inverse.T)[0]
         assert 0 < ratio.smallest(c.stiffness) <= least * (1 + 1e-6)
+
+
+def test_a_basis_that_holds_the_lowest_modes_is_smaller_and_holds_them_wherever_they_come_to_lie() -> None:
+    specimen = laden("free")
+    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
+    c = parametrisation.coefficients(parametrisation.prior_mean)
+    limit = 0.95 * full_modes(model, c, 14).eigenvalue[9]
+    changes = c.stiffness_by * parametrisation.prior_mean / 2, c.mass_by * parametrisation.prior_mean / 2
+    whole, part = (
+        ReducedModel(model, c.stiffness, c.mass, 14, tolerance=1e-5, held=held, changes=changes)
+        for held in (np.inf, limit)
+    )
+    assert part.basis.shape[1] < 0.8 * whole.basis.shape[1]
+    rng = np.random.default_rng(3)
+    most = 0
+    for away in (np.full(5, -1.0), *rng.uniform(-1, 1, (11, 5))):
+        c = parametrisation.coefficients(parametrisation.prior_mean * (1 + 0.3 * away))
+        full = full_modes(model, c, 14)
+        held = full.eigenvalue <= limit
+        most = max(most, int(held.sum()))
+        np.testing.assert_allclose(part.modes(c.stiffness, c.mass).eigenvalue[held], full.eigenvalue[held], rtol=2e-5)
+    assert most > 9  # softer, more modes lie below the limit than at the start
+    assert part.full_solves < 12

@@ -87,10 +87,16 @@ def test_more_measured_modes_than_the_model_has() -> None:
 
 
 def solved(
-    hz: list[float], shapes: list[list[float]], *, points: int = 0, hidden: tuple[int, ...] = ()
+    hz: list[float],
+    shapes: list[list[float]],
+    *,
+    points: int = 0,
+    hidden: tuple[int, ...] = (),
+    model_error: float = 0.0,
 ) -> ForwardState:
     """What pairing asks of a solved model."""
-    forward = SimpleNamespace(points=tuple(range(points)))
+    specimen = SimpleNamespace(model_error=model_error)
+    forward = SimpleNamespace(points=tuple(range(points)), specimen=specimen)
     state = SimpleNamespace(frequency_hz=np.array(hz), shapes=np.array(shapes), forward=forward, hidden=hidden)
     return cast(ForwardState, state)
 
@@ -185,6 +191,27 @@ def test_shapes_decide_from_three_dofs_on() -> None:
 
 def replace_hidden(state: ForwardState, *hidden: int) -> ForwardState:
     return cast(ForwardState, SimpleNamespace(**{**vars(state), "hidden": hidden}))
+
+
+def test_where_the_model_may_mix_two_modes_a_measured_one_is_compared_with_both() -> None:
+    """One of a double root was measured, with a shape between the two: it has a partner where the model is that inexact."""
+    dofs, rng = 24, np.random.default_rng(0)
+    shapes = np.linalg.qr(rng.standard_normal((dofs, 3)))[0].T
+    mixed = np.cos(1.0) * shapes[0] + np.sin(1.0) * shapes[1] + 1e-3 * rng.standard_normal(dofs)
+    modes = measured([244.0, 310.0], [mixed.tolist(), shapes[2].tolist()], dofs)
+    exact, inexact = (solved([243.3, 244.4, 309.0], shapes.tolist(), model_error=e) for e in (0.0, 0.003))
+    alone, found = pair_with(modes, exact), pair_with(modes, inexact)
+    assert alone.pairs == found.pairs == ((0, 1), (1, 2))
+    assert alone.mac is not None
+    assert found.mac is not None
+    assert alone.mac[0, 1] == pytest.approx(np.sin(1.0) ** 2, abs=0.01)
+    assert found.mac[0, 1] > 0.99
+    far = solved([243.3, 250.0, 309.0], shapes.tolist(), model_error=0.003)
+    assert pair_with(modes, far).mac == pytest.approx(alone.mac)
+    even = (shapes[0] + shapes[1] + 0.3 * shapes[2] + 0.1).tolist()
+    even_modes = measured([244.0], [even], dofs)
+    assert not pair_with(even_modes, exact).pairs
+    assert len(pair_with(even_modes, inexact).pairs) == 1
 
 
 def test_the_likest_are_partners_however_unlike() -> None:
