@@ -144,6 +144,11 @@ class Campaign(Editable):
 
         return Frfs.from_npz(self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted)))
 
+    def archive(self, file: str | Path) -> Path:
+        """Write it, with its structure, modes and results, to a zip that others read without this service."""
+        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
+        return Path(file)
+
     def label_frfs(self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None, **which: Any) -> int:
         """Give a set of FRFs tags and metadata in place of theirs, by which a search finds them; the number of FRFs.
 

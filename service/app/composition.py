@@ -17,6 +17,7 @@ from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
+from service.store.archives.routes import router as archives
 from service.store.campaigns.operations import campaign_for
 from service.store.campaigns.routes import points_router as grid_points
 from service.store.campaigns.routes import router as campaigns
@@ -59,6 +60,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     plans,
     search,
     saved_searches,
+    archives,
     results,
     measured_figures,
     monitoring,

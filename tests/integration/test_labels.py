@@ -23,7 +23,12 @@ CAMPAIGN = {"boundary": "free", "temperature_c": 20.0}
 def labelled(api: httpx.Client, project: str, service: LocalService) -> dict[str, str]:
     """Campaigns with labels, one of them with FRFs and a result that have some too."""
     ids = {"project": project}
-    made = ok(api.post(f"projects/{project}/structures", json={**BEAM, "tags": ["bridge"], "meta": {"span": 3}}), 201)
+    made = ok(
+        api.post(
+            f"projects/{project}/structures", json={**BEAM, "tags": ["bridge"], "meta": {"span": 3, "serial": 2**60}}
+        ),
+        201,
+    )
     ids["structure"] = made["id"]
     stated: list[tuple[str, list[str], dict[str, Any]]] = [
         ("a", ["winter", "night shift"], {"client": "ACME", "wind": {"speed": 3.5}, "dry": True}),
@@ -53,6 +58,7 @@ QUESTIONS = [
     ("tag IS NULL", "d"),
     ("tag IS NOT NULL", "abc"),
     ("structure.tag = 'bridge' AND structure.meta.span > 2", "abcd"),
+    ("structure.meta.serial = 1152921504606846976", "abcd"),
     ("meta.client = 'ACME'", "a"),
     ("CASEI(meta.client) = CASEI('acme')", "ab"),
     ("NOT meta.client = 'ACME'", "b"),
@@ -85,6 +91,7 @@ def test_what_a_filter_cannot_ask_is_refused(api: httpx.Client) -> None:
         ("meta.a BETWEEN 'x' AND 3", "expected a text"),
         ("mode.tag = 'x'", "no field"),
         ("meta.a = 1e999", "expected a number"),
+        (r"tag LIKE 'a\'", "ends in a single"),
     ]
     for condition, said in asked:
         answer = api.get("search/campaigns", params={"filter": condition})
@@ -120,6 +127,7 @@ def test_frfs_and_results_take_labels(service: LocalService, api: httpx.Client, 
         assert job.label(tags=["approved"]) == {"tags": ["approved"], "meta": {}}
         assert [row["id"] for row in lab.find("results", "tag = 'approved'")] == [labelled["job"]]
         assert campaign.change(tags=["autumn"]).tags == ["autumn"]
+        assert lab.campaign(f"{BEAM['name']}/b").change(tags=["found by name"]).tags == ["found by name"]
         structure = lab.structure(labelled["structure"]).change(meta={"span": 4})
         assert (structure.version, structure.tags, structure.meta) == (1, ["bridge"], {"span": 4})
     stale = api.put(f"update-jobs/{labelled['job']}/labels", json={}, headers={"If-Match": '"x"'})

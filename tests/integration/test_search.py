@@ -171,7 +171,7 @@ def require_pages(api: httpx.Client, bridge: dict[str, str], sort: str | None) -
 
 
 def test_a_strange_cursor_is_refused(api: httpx.Client) -> None:
-    cursors = ("x", "W10", "WzFd", "WyIyMDI2LTAzLTAxIiwgbnVsbF0", "e30", "/" * 30)
+    cursors = ("x", "W10", "WzFd", "WyIyMDI2LTAzLTAxIiwgbnVsbF0", "e30", "/" * 30, "WyJcdWQ4MDAiLCAieCJd")
     for sort, cursor in product(("performed_at", "name"), cursors):
         ok_problem(api.get("search/campaigns", params={"cursor": cursor, "sort": sort}))
 

@@ -117,6 +117,8 @@ write   anyone  POST /searches
 write   editor  DELETE /searches/{search_id}
 read    viewer  GET /searches/{search_id}
 read    anyone  GET /searches
+read    anyone  GET /search/campaigns/archive
+read    viewer  GET /projects/{project_id}/archive, GET /campaigns/{campaign_id}/archive
 read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
 read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects

@@ -8,7 +8,7 @@ from typing import Annotated
 from uuid import UUID
 
 from fastapi import Query
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.monitoring import routes as monitoring
 from service.show.hits import AXES
@@ -26,11 +26,13 @@ from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
+from service.store.imports.operations import trace_lines_of
 from service.store.modes import routes as modes
 from service.store.records import routes as records
 from service.store.records.schemas import RecordOut
 from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
+from service.web.parameters import etag_of
 from service.web.routing import page_router
 
 router = page_router()
@@ -58,6 +60,7 @@ def get_structure(
     return visit.show(
         "structure.html",
         **context,
+        etag=etag_of(context["structure"]),
         has_mesh=has_mesh(context["structure"]),
         model=models.get_model(structure_id, visit.session, visit.user) if context["structure"].model else None,
         sent=sent[0] if sent else None,
@@ -72,6 +75,13 @@ def get_structure(
         boundary=boundary,
         name=name,
     )
+
+
+@router.get("/models/{model_id}")
+def get_model(model_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> Response:
+    """A model's structure; `part` is the piece that says how far its reading is, and replaces itself."""
+    model = models.of_jobs.one(visit.session, visit.user, model_id)
+    return visit.show_progress(model, "models") if part else RedirectResponse(f"../structures/{model.structure_id}")
 
 
 def _wanted(campaign: CampaignOut, boundary: str | None, name: str) -> bool:
@@ -110,7 +120,9 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         frfs=listed.items,
         more_frfs=listed.next_cursor is not None,
         grid=draw_grid(points, context["structure"].geometry, counts),
-        space=points_in_space(points, listed.items, counts, frame_of(campaign)),
+        space=points_in_space(
+            points, listed.items, counts, frame_of(campaign), trace_lines_of(visit.session, campaign_id)
+        ),
         has_mesh=has_mesh(context["structure"]),
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),

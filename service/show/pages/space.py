@@ -8,22 +8,27 @@ from typing import Any
 import numpy as np
 
 from service.compute.frame import Frame
-from service.show.figures.joining import joined
+from service.show.figures.joining import joined_as
 from service.show.pages.grid import Point3
 from service.store.frfs.schemas import FrfOut
 from service.store.structures.schemas import StructureOut
 
 
 def points_in_space(
-    points: Mapping[int, Point3], rows: Sequence[FrfOut], counts: Mapping[int, int], frame: Frame
+    points: Mapping[int, Point3],
+    rows: Sequence[FrfOut],
+    counts: Mapping[int, int],
+    frame: Frame,
+    lines: Iterable[Sequence[int]],
 ) -> dict[str, Any]:
-    """Points with the directions that were measured there, and which are neighbours.
+    """Points with the directions that were measured there, and which are joined.
 
     Args:
         points: label to coordinates in the specimen's frame, m.
         rows: FRFs, their directions along the file's axes.
         counts: how many FRFs each point has.
         frame: of the campaign.
+        lines: trace lines of its files.
 
     Returns:
         `points`, each with `response` and `reference`, unit vectors in the specimen's frame; `joined`, pairs of their numbers;
@@ -46,7 +51,7 @@ def points_in_space(
             }
             for label, xyz in points.items()
         ],
-        "joined": joined(np.array(list(points.values())).reshape(-1, 3)),
+        "joined": joined_as(lines, list(points), np.array(list(points.values())).reshape(-1, 3)),
         "axes": frame.axes.tolist(),
     }
 

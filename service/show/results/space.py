@@ -1,8 +1,9 @@
 """A result in space: its mesh with the measured points, and shapes on it, those of the model and the measured ones expanded.
 
 A measured shape φ at the points is expanded by the model's shapes (SEREP: O'Callahan, Avitabile and Riemer, IMAC VII, 1989):
-with Ψ those of the model at the points and Φ those on its mesh, φ_mesh = Φ Ψ⁺ φ. Combinations of modes that the points hardly
-see are left out of the pseudo-inverse, so of more modes than points the answer is the one of least kinetic energy.
+with Ψ those of the model at the points and Φ those on its mesh, φ_mesh = Φ Ψ⁺ φ. Of the model's modes those nearest in
+frequency take part, at most one for two measured values, so that what they miss says how well they describe the measurement;
+and combinations of them that the points hardly see are left out of the pseudo-inverse.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from pydantic import Field
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from service.errors import Conflict, NotFound
-from service.show.figures.joining import joined
+from service.show.figures.joining import joined_as
+from service.show.figures.marks import counted
 from service.show.figures.shapes import turned
 from service.show.results.figure_data import UpdateFigures
+from service.store.imports.operations import trace_lines_of
 from service.store.structures.model_routes import MeshBlockOut
 from service.web import StrictModel
 
@@ -67,7 +70,9 @@ class ResultMeshOut(StrictModel):
     nodes: PlacesOut = Field(description="by column")
     blocks: list[MeshBlockOut] = Field(description="elements of one kind and set each")
     points: list[MeasuredPointOut]
-    joined: list[tuple[int, int]] = Field(description="rows of `points` from 0 that are neighbours and not held out")
+    joined: list[tuple[int, int]] = Field(
+        description="rows of `points` from 0: along the files' trace lines, else neighbours; none that is held out"
+    )
     measured: list[MeasuredModeOut] = Field(description="measured modes with shapes")
     model: list[ModelModeOut] = Field(description="modes of the updated model")
 
@@ -98,6 +103,7 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
     labels, first, _ = _points(data)
     places = arrays["shape_places_m"][first]
     known = arrays["shapes_measured"].shape[1]
+    lines = trace_lines_of(data.session, data.job.campaign_id)
     own = np.flatnonzero(first < (known or len(arrays["shape_points"])))
     partners = {int(i): int(j) + 1 for i, j in arrays["shape_pairs"].tolist()}
     nodes = arrays["mesh_nodes_m"].astype(float)
@@ -116,7 +122,7 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
             )
             for k, (label, (x, y, z)) in enumerate(zip(labels, places.tolist(), strict=True))
         ],
-        joined=[(int(own[i]), int(own[j])) for i, j in joined(places[own])],
+        joined=[(int(own[i]), int(own[j])) for i, j in joined_as(lines, [labels[k] for k in own], places[own])],
         measured=[
             MeasuredModeOut(number=k + 1, frequency_hz=mode["measured_hz"], model=partners.get(k))
             for k, mode in enumerate(measured)
@@ -136,14 +142,17 @@ def measured_shape(data: UpdateFigures, number: int) -> ShapeOut:
     measured = arrays["shapes_measured"].astype(complex)
     _require_mode(number, len(measured) if measured.shape[1] else 0, "measured")
     shape = turned(measured[number - 1])
-    at_points = arrays["shapes_updated"].astype(float)[:, : shape.size]
+    near = _nearest(data, data.document["modes"][number - 1]["measured_hz"], max(1, shape.size // 2))
+    at_points = arrays["shapes_updated"][near].astype(float)[:, : shape.size]
     share = np.linalg.pinv(at_points.T, rcond=UNSEEN) @ shape
     missed = 100 * float(np.linalg.norm(at_points.T @ share - shape) / np.linalg.norm(shape))
-    everywhere = np.einsum("m,mnk->nk", share * arrays["mesh_largest"], arrays["mesh_shapes"].astype(np.float32))
-    seen = shape.size
-    words = (
-        f"{seen} measured values, expanded over the mesh by {len(at_points)} modes of the model, {missed:.2g} % missed"
+    everywhere = np.einsum(
+        "m,mnk->nk", share * arrays["mesh_largest"][near], arrays["mesh_shapes"][near].astype(np.float32)
     )
+    words = (
+        f"{counted(shape.size, 'measured value')}, expanded over the mesh by {counted(len(near), 'mode')} of the model"
+    )
+    words += f", which miss {missed:.1f} % of them"
     return _shape(data, shape, everywhere, missed, words)
 
 
@@ -165,6 +174,12 @@ def model_shape(data: UpdateFigures, number: int) -> ShapeOut:
         against = float(turned(measured[partner].astype(complex)).real @ at_points[: measured.shape[1]])
         everywhere, at_points = (np.sign(against) or 1.0) * everywhere, (np.sign(against) or 1.0) * at_points
     return _shape(data, at_points, everywhere, None, "of the updated model")
+
+
+def _nearest(data: UpdateFigures, hz: float, most: int) -> IntArray:
+    """Numbers from 0 of the model's modes that are nearest in frequency."""
+    away = np.abs(np.array([mode["frequency_hz"] for mode in data.document["model_modes"]]) - hz)
+    return np.sort(np.argsort(away, kind="stable")[:most])
 
 
 def _arrays(data: UpdateFigures) -> Any:

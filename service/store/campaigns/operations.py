@@ -158,6 +158,12 @@ def campaigns_in(structures: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
     return select(Campaign.id).where(Campaign.structure_id.in_(structures))
 
 
+def present_campaigns(session: Session, structures: Select[UUID]) -> Sequence[UUID]:
+    """Keys of the campaigns of some structures that are not deleted, oldest first."""
+    kept = campaigns_in(structures).where(Campaign.deleted_at.is_(None)).order_by(Campaign.id)
+    return session.scalars(kept).all()
+
+
 def structures_with(campaigns: Select[UUID]) -> Select[UUID]:
     """Keys of the structures that some campaigns are of, as part of a query."""
     return select(Campaign.structure_id).where(Campaign.id.in_(campaigns))

@@ -29,6 +29,7 @@ from sqlalchemy import (
 from sqlalchemy.dialects.postgresql import JSONB
 
 from service.errors import Invalid
+from service.store.search import literals
 from service.store.search.fields import Field, Kind
 
 _TYPES: dict[str, tuple[Kind, Any]] = {
@@ -52,7 +53,8 @@ def has_tag(name: str, op: str, tags: ColumnElement[Any], values: Sequence[Any])
     some = tags != text("'{}'")
     if op == "like":
         tag = func.unnest(tags).table_valued("tag").render_derived()
-        return and_(some, exists(select(1).select_from(tag).where(tag.c.tag.like(literal(values[0], Text)))))
+        alike = literals.matching(Field("tag", "text", ""), name, tag.c.tag, values[0])
+        return and_(some, exists(select(1).select_from(tag).where(alike)))
     held = and_(some, tags.contains([values[0]]))
     return not_(held) if op == "<>" else held
 
@@ -80,10 +82,12 @@ def as_compared(field: Field, values: Sequence[Any]) -> Field:
 
 
 def has_member(meta: ColumnElement[Any], path: Sequence[str], op: str, value: Any) -> ColumnElement[bool]:
-    """That metadata has a member, which is what an index of it can say: of `=` with its value."""
+    """That metadata has a member, which is what an index of it can say: of `=` with its value, unless that is a number, of
+    which JSON keeps all digits.
+    """
     some = [meta != text("'{}'"), meta.has_key(path[0])]
-    if op == "=":
-        document = value
+    if op == "=" and isinstance(value, str | bool):
+        document: Any = value
         for name in reversed(path):
             document = {name: document}
         some.append(meta.contains(literal(document, JSONB)))

@@ -278,6 +278,7 @@ def _encode(values: Sequence[Any]) -> str:
 def _decode(cursor: str) -> list[Any]:
     try:
         values = json.loads(base64.urlsafe_b64decode(cursor.encode() + b"==="))
+        json.dumps(values, ensure_ascii=False).encode()  # a lone surrogate is no text
     except (ValueError, RecursionError):
         raise _no_cursor() from None
     if not isinstance(values, list):

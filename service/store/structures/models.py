@@ -119,6 +119,11 @@ def deck_of(session: Session, key: UUID) -> tuple[str, str, bytes]:
     return row.filename, row.units, buffer.getvalue()
 
 
+def accepted_of(session: Session, key: UUID) -> list[str]:
+    """Names of cards of a model's deck that may be left out, whoever asks."""
+    return list(session.get_one(StructureModel, key).accepted)
+
+
 def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
     """The file of a model, and its sets, whoever asks."""
     row = session.get_one(StructureModel, key)

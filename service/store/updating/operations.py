@@ -299,6 +299,13 @@ def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[
     return {key: up_to_date(document) for key, document in session.execute(query)}
 
 
+def labelled_results(session: Session, campaign_id: UUID) -> Iterator[tuple[UUID, dict[str, Any], dict[str, Any]]]:
+    """The results of a campaign, oldest first: key of the update job, document, tags and metadata."""
+    query = select(UpdateResult).where(UpdateResult.campaign_id == campaign_id).order_by(UpdateResult.id)
+    for row in session.scalars(query):
+        yield row.id, up_to_date(row.document), {"tags": row.tags, "meta": row.meta}
+
+
 def result_parts(session: Session, keys: Sequence[UUID], parts: Sequence[str]) -> dict[UUID, dict[str, Any]]:
     """Members of results by update job, without reading the rest of the documents; jobs without a result are left out."""
     read = (*MARKS, *parts)

@@ -23,6 +23,7 @@ const FRAGMENT = {
     void main() { vec2 off = gl_PointCoord - 0.5; if (dot(off, off) > 0.25) discard; gl_FragColor = vec4(color, opacity); }`,
 };
 const NEAR = 20; // CSS pixels around a point within which it is meant
+const MOST_LABELS = 120; // of more points they would cover one another
 const FIELD = 28; // degrees that the camera sees
 const FROM = [0.4, -0.8, 0.5]; // where it stands at first
 
@@ -50,7 +51,7 @@ class Body {
     });
   }
   add(Kind, of, index, material) {
-    if (!index.length) return;
+    if (!index.length) return null;
     const geometry = new this.three.BufferGeometry();
     geometry.setAttribute("position", this.rest[of]);
     geometry.setIndex(new this.three.BufferAttribute(Uint32Array.from(index), 1));
@@ -58,6 +59,7 @@ class Body {
     part.frustumCulled = false; // its motion is not in its box
     this.moving[of].push(geometry);
     this.group.add(part);
+    return part;
   }
   /* How the shape moves nodes and points; what has none stays. */
   move(shape, amplitude) {
@@ -119,6 +121,10 @@ function bodyOf(three, scene, rest, colors, look) {
   body.add(three.Points, "points", among((p) => !p.off && p.frfs !== 0), dot(colors.measured, 7));
   body.add(three.Points, "points", among((p) => !p.off && p.frfs === 0), dot(colors.hint, 6));
   body.add(three.Points, "points", among((p) => p.off), dot(colors.bad, 9));
+  if (scene.points.length) {
+    body.marker = body.add(three.Points, "points", [0], dot(colors.initial, 14));
+    body.marker.renderOrder = 2;
+  }
   const which = (role) => scene.arrows.flatMap((arrow, i) => (arrow.role === role ? [0, 1, 2, 3, 4, 5].map((k) => 6 * i + k) : []));
   body.add(three.LineSegments, "arrows", which("response"), body.material("line", colors.measured));
   body.add(three.LineSegments, "arrows", which("reference"), body.material("line", colors.initial));
@@ -176,22 +182,17 @@ export class Space {
     this.bodies = looks.map((look) => bodyOf(three, scene, rest, colors, look));
     this.bodies.forEach((body, i) => body.move(shapes[i], 0.2 * this.radius));
     this.scenes = this.bodies.map(({ group }) => { const made = new three.Scene(); made.add(group); return made; });
-    this.marked = null;
     this.select(this.chosen ?? -1);
     this.resize();
     if (before !== this.beside) this.home();
   }
-  /* Mark a point, by its number in the list. */
+  /* Mark a point, by its number in the list; −1 marks none. */
   select(i) {
     this.chosen = i;
-    const body = this.bodies.find(({ moving }) => moving.points.length) ?? this.bodies[0];
-    if (this.marked) { body.group.remove(this.marked); body.moving.points.pop(); this.marked.geometry.dispose(); this.marked.material.dispose(); }
-    this.marked = null;
-    if (i >= 0 && body) {
-      body.add(this.three.Points, "points", [i], body.material("point", this.colors.initial, { size: 14 * devicePixelRatio }));
-      this.marked = body.group.children.at(-1);
-      this.marked.renderOrder = 2;
-      body.move(body.shape, body.reach);
+    for (const { marker } of this.bodies) if (marker) {
+      marker.visible = i >= 0;
+      marker.geometry.index.setX(0, Math.max(i, 0));
+      marker.geometry.index.needsUpdate = true;
     }
     this.dirty();
   }
@@ -235,19 +236,33 @@ export class Space {
       renderer.setViewport(left, 0, width, high);
       renderer.render(this.scenes[i], this.camera);
     });
+    this.label();
     if (state.running && this.seen && bodies.some(({ shape }) => shape)) this.dirty(); else this.last = undefined;
+  }
+  /* Where the points are seen, CSS pixels of the canvas. */
+  seenAt() {
+    const { clientWidth, clientHeight: high } = this.canvas;
+    const at = Math.max(0, this.bodies.findIndex(({ marker }) => marker));
+    const [left, wide] = this.beside ? [at * clientWidth / 2, clientWidth / 2] : [0, clientWidth];
+    const place = new this.three.Vector3();
+    return this.scene.points.map((_, i) => {
+      place.set(...this.bodies[at].place(i)).project(this.camera);
+      return [left + (place.x + 1) / 2 * wide, (1 - place.y) / 2 * high];
+    });
+  }
+  label() {
+    const { labels } = this.said;
+    if (!labels || this.scene.points.length > MOST_LABELS) return;
+    if (!labels.childElementCount) labels.append(...this.scene.points.map((point) => Object.assign(document.createElement("span"), { textContent: point.label })));
+    this.seenAt().forEach(([x, y], i) => { labels.children[i].style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`; });
   }
   /* The point nearest to a place of the canvas, CSS pixels; −1 where none is near. */
   pick(x, y) {
-    const { clientWidth, clientHeight: high } = this.canvas;
-    const at = Math.max(0, this.bodies.findIndex(({ moving }) => moving.points.length));
-    const [left, wide] = this.beside ? [at * clientWidth / 2, clientWidth / 2] : [0, clientWidth];
     let best = -1, least = NEAR;
-    for (let i = 0; i < this.scene.points.length; i += 1) {
-      const seen = new this.three.Vector3(...this.bodies[at].place(i)).project(this.camera);
-      const away = Math.hypot(left + (seen.x + 1) / 2 * wide - x, (1 - seen.y) / 2 * high - y);
+    this.seenAt().forEach(([left, top], i) => {
+      const away = Math.hypot(left - x, top - y);
       if (away < least) [best, least] = [i, away];
-    }
+    });
     return best;
   }
   listen() {

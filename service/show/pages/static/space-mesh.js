@@ -59,7 +59,8 @@ export function meshOf(said) {
       for (let i = 0; i < corners; i += 1) {
         const along = Array.from({ length: step + 1 }, (_, k) => ring[(i * step + k) % ring.length]);
         const pairs = along.slice(1).flatMap((node, k) => [along[k], node]);
-        const key = [along[0], along.at(-1)].sort((a, b) => a - b).join();
+        const [a, b] = [along[0], along.at(-1)];
+        const key = Math.min(a, b) * count + Math.max(a, b);
         if (!sides.has(key)) { sides.set(key, { pairs, normals: [], sets: [] }); set.wires.push(...pairs); }
         sides.get(key).normals.push(normal);
         sides.get(key).sets.push(block.set);

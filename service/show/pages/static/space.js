@@ -67,6 +67,7 @@ class Viewer {
     } catch (error) {
       this.say(error.message);
       this.part("picture").querySelector(".wait")?.remove();
+      this.place.dataset.ready = "nothing";
       return;
     }
     this.legend();
@@ -88,8 +89,8 @@ class Viewer {
     const canvas = this.part("canvas");
     canvas.hidden = false;
     this.part("picture").hidden = true;
-    this.space = new drawing.Space(three, canvas, this.scene, this.colors, { chosen: (i) => this.choose(i), moved: () => this.run(!this.state.running) });
-    canvas.addEventListener("webglcontextlost", () => { this.space = null; canvas.hidden = true; this.flat(); });
+    this.space = new drawing.Space(three, canvas, this.scene, this.colors, { labels: this.part("labels"), chosen: (i) => this.choose(i), moved: () => this.run(!this.state.running) });
+    canvas.addEventListener("webglcontextlost", () => { this.space = null; canvas.hidden = this.part("labels").hidden = true; this.flat(); });
     this.part("home").hidden = this.part("keys").hidden = false;
   }
   flat() {
