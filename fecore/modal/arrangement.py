@@ -21,6 +21,9 @@ from fecore.frf import Dof, FrfSet, Quantity
 #: Power of iω that turns a receptance into each quantity.
 POWER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 _AXIS_NAMES = ("X", "Y", "Z", "RX", "RY", "RZ")
+FEW = 4
+"""FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors, one that is alone."""
+
 _SAME_LINE = 1e-6  # lines of two axes closer than this share of the smallest spacing are one line
 
 

@@ -18,6 +18,9 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 
+DAMPING_RANGE = (1e-5, 0.95)
+"""Of ζ: a pole beyond is no resonance."""
+
 _IN_CACHE = 30_000  # entries of a block of lines whose temporaries stay in the processor's cache
 
 

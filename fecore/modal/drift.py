@@ -20,13 +20,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from fecore.modal.arrangement import Arrangement
+from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms, columns, poles
-from fecore.modal.growth import gains
+from fecore.modal.growth import PRICE, gains
 from fecore.modal.refinement import Level, level_at
 from fecore.modal.residues import weights
 
-_FEWEST = 4  # tests of which a drift can be found
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
 _FINE = 0.5  # of the narrowest half bandwidth: the grid's step
 _TOGETHER, _APART = 0.5, 1.5  # summed half bandwidths within which two poles may be one that drifts
@@ -34,7 +33,6 @@ _TWICE = 0.5  # share of the modes that come in pairs from which drift makes the
 _ALIKE = 3.0  # ratio of their widths
 _REACH = 6.0  # half bandwidths on each side of a pole whose lines show the drift
 _LEAST_REACH = 6  # ... and at least lines
-_PRICE = 2.0  # of an unknown (Akaike)
 _MOST_STEPS = 40  # of the first grid
 _GRID = (9, 241)  # steps of the later ones, at least and at most
 _FINEST = 0.15  # of a half bandwidth: their step
@@ -74,7 +72,7 @@ def without_drift(
     """
     tests = session_of(arrangement)
     inside = in_band(arrangement, fit.terms.frequency_hz)
-    if int(tests.max()) + 1 < _FEWEST or not inside.any():
+    if int(tests.max()) + 1 < FEW or not inside.any():
         return None
     terms, weight = _merged(fit, inside), weights(arrangement, fit.variance)
     seen = in_band(arrangement, terms.frequency_hz)
@@ -102,7 +100,7 @@ def without_drift(
     terms = grown(still, terms, poles(fit.terms.frequency_hz, fit.terms.damping_ratio))
     misfit = level_at(still, terms, fit.variance).chi_squared - fit.chi_squared
     saved = (fit.terms.pairs - terms.pairs) * (2 * len(tests) + 2) - int(tests.max()) - 1
-    if not np.any(each) or misfit >= _PRICE * saved:
+    if not np.any(each) or misfit >= PRICE * saved:
         return None
     return still, terms, Drift(each, float(np.std(each)))
 

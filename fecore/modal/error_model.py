@@ -3,6 +3,11 @@
 Hits beside the point, cables and slight non-linearity make errors that grow with the FRF and are smooth over some
 lines. A line is then worth less than one: with the correlation ρ_j of the standardised residual j lines apart, n
 lines are worth n/τ, τ = 1 + 2 Σ_j ρ_j.
+
+Errors that all FRFs share do not become less by their number: a joint that high hits open, a spring that is not linear. In the
+shape of mode k, m_ik its part in FRF i, they are the relative error of its curve,
+
+    e_k(l) = Σ_i w_i m̄_ik r_i / Σ_i w_i |m_ik|².
 """
 
 from __future__ import annotations
@@ -10,6 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.modal.arrangement import Arrangement
+from fecore.modal.basis import columns
+from fecore.modal.refinement import Level
 
 RELATIVE = 0.02
 """What errors that grow with the FRF usually are, over it: where a hit lands, calibrations."""
@@ -17,6 +25,7 @@ RELATIVE = 0.02
 _STILL = 0.05  # correlation below which the sum ends
 _CAP = 3.0  # standard deviations
 _LONGEST = 200  # lines
+_REACH = 3.0  # half bandwidths, and lines at least, on each side of a pole whose errors are its own
 
 
 def memory(
@@ -41,3 +50,23 @@ def memory(
     rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
     ends = np.flatnonzero(rho < _STILL)
     return float(1 + 2 * np.sum(rho[: ends[0] if ends.size else rho.size]))
+
+
+def shared_error(arrangement: Arrangement, fit: Level) -> FloatArray:
+    """(n,) the root mean square of e about each pole, less what FRFs leave whose errors do not depend on each other."""
+    terms, shared = fit.terms, np.zeros(fit.terms.pairs)
+    basis = columns(arrangement.omega, terms, arrangement.power)
+    reach = _REACH * np.maximum(terms.damping_ratio * terms.frequency_hz, arrangement.spacing_hz)
+    for k in range(terms.pairs):
+        near = np.abs(arrangement.frequency_hz - terms.frequency_hz[k]) <= reach[k]
+        freedom = 2 * int(near.sum()) - 4  # two values less for the residue, two for the pole
+        own = fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ basis[near, 2 * k : 2 * k + 2].T
+        weighted = fit.weight[:, near] * own.conj()
+        power = np.sum((weighted * own).real, axis=0)
+        if freedom <= 0 or not np.all(power > 0):
+            continue
+        each = weighted * fit.residual[:, near]
+        square = float(np.sum(np.abs(each.sum(axis=0)) ** 2 / power))
+        usual = float(np.sum(np.abs(each) ** 2 / power)) * (freedom + 2 * np.sqrt(2 * freedom)) / (2 * int(near.sum()))
+        shared[k] = np.sqrt(max(square - usual, 0.0) / power.sum())
+    return shared

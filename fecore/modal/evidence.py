@@ -27,17 +27,16 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
-from fecore.modal.arrangement import Arrangement
+from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.drift import in_band
-from fecore.modal.growth import gain_beside, gains, pole_price
+from fecore.modal.growth import gains
 from fecore.modal.refinement import Level
 from fecore.modal.residues import weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
 _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
-_ONE_LINE = 0.5  # lines: a half bandwidth above shows its flanks on several
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
 _NEAREST, _LEAST_REACHED = 0.01, 0.01  # least distance, and least share in other FRFs, that count
@@ -46,10 +45,6 @@ _LONGEST_DELAY = 1e-3  # s
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
 _STRONG = 10.0  # rise from which a pole shows the delay
 _ROBUST = 6  # rounds of reweighting of the damping's trend
-_STARTS = 8  # poles through which it is started
-FEW = 4
-"""FRFs below which their phase is that of single values, and there is no shape."""
-
 USUAL = 0.3
 """Scatter of ln ζ about its trend."""
 
@@ -63,7 +58,7 @@ class Evidence:
         height: (n,) of its part in the FRFs at its frequency, root of the sum of squares over them.
         neighbour: (n,) number of the larger pole that it is nearest to; any where there is none.
         trend: (n,) ζ_t.
-        tone: (n,) whether the pole rests on a single line, as interference does, and shows neither damping nor delay.
+        tone: (n,) whether it hardly dies away within a record, as interference does.
         delay: of the channels, s; turned: whether all residues are turned by 90°.
     """
 
@@ -89,7 +84,7 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
     inside = in_band(arrangement, terms.frequency_hz)
-    tone = inside & _tone(arrangement, fit)
+    tone = inside & (terms.frequency_hz * terms.damping_ratio < _LASTS * arrangement.spacing_hz)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
@@ -127,17 +122,6 @@ def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05  # clean data leave nothing
     with_it = np.maximum(misfit @ near, usual)
     return np.asarray(np.clip(1 + gains(fit) / with_it, *_RISE))
-
-
-def _tone(arrangement: Arrangement, fit: Level) -> BoolArray:
-    """(n,) poles that hardly die away within a record, or do not pay without the line next to them: a mode is seen on more."""
-    terms = fit.terms
-    lines = terms.frequency_hz * terms.damping_ratio / max(arrangement.spacing_hz, 1e-300)
-    tone = lines < _LASTS
-    for k in np.flatnonzero(~tone & (lines < _ONE_LINE)):
-        line = int(np.argmin(np.abs(arrangement.frequency_hz - terms.frequency_hz[k])))
-        tone[k] = gain_beside(arrangement, fit, int(k), line) < pole_price(fit)
-    return tone
 
 
 def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray]:
@@ -206,23 +190,13 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     order = np.argsort(zeta[use])
     at = np.searchsorted(np.cumsum(strength[use][order]), strength[use].sum() / 2)
     usual = zeta[use][order][min(at, order.size - 1)]
-    best, least = np.full(zeta.size, usual), np.inf
-    for rate in (0.0, *(zeta * omega)[use][np.argsort(-strength[use])[:_STARTS]]):  # through one pole after the other
-        trend = _descended(np.maximum(usual, rate / omega), zeta, shape, np.where(use, strength, 0.0))
-        cost = float(np.sum(strength * np.log1p((np.log(zeta / trend) / USUAL) ** 2)))
-        if cost < least:
-            best, least = trend, cost
-    return best
-
-
-def _descended(trend: FloatArray, zeta: FloatArray, shape: FloatArray, strength: FloatArray) -> FloatArray:
-    """A trend after some rounds of reweighted least squares from a start."""
+    trend = np.full(zeta.size, usual)
     for _ in range(_ROBUST):
         off = np.log(zeta / trend)
-        weight = np.sqrt(strength / (1 + (off / USUAL) ** 2)) / np.sqrt(zeta * trend)
+        weight = np.sqrt(np.where(use, strength, 0.0) / (1 + (off / USUAL) ** 2)) / np.sqrt(zeta * trend)
         found = scipy.optimize.nnls(shape * weight[:, None], zeta * weight)[0]
-        trend = np.maximum(shape @ found, 0.1 * zeta[strength > 0].min())
-    return trend
+        trend = np.maximum(shape @ found, 0.1 * zeta[use].min())
+    return np.asarray(trend)
 
 
 def _nearest(terms: Terms, height: FloatArray) -> tuple[IntArray, FloatArray]:

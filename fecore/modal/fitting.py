@@ -12,9 +12,19 @@ from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, poles
 from fecore.modal.compression import compress
 from fecore.modal.drift import Drift, in_band, session_of, sessions, without_drift
-from fecore.modal.error_model import memory
+from fecore.modal.error_model import memory, shared_error
 from fecore.modal.evidence import evidence_of
-from fecore.modal.growth import ROUNDS, grow, linear_weight, local_level, pruned, with_residual_terms, without_poles
+from fecore.modal.growth import (
+    ENOUGH,
+    ROUNDS,
+    STEPS,
+    grow,
+    linear_weight,
+    local_level,
+    pruned,
+    with_residual_terms,
+    without_poles,
+)
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
 from fecore.modal.probability import doubled, probability
@@ -22,10 +32,8 @@ from fecore.modal.refinement import Fit, Level, refine
 
 _ALIGN = 4  # turns of drift and growth
 _STILL = 0.1  # of the whole drift: what is left below it is at rest
-_RIVAL = 40  # FRFs up to which the whole search is made without the drift too
-_CLEARLY = 5.0  # prices of its unknowns by which a series without drift must be better
 _CULLS = 2  # turns of probability and refinement
-_STEPS, _LAST = 8, 3  # of the refinement, and with all FRFs and a weight for each value
+_LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 _COMPANY_BELOW = 0.3  # probability below which a pole beside a better one is its company
@@ -83,10 +91,6 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
     still, aligned, drift = _aligned(data, terms, pool, most, step)
     fit = still.fitted(still.grown(aligned, pool, most, step))
-    if drift is not None and len(arrangement.pairs) <= _RIVAL:
-        rival = data.fitted(data.grown(terms, pool, most, step))
-        if _better(rival, fit):
-            still, fit, drift = data, rival, None
     report("refining with all FRFs", 0.6)
     full = fit.terms.pairs >= most
     fit = _without_company(still, fit)
@@ -113,7 +117,7 @@ class _Data:
     def settled(self, terms: Terms) -> Terms:
         """The poles refined on the combinations."""
         variance = local_level(self.few, terms, self.few_noise).variance
-        return refine(self.few, terms, variance, steps=_STEPS, enough=1.0).terms
+        return refine(self.few, terms, variance, steps=STEPS, enough=ENOUGH).terms
 
     def grown(
         self, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None], rounds: int = ROUNDS
@@ -168,13 +172,6 @@ def _aligned(
     return still, terms, drift
 
 
-def _better(rival: Level, fit: Level) -> bool:
-    """Whether the series without a drift is clearly better: 2 Σ ln v lower by several prices of its further unknowns."""
-    more = (rival.terms.pairs - fit.terms.pairs) * (2 * len(fit.residual) + 2)
-    lower = 2 * float(np.sum(np.log(fit.variance)) - np.sum(np.log(rival.variance)))
-    return lower > _CLEARLY * 2 * max(more, len(fit.residual))
-
-
 def _without_company(data: _Data, fit: Level) -> Level:
     """The fit without refused poles that only bend a better one beside them, or that no distance parts from a larger one."""
     for _ in range(_CULLS):
@@ -205,4 +202,4 @@ def _last(data: _Data, fit: Level) -> Fit:
     variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured)
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return replace(fit, memory=tau, sessions=session_of(arrangement))
+    return replace(fit, memory=tau, sessions=session_of(arrangement), shared=shared_error(arrangement, fit))

@@ -16,7 +16,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import Terms, columns
+from fecore.modal.basis import DAMPING_RANGE, Terms, columns
 from fecore.modal.error_model import RELATIVE
 from fecore.modal.lscf import NARROW, clusters, linear_poles
 from fecore.modal.noise import local_variance
@@ -30,12 +30,18 @@ ROUNDS = 5
 """Of growth on the residual."""
 
 _RESIDUAL_ORDER = 10  # of the linear stage on the residual
-_STEPS = 8  # of the refinement in each round
-_ENOUGH = 1.0  # decrease of χ² that a step is worth before the last round
+STEPS = 8
+"""Of the refinement in each round."""
+
+ENOUGH = 1.0
+"""Decrease of χ² that a step is worth before the last round."""
+
 _SETTLES = (
     2  # times that a variance follows a fit and a fit the variance: the first fit's own is too large for clean data
 )
-_PRICE = 2.0  # of an unknown (Akaike)
+PRICE = 2.0
+"""Of an unknown (Akaike)."""
+
 _ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
 _APART = 0.5  # summed half bandwidths between two poles that are taken in one round
@@ -69,15 +75,10 @@ def grow(
         candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
-        room = most - fit.terms.pairs
-        added = _chosen(arrangement, fit, candidates, room, beside)
-        if (
-            not fit.terms.pairs and not added.size
-        ):  # under the variance of the FRFs themselves nothing gains more than that
-            added = _chosen(arrangement, fit, candidates, room, 0)
+        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs, beside)
         if not added.size:
             break
-        larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=_STEPS, enough=_ENOUGH)
+        larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=STEPS, enough=ENOUGH)
         before = fit.terms.pairs
         # Not before there are poles, as residual terms would take the place of a broad one; then all of them again, as a better
         # fit may need what a poor one did without.
@@ -134,7 +135,7 @@ def with_poles(terms: Terms, pole: ComplexArray) -> Terms:
     return replace(
         terms,
         frequency_hz=np.append(terms.frequency_hz, hz),
-        damping_ratio=np.append(terms.damping_ratio, np.clip(-pole.real / np.abs(pole), 1e-5, 0.9)),
+        damping_ratio=np.append(terms.damping_ratio, np.clip(-pole.real / np.abs(pole), *DAMPING_RANGE)),
     )
 
 
@@ -160,27 +161,13 @@ def _gains(c: FloatArray, C: FloatArray, pairs: int) -> FloatArray:
     return np.asarray(np.sum((d * one**2 - 2 * b * one * two + a * two**2) / determinant, axis=0))
 
 
-def gain_beside(arrangement: Arrangement, fit: Level, k: int, line: int) -> float:
-    """What χ² would rise by without pole k, were a line not measured, all other coefficients fitted anew."""
-    weight = np.where(np.arange(arrangement.omega.size) == line, 0.0, weights(arrangement, fit.variance))
-    root = np.sqrt(weight.mean(axis=0))
-    basis = _stacked(columns(arrangement.omega, fit.terms, arrangement.power), root)
-    basis = basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300)
-    own = basis[:, 2 * k : 2 * k + 2]
-    frame = np.linalg.qr(np.delete(basis, [2 * k, 2 * k + 1], axis=1))[0]
-    own = own - frame @ (frame.T @ own)
-    scaled = arrangement.values * np.sqrt(weight)
-    right = np.concatenate([scaled.real, scaled.imag], axis=1) @ own
-    return float(_two_by_two(right, *(np.array([each]) for each in (own.T @ own).ravel()[[0, 1, 3]]))[0])
-
-
 def pole_price(fit: Level, beside: int = 0) -> float:
     """Akaike's price of a pole, of two unknowns an FRF and two for the pole, and that of having looked for it at every line.
 
     Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too, that gain 1 each from noise.
     """
-    own = _PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))
-    return (own + (_PRICE - 1) * 2 * beside) * fit.memory
+    own = PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))
+    return (own + (PRICE - 1) * 2 * beside) * fit.memory
 
 
 def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
@@ -200,7 +187,7 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
         worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
         least = int(np.argmin(worth))
-        if worth[least] > (_PRICE * len(fit.residual) + (_PRICE - 1) * beside) * fit.memory:
+        if worth[least] > (PRICE * len(fit.residual) + (PRICE - 1) * beside) * fit.memory:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])

@@ -13,15 +13,12 @@ import scipy
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import poles
-
-DAMPING_RANGE = (1e-5, 0.9)
-"""Of ζ, in which both modes are sought."""
+from fecore.modal.basis import DAMPING_RANGE, poles
+from fecore.modal.refinement import widened
 
 _REACH = 6.0  # half bandwidths on each side of the pole that are fitted
 _LEAST_REACH = 5.0  # ... and at least lines
 _FEWEST_LINES = 8  # of such a band
-_FEWEST_SESSIONS = 8  # roving dofs whose scatter counts for the errors of the poles
 _EVALUATIONS = 40  # of the least squares
 
 
@@ -131,17 +128,11 @@ class Band:
         return values, spread
 
     def covariance(self, modes: Modes, memory: float) -> FloatArray:
-        """Of θ; each standard deviation at least what the scatter between the roving dofs shows (`refinement._between`)."""
+        """Of θ; each standard deviation at least what the scatter between the roving dofs shows."""
         jacobian = modes.jacobian.reshape(-1, modes.jacobian.shape[2])
         inverse = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)
-        usual = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-        grow = np.full(usual.size, np.sqrt(max(1.0, modes.chi_squared / modes.freedom) * memory))
-        count = modes.residual.shape[1]
-        if count >= _FEWEST_SESSIONS:
-            pull = np.einsum("rpn,rp->pn", modes.jacobian, modes.residual)
-            between = np.sqrt(np.sum((pull @ inverse) ** 2, axis=0) * count / (count - 1))
-            grow = np.maximum(grow, between / usual / (1 + 1 / np.sqrt(2 * count - 2)))
-        return np.asarray(inverse * np.outer(grow, grow))
+        pull = np.einsum("rpn,rp->pn", modes.jacobian, modes.residual)
+        return widened(inverse, max(1.0, modes.chi_squared / modes.freedom) * memory, pull, np.arange(len(pull)))
 
     def _target(self) -> FloatArray:
         """(2 m L, p) weighted FRFs, real above imaginary parts."""

@@ -21,9 +21,9 @@ import numpy as np
 from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.correlation import mac
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import Terms, columns
+from fecore.modal.basis import DAMPING_RANGE, Terms, columns
 from fecore.modal.growth import without_poles
-from fecore.modal.local_pair import DAMPING_RANGE, Band, Modes, band_about
+from fecore.modal.local_pair import Band, Modes, band_about
 from fecore.modal.refinement import Fit, evaluate
 from fecore.modal.shapes import of_rank_two
 

@@ -9,13 +9,12 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import FrfSet
-from fecore.modal.arrangement import Arrangement
+from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.leakage import leakage
 from fecore.modal.noise import believable, line_scatter, rough_variance
 from fecore.modal.screening import Refused, screen
 
 _ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
-_FEWEST_LEARNT = 4  # FRFs of which a relative error can be learnt beside the noise
 
 
 @dataclass(frozen=True)
@@ -84,6 +83,6 @@ def _of_lines(arrangement: Arrangement, scatter: FloatArray) -> Arrangement:
     with np.errstate(invalid="ignore"):
         over = arrangement.variance[arrangement.measured] / scatter[arrangement.measured]
     over = over[np.isfinite(over)]
-    if len(arrangement.pairs) < _FEWEST_LEARNT or not over.size or np.median(over) < _ALIKE_ON_LINES:
+    if len(arrangement.pairs) < FEW or not over.size or np.median(over) < _ALIKE_ON_LINES:
         return arrangement
     return replace(arrangement, variance=np.minimum(arrangement.variance, scatter))  # NaN, not known, stays so

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.modal.arrangement import Arrangement
+from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms
-from fecore.modal.evidence import FEW, USUAL, Evidence
+from fecore.modal.evidence import USUAL, Evidence
 from fecore.modal.weights import COVARIANCE, MEAN
 
 _SIGMA, _SIGMA_OF_FEW = 0.1, 0.06

@@ -22,7 +22,7 @@ import numpy as np
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import Terms, columns, derivatives, slopes
+from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives, slopes
 from fecore.modal.linear import (
     LinearFit,
     mean_weight,
@@ -36,12 +36,10 @@ from fecore.modal.linear import (
 from fecore.modal.residues import weights
 
 _ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtieth of a standard deviation
-_STALLED = 0.01  # two steps in a row that gain less than this have found the floor of a flat valley
 _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
 _TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
 _FEWEST_SESSIONS = 8  # from which their scatter is known well enough
 _STEPS = 40  # most steps of one fit
-_DAMPING_RANGE = (1e-5, 0.95)  # of ζ: a pole beyond is no resonance
 
 
 @dataclass(frozen=True)
@@ -83,6 +81,7 @@ class Fit(Level):
         lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
         pull: (N, parameters) what each FRF adds to the gradient of -χ²/2.
         sessions: (N,) number of the test that each FRF belongs to, where the scatter between tests is to count.
+        shared: (n,) relative error of each mode's curve that all FRFs share.
     """
 
     freedom: int
@@ -90,6 +89,7 @@ class Fit(Level):
     lever: FloatArray
     pull: FloatArray
     sessions: IntArray | None = None
+    shared: FloatArray | float = 0.0
 
     @property
     def gradient(self) -> FloatArray:
@@ -118,7 +118,9 @@ class Fit(Level):
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
 
         A null direction of the information gives its own parameters a large variance and touches no other. Where the sessions
-        are known, each standard deviation is at least what the scatter between them shows (`_between`).
+        are known, each standard deviation is at least what the scatter between them shows (`_between`). A shift of a pole by δ
+        half bandwidths changes its curve by δ/√2 in the mean over it: errors e that all FRFs share are taken to have shifted it
+        by as much as they have left, √2 e.
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
@@ -126,13 +128,17 @@ class Fit(Level):
             vector.T**2 > _TOUCHED, vector.T**2, 0.0
         )
         inverse = inverse / scale[:, None] / scale
-        grow = np.sqrt(self.inflation) * np.ones(len(inverse))
-        if self.sessions is not None and (count := int(self.sessions.max()) + 1) >= _FEWEST_SESSIONS:
-            usual = np.sqrt(np.diag(inverse))
-            grow = np.maximum(
-                grow, _between(self.pull, self.sessions, inverse) / usual / (1 + 1 / np.sqrt(2 * count - 2))
-            )
-        return np.asarray(inverse * np.outer(grow, grow))
+        shifts = np.tile(2 * (self.shared * self.terms.damping_ratio) ** 2, 2)
+        return np.asarray(widened(inverse, self.inflation, self.pull, self.sessions) + np.diag(shifts))
+
+
+def widened(inverse: FloatArray, inflation: float, pull: FloatArray, sessions: IntArray | None) -> FloatArray:
+    """The covariance H⁻¹ times the inflation, each standard deviation at least what the scatter between sessions shows."""
+    grow = np.sqrt(inflation) * np.ones(len(inverse))
+    if sessions is not None and (count := int(sessions.max()) + 1) >= _FEWEST_SESSIONS:
+        usual = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
+        grow = np.maximum(grow, _between(pull, sessions, inverse) / usual / (1 + 1 / np.sqrt(2 * count - 2)))
+    return np.asarray(inverse * np.outer(grow, grow))
 
 
 def _between(pull: FloatArray, sessions: IntArray, inverse: FloatArray) -> FloatArray:
@@ -222,7 +228,7 @@ def refine(
         IdentificationError: a term has no weight.
     """
     fit = evaluate(arrangement, terms, variance)
-    damping, small = 1e-4, 0
+    damping = 1e-4
     for _ in range(steps):
         step, predicted = _step(fit, damping)
         if predicted < enough:
@@ -231,10 +237,7 @@ def refine(
         if trial is not None and trial.chi_squared < fit.chi_squared:
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
-            small = small + 1 if gain < _STALLED else 0
             fit = _with_slopes(arrangement, trial)
-            if small == 2:
-                break
         else:
             damping = max(damping, 1e-6) * 10
             if damping > 1e8:
@@ -248,7 +251,7 @@ def moved(terms: Terms, step: FloatArray) -> Terms:
     return replace(
         terms,
         frequency_hz=terms.frequency_hz * np.exp(step[:n]),
-        damping_ratio=np.clip(terms.damping_ratio + step[n:], *_DAMPING_RANGE),
+        damping_ratio=np.clip(terms.damping_ratio + step[n:], *DAMPING_RANGE),
     )
 
 

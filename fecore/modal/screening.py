@@ -16,14 +16,13 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
-from fecore.modal.arrangement import Arrangement, arrange, pair_label
+from fecore.modal.arrangement import FEW, Arrangement, arrange, pair_label
 from fecore.modal.causality import turned_backwards
 
 _FEWEST_LINES = 16  # that an FRF must have in the band
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
 _JUMP = 30.0  # ... that is worth comparing between FRFs
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line
-_FEWEST_RECORDS = 4  # that show whether an FRF is alone with something
 _ALONE = (
     5.0  # times the jump of any other FRF at a line: no mode shape, even at few points, has such a peak there alone
 )
@@ -184,7 +183,7 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     seen = [_spikes(v, m) for v, m in pairs]
     spikes, standing, jumps, height = (np.array(marks) for marks in zip(*seen, strict=True))
     spikes &= jumps.sum(axis=0) <= max(1, _SHARED * len(jumps))  # what most records show is a resonance
-    if len(height) >= _FEWEST_RECORDS:  # ... but an overload may fall on one: no other FRF jumps nearly as far there
+    if len(height) >= FEW:  # ... but an overload may fall on one: no other FRF jumps nearly as far there
         spikes |= standing & (height > _ALONE * np.partition(height, -2, axis=0)[-2])
     if not spikes.any():
         return arrangement, []

@@ -10,8 +10,8 @@ import pytest
 from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
 from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.basis import Terms
-from fecore.modal.error_model import memory
+from fecore.modal.basis import Terms, columns
+from fecore.modal.error_model import memory, shared_error
 from fecore.modal.linear import mean_weight, orthonormal
 from fecore.modal.local_pair import Band, Modes, band_about
 from fecore.modal.refinement import Fit, evaluate, moved, spectrum
@@ -222,6 +222,29 @@ def test_lines_that_share_their_error_count_less(rho: float) -> None:
     assert memory(np.zeros(shape, dtype=complex), variance, everywhere) == 1.0
     whole = np.ones((1, 40))  # one error on all lines, seen over a quarter of them
     assert memory(whole.astype(complex), whole, whole > 0) == pytest.approx(1 + 2 * 10, rel=1e-9)
+
+
+@pytest.mark.parametrize("size", [0.0, 0.003])
+def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
+    """Every FRF's first mode errs by one smooth relative function of the lines: no number of FRFs makes it less."""
+    arrangement = measured(line=0.125)
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+    off = (arrangement.frequency_hz - HZ[0]) / (HZ[0] * ZETA[0])
+    error = size * np.cos(2 * off)
+    own = fit.linear.coefficients[:, :2] @ columns(arrangement.omega, TERMS, arrangement.power)[:, :2].T
+    shared = shared_error(arrangement, replace(fit, residual=fit.residual + error * own))
+    power = np.where(np.abs(off) <= 3, np.sum(np.abs(own) ** 2, axis=0), 0.0)
+    parts = np.sum(np.abs(own) ** 2, axis=1) / np.sum(np.abs(own) ** 2)
+    lines = int(np.sum(power > 0))
+    chance = (
+        (2 * lines - 4 + 2 * np.sqrt(4 * lines - 8)) / (2 * lines) * np.sum(parts**2)
+    )  # were FRFs of this size independent
+    expected = np.sqrt(np.sum(power * error**2) / np.sum(power) * (1 - chance))
+    assert shared[0] == pytest.approx(expected, rel=0.05, abs=1e-12)
+    assert shared[1] == 0.0
+    wide = replace(fit, shared=shared)
+    added = np.diag(wide.parameter_covariance - fit.parameter_covariance)
+    np.testing.assert_allclose(added, np.tile(2 * (shared * ZETA) ** 2, 2), rtol=1e-6, atol=1e-20)
 
 
 def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:
