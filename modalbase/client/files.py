@@ -13,6 +13,9 @@ from modalbase.client.errors import ClientError, Exit
 if TYPE_CHECKING:
     from modalbase.client.connection import Connection
 
+MESH_FORMATS = {".vtu": "vtu", ".uff": "uff", ".unv": "uff", ".json": "json"}
+"""Formats of a mesh and its shapes, by the end of a file's name."""
+
 FRF_FORMATS = {
     ".json": "json", ".npz": "npz", ".csv": "csv", ".uff": "uff", ".unv": "uff", ".arrow": "arrow", ".arrows": "arrow",
 }  # fmt: skip

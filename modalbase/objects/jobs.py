@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from modalbase.client.files import SOLVERS, fetch_file, format_of
+from modalbase.client.files import MESH_FORMATS, SOLVERS, fetch_file, format_of
 from modalbase.client.finding import MODE_SET, Kind
 from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
 from modalbase.client.results import beside_lines, mode_cells, mode_set_cells, parameter_cells, verdict_lines
@@ -154,6 +154,21 @@ class Result:
         fetch_file(self.lab.connection, f"update-jobs/{self.job}/deck", target)
         return target
 
+    def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
+        """Write the mesh with the mode shapes of the updated model and the measured ones, for other programs.
+
+        Args:
+            file: `.vtu` for viewers, or `.uff` with sets 2411, 2412 and 55; the coordinates are the structure's.
+            at: `nodes` of the mesh, the measured shapes expanded; or the measured `points`.
+
+        Raises:
+            ClientError: the name says no format, or the result keeps no shapes.
+        """
+        target = Path(file)
+        chosen = format_of(target, MESH_FORMATS)
+        fetch_file(self.lab.connection, f"update-jobs/{self.job}/mesh", target, format=chosen, at=at)
+        return target
+
     def figure(self, name: str, **options: Any) -> Figure:
         """A figure, shown in a notebook; `figures()` lists the names.
 
@@ -229,54 +244,6 @@ class Import(Job):
             if one["outcome"] == "refused"
         ]
         return "\n".join([f"{self.fields['filename']}: {counts}", *refused, *self.fields["warnings"]])
-
-
-class Model(Job):
-    """A finite element model that was sent to a structure."""
-
-    noun = Kind("model", "models/{}", "structures/{}/models")
-
-    @property
-    def sets(self) -> Table:
-        """Its sets of elements: materials, area or length, thickness, mass."""
-        return Table(self._found["sets"], key="name")
-
-    @property
-    def materials(self) -> Table:
-        """Its materials with their constants, SI."""
-        return Table([{"name": one["name"], **one["constants"]} for one in self._found["materials"]], key="name")
-
-    @property
-    def junctions(self) -> Table:
-        """Lines along which walls meet, with the model of their joint."""
-        return Table(self._found["junctions"])
-
-    @property
-    def ignored(self) -> Table:
-        """Cards that were not used, and what is lost by that."""
-        return Table(self._found["ignored"])
-
-    @property
-    def _found(self) -> dict[str, Any]:
-        found: dict[str, Any] = self.wait().check().fields["found"]
-        return found
-
-    def save(self, file: str | Path) -> Path:
-        """Write the deck as it was sent."""
-        target = Path(file)
-        fetch_file(self.lab.connection, f"structures/{self.fields['structure_id']}/model/original", target)
-        return target
-
-    def summary(self) -> str:
-        """What was read, or why it was not."""
-        if not self.succeeded:
-            return super().summary()
-        found = self.fields["found"]
-        sets = ", ".join(f"{one['name']} ({one['mass_kg']:.4g} kg)" for one in found["sets"])
-        counts = ", ".join(f"{count} {name}" for name, count in found["counts"].items() if count)
-        lost = [f"{one['card']} was not used: {one['loss']}" for one in found["ignored"]]
-        joints = f"{len(found['junctions'])} lines where walls meet"
-        return "\n".join([f"{self.fields['filename']}: {counts}", f"sets: {sets}", joints, *lost])
 
 
 class Processing(Job):

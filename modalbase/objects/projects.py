@@ -8,11 +8,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.files import fetch_file, send_file
+from modalbase.client.files import MESH_FORMATS, fetch_file, format_of, send_file
 from modalbase.client.finding import BATCH, MONITOR, PROJECT, STRUCTURE, Kind
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
-from modalbase.objects.jobs import Model, UpdateJob, update_jobs
+from modalbase.objects.jobs import UpdateJob, update_jobs
+from modalbase.objects.models import Model
 from modalbase.objects.thing import Editable, Figure, Table, Thing
 
 if TYPE_CHECKING:
@@ -143,6 +144,17 @@ class Structure(Editable):
         """The model that it is, or None."""
         key = self.fields["model"]
         return None if key is None else Model(self.lab, self.lab.connection.get(f"{self.address}/model"))
+
+    def mesh(self, file: str | Path) -> Path:
+        """Write its mesh: `.vtu` for viewers, `.uff` with sets 2411 and 2412, or `.json`.
+
+        Raises:
+            ClientError: the name says no format, or nothing is said of the structure that has a mesh.
+        """
+        target = Path(file)
+        chosen = format_of(target, MESH_FORMATS)
+        fetch_file(self.lab.connection, f"{self.address}/model/mesh", target, format=chosen)
+        return target
 
     def new_campaign(self, name: str, boundary: str, *, confirm: bool = False, **fields: Any) -> Campaign:
         """Make a campaign.

@@ -56,7 +56,7 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
     """
     structure = structure_for(session, user, structure_id, "editor")
     version = current_version(session, structure)
-    _check_recipe(session, user, structure, body, describe_version(version, structure.name))
+    watched = _checked(session, user, structure, body, describe_version(version, structure.name))
     _check_mail(body.mail_to, settings)
     now = datetime.now(UTC)
     monitor = Monitor(
@@ -68,7 +68,7 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
         recipe=body.recipe.model_dump(mode="json"),
         modes=body.modes,
         priors=body.priors,
-        watch=_frozen_watch(body),
+        watch=_frozen_watch(body, watched),
         since=body.baseline.since,
         expected_interval_days=body.expected_interval_days,
         runs_on=body.runs_on,
@@ -86,13 +86,14 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
     return monitor
 
 
-def _frozen_watch(body: MonitorIn) -> dict[str, Any]:
-    watch = asdict(body.to_watch())
+def _frozen_watch(body: MonitorIn, watched: Sequence[WatchedIn]) -> dict[str, Any]:
+    watch = asdict(body.to_watch(watched))
     del watch["expected_interval_days"]
     return {**watch, "covariates": list(body.covariates)}
 
 
-def _check_recipe(session: Session, user: User, structure: Structure, body: MonitorIn, described: Any) -> None:
+def _checked(session: Session, user: User, structure: Structure, body: MonitorIn, described: Any) -> list[WatchedIn]:
+    """What is watched, once the recipe is one that any later campaign can have."""
     recipe = body.recipe
     if recipe.mode_set is not None:
         raise Invalid(
@@ -102,11 +103,13 @@ def _check_recipe(session: Session, user: User, structure: Structure, body: Moni
     recipe.inputs.to_core()
     specimen = body_for(session, described, body.boundary or usual_boundary(described), recipe)
     free = parametrise(specimen, recipe.parameters_of(specimen)).names
-    for i, watched in enumerate(body.parameters):
-        if CONSTANT.fullmatch(watched.name) and watched.name not in free:
+    watched = body.watched(free)
+    for i, each in enumerate(watched):
+        if CONSTANT.fullmatch(each.name) and each.name not in free:
             raise Invalid(
-                f"/parameters/{i}/name", f"{watched.name} is not updated by the recipe, which updates {', '.join(free)}"
+                f"/parameters/{i}/name", f"{each.name} is not updated by the recipe, which updates {', '.join(free)}"
             )
+    return watched
 
 
 def _check_mail(addresses: Sequence[str], settings: Settings) -> None:

@@ -5,6 +5,7 @@ filtered; its models describe it in the OpenAPI document.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
@@ -13,8 +14,10 @@ from croniter import croniter
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from fecore.body.constants import kind_of
 from fecore.errors import InputError
 from fecore.trend import Chart, Watch
+from service.errors import Invalid
 from service.store.campaigns.schemas import Boundary
 from service.store.updating.schemas import RecipeIn
 from service.web import Name, StrictModel, Text, Time, example, not_null
@@ -70,7 +73,9 @@ class ChartIn(StrictModel):
     jump_share: float = Field(0.5, ge=0, lt=1, description="share of the false alarms for the limit on single scores")
 
 
-DEFAULT_WATCHED = [WatchedIn(name=name, direction=None) for name in ("Ex", "Gxy", "a0", "a1")]
+MOST_WATCHED = 20
+USUAL_KINDS, USUAL_COEFFICIENTS = ("Ex", "Gxy", "E1", "G12", "E"), ("a0", "a1")
+"""What is watched where nothing is said: the constants of these kinds that the recipe updates, and these coefficients."""
 
 
 class MonitorIn(StrictModel):
@@ -91,7 +96,12 @@ class MonitorIn(StrictModel):
         "before, their widths the recipe's, so that the prior follows the structure and never hides a change",
     )
     boundary: Boundary | None = Field(None, description="only campaigns held like this; default: as the first one run")
-    parameters: list[WatchedIn] = Field(default_factory=lambda: list(DEFAULT_WATCHED), min_length=1, max_length=20)
+    parameters: list[WatchedIn] | None = Field(
+        None,
+        min_length=1,
+        max_length=MOST_WATCHED,
+        description="default: of what the recipe updates Ex and Gxy, or E1 and G12 of each set (E of beams); a0 and a1",
+    )
     baseline: BaselineIn = Field(default_factory=lambda: BaselineIn(campaigns=12, since=None))
     covariates: list[Covariate] = Field(default_factory=list, max_length=2)
     false_alarm_rate: float = Field(
@@ -111,8 +121,8 @@ class MonitorIn(StrictModel):
 
     @field_validator("parameters")
     @classmethod
-    def _known_once(cls, parameters: list[WatchedIn]) -> list[WatchedIn]:
-        names = [p.name for p in parameters]
+    def _known_once(cls, parameters: list[WatchedIn] | None) -> list[WatchedIn] | None:
+        names = [p.name for p in parameters or ()]
         for name in names:
             if not any(kind.fullmatch(name) for kind in (CONSTANT, OF_A_MODE, COEFFICIENT)):
                 raise PydanticCustomError("unknown", "{name} is no parameter that a result has", {"name": name})
@@ -139,15 +149,30 @@ class MonitorIn(StrictModel):
         if self.baseline.campaigns < 4 + len(self.covariates):
             raise PydanticCustomError("baseline", "baseline has too few campaigns: at least 4 and one a covariate")
         try:
-            self.to_watch()
+            self.to_watch(self.parameters or [WatchedIn(name=name, direction=None) for name in USUAL_COEFFICIENTS])
         except InputError as error:
             raise PydanticCustomError("watch", "{why}", {"why": str(error)}) from None
         return self
 
-    def to_watch(self) -> Watch:
+    def watched(self, updated: Sequence[str]) -> list[WatchedIn]:
+        """What is watched, of parameters that the recipe updates where nothing is stated.
+
+        Raises:
+            Invalid: there are more than a monitor takes.
+        """
+        if self.parameters is not None:
+            return self.parameters
+        names = [*(name for name in updated if kind_of(name) in USUAL_KINDS), *USUAL_COEFFICIENTS]
+        if len(names) > MOST_WATCHED:
+            raise Invalid(
+                "/parameters", f"are not stated, and the usual ones are {len(names)}; state {MOST_WATCHED} at most"
+            )
+        return [WatchedIn(name=name, direction=None) for name in names]
+
+    def to_watch(self, watched: Sequence[WatchedIn]) -> Watch:
         """The recipe of the judgement as the core takes it."""
         return Watch(
-            directions={p.name: p.watched_direction for p in self.parameters},
+            directions={p.name: p.watched_direction for p in watched},
             baseline=self.baseline.campaigns,
             covariates=tuple(self.covariates),
             false_alarm_rate=self.false_alarm_rate,

@@ -372,6 +372,7 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     assert bracket.model == model
     assert model.sets["web"]["thickness_m"] == 0.004
     assert "flange" in model.summary()
+    assert b"<!-- set 1: web -->" in bracket.mesh(tmp_path / "mesh.vtu").read_bytes()
     assert model.save(tmp_path / "copy.inp").read_bytes() == file.read_bytes()
     uff = tmp_path / "angle.uff"
     uff.write_bytes(measured())
@@ -379,6 +380,7 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     campaign.import_file(uff)
     result = campaign.update(damping_models=["rayleigh"]).result()
     updated = read_inp(result.deck(back).read_bytes())
+    assert b"measured mode 1, expanded" in result.shapes(back.with_suffix(".vtu")).read_bytes()
     (name,) = updated.sections["web"].materials
     assert updated.materials[name].constants["E1"] == pytest.approx(result.parameters["web.E1"]["estimate"] / 1e6)
 

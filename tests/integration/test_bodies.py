@@ -1,15 +1,19 @@
 """Bodies in space over HTTP: a shape goes in, FRFs along several directions, and the constants of each wall come out."""
 
+import tempfile
 from collections.abc import Callable
 from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
 
+from modalbase.formats.uff import Element, GridPoint, ModeShape
 from tests.support.places import shared_file
 from tests.support.profiles import ANGLE, TRUTH, measured
 from tests.support.rest import finished, ok
+from tests.support.uff import load
 
 
 def made(api: httpx.Client, project: str, **shape: Any) -> dict[str, Any]:
@@ -56,6 +60,16 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client
     get_shown(api, address)
 
 
+def uff_contents(content: bytes) -> list[Any]:
+    """What a UFF file holds."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "shapes.uff")
+        path.write_bytes(content)
+        found = load(path)
+    assert set(found.outcomes) == {"read"}
+    return list(found.contents)
+
+
 def get_shown(api: httpx.Client, address: str) -> None:
     """Everything that is drawn and written of a result is there."""
     base = api.base_url.join(address)
@@ -66,11 +80,23 @@ def get_shown(api: httpx.Client, address: str) -> None:
         assert ok(api.get(f"{base}/figures/{name}"), 200)["data"], name
     shapes = ok(api.get(f"{base}/figures/shapes"), 200)["layout"]["meta"]
     assert shapes["z_m"][:2] == [-0.04, 0.034]
+    written = uff_contents(api.get(f"{base}/mesh", params={"format": "uff"}).content)
+    shown = ok(api.get(f"{base}/mesh"), 200)
+    modes = [each for each in written if isinstance(each, ModeShape)]
+    assert len(modes) == len(shown["model"]) + len(shown["measured"])
+    assert modes[-1].label.startswith(f"measured mode {shown['measured'][-1]['number']}, expanded")
+    assert len(modes[-1].points) == len(shown["nodes"]["x_m"])
+    at_points = uff_contents(api.get(f"{base}/mesh", params={"format": "uff", "at": "points"}).content)
+    assert {each.number: each.xyz_m[0] for each in at_points if isinstance(each, GridPoint)} == {
+        point["label"]: point["x_m"] for point in shown["points"]
+    }
+    assert b"measured mode 1, expanded" in api.get(f"{base}/mesh", params={"format": "vtu"}).content
     report = api.get(f"{base}/report").text
     assert "400 × 60 × 80 mm (length × width × height), 1850 kg/m³" in report
     assert "angle: flange 4 mm, web 4 mm" in report
     assert api.get(f"{base}/report", params={"format": "pdf"}).content.startswith(b"%PDF")
-    assert "body in space" in ok(api.get(f"{base}/cards"), 409)["detail"]
+    for name in ("cards", "deck"):
+        assert "/model/mesh?format=uff" in ok(api.get(f"{base}/{name}"), 409)["detail"]
 
 
 def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project: str) -> None:
@@ -127,6 +153,21 @@ def test_a_shape_is_kept_in_versions(api: httpx.Client, project: str) -> None:
     assert (changed["version"], changed["shape"], changed["geometry"]) == (3, None, flat)
 
 
+def test_the_mesh_of_a_shape_as_files(api: httpx.Client, project: str) -> None:
+    address = f"structures/{made(api, project)['id']}/model/mesh"
+    shown = ok(api.get(address), 200)
+    answer = api.get(address, headers={"Accept": "application/x-uff"})
+    elements = [each for each in uff_contents(answer.content) if isinstance(each, Element)]
+    assert len(elements) == sum(len(block["numbers"]) for block in shown["blocks"])
+    assert {each.descriptor for each in elements} == {45}
+    vtu = api.get(address, params={"format": "vtu"})
+    assert f'NumberOfPoints="{len(shown["nodes"]["numbers"])}"'.encode() in vtu.content
+    assert api.get(address, headers={"If-None-Match": vtu.headers["ETag"]}).status_code == 200
+    again = api.get(address, params={"format": "vtu"}, headers={"If-None-Match": vtu.headers["ETag"]})
+    assert again.status_code == 304
+    assert "expected one of json, vtu, uff" in ok(api.get(address, params={"format": "stl"}), 422)["detail"]
+
+
 WRONG: list[tuple[Callable[[dict[str, Any]], Any], str, str]] = [
     (lambda s: s.update(kind="z"), "/shape/kind", "'i'"),
     (lambda s: s.update(height_m=None), "/shape/walls", "height_m: is missing"),
@@ -162,6 +203,14 @@ def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> 
     campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
     problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 422)
     assert "wall flange: a model needs it" in problem["detail"]
+    heavy = made(api, project)["id"]
+    campaign = ok(api.post(f"structures/{heavy}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    along = {"springs": [{"name": "bed", "stiffness": 1e4, "direction": 3, "edge": "lower"}]}
+    problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json=along), 422)["errors"][0]
+    assert (problem["pointer"], problem["detail"]) == (
+        "/springs/0/edge",
+        "is lower; this body in space has start, end",
+    )
     plan = ok(api.post(f"structures/{made(api, project)['id']}/plans", json={}), 422)
     assert "body in space" in plan["detail"]
 
@@ -183,6 +232,9 @@ def test_a_wall_can_be_watched(api: httpx.Client, project: str) -> None:
     wanted = {"name": "m", "parameters": [{"name": "web.E1"}]}
     monitor = ok(api.post(f"structures/{structure}/monitors", json=wanted), 201)
     assert [(each["name"], each["direction"]) for each in monitor["parameters"]] == [("web.E1", "fall")]
+    usual = ok(api.post(f"structures/{structure}/monitors", json={"name": "usual"}), 201)["parameters"]
+    watched = ["flange.E1", "flange.G12", "web.E1", "web.G12", "a0", "a1"]
+    assert sorted(each["name"] for each in usual) == sorted(watched)
     wanted["parameters"] = [{"name": "webb.E1"}]
     problem = ok(api.post(f"structures/{structure}/monitors", json=wanted), 422)
     assert "is not updated by the recipe" in problem["detail"]

@@ -1,5 +1,7 @@
 """Users' models over HTTP: a deck goes in, the structure is it, an update finds the constants of its sets."""
 
+import io
+import zipfile
 from shutil import which
 from typing import Any
 
@@ -68,14 +70,44 @@ def test_a_deck_is_read_and_shown(api: httpx.Client, bare: str) -> None:
     assert again.status_code == 304
 
 
+def zipped(**files: bytes) -> bytes:
+    """An archive of files by name."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return buffer.getvalue()
+
+
+def test_a_deck_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: str) -> None:
+    whole = deck()
+    start, end = whole.index(b"*MATERIAL"), whole.index(b"*SHELL SECTION")
+    main = whole[:start] + b"*INCLUDE, INPUT=mat/gfrp.inp\n" + whole[end:]
+    files = {"job/angle.inp": main, "job/mat/gfrp.inp": whole[start:end]}
+    model = sent(api, bare, zipped(**files), units="m-N-kg", filename="angle.zip")
+    assert model["status"] == "succeeded", model["message"]
+    assert model["found"]["materials"][0]["constants"]["E1"] == 23e9
+    address, _ = updated(api, bare, measured(), "free")
+    answer = api.get(f"{api.base_url.join(address)}/deck")
+    assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.zip"'
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        assert archive.namelist() == list(files)
+        assert b"updated: E1 of" in archive.read("job/mat/gfrp.inp")
+        assert b"*INCLUDE, INPUT=mat/gfrp.inp" in archive.read("job/angle.inp")
+    two = sent(api, bare, zipped(**{"a.inp": whole, "b.inp": whole}), units="m-N-kg", filename="two.zip")
+    assert "a.inp, b.inp, expected one deck" in two["message"]
+    assert "no zip" in sent(api, bare, whole, units="m-N-kg", filename="no.zip")["message"]
+
+
 def test_units_are_asked_for_with_those_that_fit(api: httpx.Client, bare: str) -> None:
     model = sent(api, bare, deck(1e-3))
     assert model["status"] == "failed"
     assert "units=mm-N-t?" in model["message"]
     wrong = sent(api, bare, deck(1e-3), units="m-N-kg")
     assert "mm-N-t would fit" in wrong["message"]
-    unknown = sent(api, bare, deck(), units="mm-stone")
-    assert "names no units" in unknown["message"]
+    asked = {"filename": "angle.inp", "units": "mm-stone"}
+    unknown = ok(api.post(f"structures/{bare}/model", params=asked, content=deck()), 422)
+    assert "names no units" in unknown["errors"][0]["detail"]
     assert ok(api.get(f"structures/{bare}"), 200)["version"] == 1
     assert "is no model" in ok(api.get(f"structures/{bare}/model"), 409)["detail"]
     right = sent(api, bare, deck(1e-3), units="mm-N-t")
@@ -98,8 +130,9 @@ def test_what_is_wrong_with_a_deck_is_said_by_line(api: httpx.Client, bare: str)
     cut = sent(api, bare, deck()[: deck().index(b"*SHELL SECTION") - 5], units="m-N-kg")
     assert cut["status"] == "failed"
     assert "line" in cut["message"]
-    other = sent(api, bare, deck(), units="m-N-kg", filename="angle.xyz")
-    assert "ends in none of .inp" in other["message"]
+    asked = {"filename": "angle.xyz", "units": "m-N-kg"}
+    other = ok(api.post(f"structures/{bare}/model", params=asked, content=deck()), 422)
+    assert "ends in none of .inp" in other["errors"][0]["detail"]
     assert ok(api.get(f"structures/{bare}"), 200)["version"] == 1
 
 
@@ -123,6 +156,7 @@ def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
     """The updated deck is the one that was sent, but for the numbers that were updated, and reads back."""
     answer = api.get(f"{api.base_url.join(address)}/deck")
     assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.inp"'
+    assert "/deck is it" in ok(api.get(f"{api.base_url.join(address)}/cards"), 409)["detail"]
     lines, before = answer.content.splitlines(), deck().splitlines()
     nodes = slice(before.index(b"*NODE, NSET=ALL"), before.index(b"*ORIENTATION, NAME=O"))
     assert b"\n".join(before[nodes]) in answer.content

@@ -6,7 +6,7 @@ from modalbase.formats.uff.content import Element, FileHeader, TraceLine
 from modalbase.formats.uff.geometry import Parsed
 from modalbase.formats.uff.text import Cursor, Refusal, decoded, shown
 
-_BEAMS = (11, 21, 22, 23, 24)
+BEAMS = (11, 21, 22, 23, 24)
 _PER_ROW = 8
 
 
@@ -45,7 +45,7 @@ def read_2412(body: bytes) -> Parsed:
         number, descriptor, _, _, _, count = cursor.integers(row, names)
         if not 1 <= count <= 1000:
             raise cursor.refuse(f"element {number} declares {count} points")
-        if descriptor in _BEAMS:
+        if descriptor in BEAMS:
             cursor.integers(cursor.next("the beam's orientation"), ["", "", ""])
         points: list[int] = []
         while len(points) < count:

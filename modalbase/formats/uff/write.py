@@ -13,13 +13,25 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import Axis, Content, FileHeader, Frf, Function, GridPoint, ModeShape, Units
+from modalbase.formats.uff.content import (
+    Axis,
+    Content,
+    Element,
+    FileHeader,
+    Frf,
+    Function,
+    GridPoint,
+    ModeShape,
+    Units,
+)
+from modalbase.formats.uff.drawing import BEAMS
 
 _TAG = b"    -1\n"
 _ORDINATE_TYPES = {("f", False): 2, ("f", True): 4, ("c", False): 5, ("c", True): 6}
@@ -29,6 +41,7 @@ _RESPONSES = {
     "receptance": (8, "Displacement", ""),
 }
 _HEADER_LINES = 11
+_PER_ROW = 8  # points of an element
 _NO_AXIS = "         0    0    0    0 NONE                 NONE                "
 
 
@@ -46,13 +59,13 @@ def write_file(
 
     Args:
         path: where to; a file that is there is replaced.
-        contents: header, grid points, FRFs, functions and mode shapes, as `encode` takes them.
+        contents: header, grid points, elements, FRFs, functions and mode shapes, as `encode` takes them.
         binary: FRFs and functions as set 58b (exact) or as text.
         points: the set for grid points.
 
     Raises:
         ValueError: a value is NaN, infinite, or too wide for its columns.
-        TypeError: a content that is not written (coordinate systems, trace lines, elements).
+        TypeError: a content that is not written (coordinate systems, trace lines).
     """
     with Path(path).open("wb") as file:
         file.writelines(encode(contents, binary=binary, points=points))
@@ -64,32 +77,27 @@ def encode(
     """The bytes of a UFF file, dataset by dataset.
 
     Args:
-        contents: header, grid points, FRFs, functions and mode shapes; units are left out, for all is written in SI.
+        contents: header, grid points, elements, FRFs, functions and mode shapes; units are left out, for all is written in SI.
         binary: FRFs and functions as set 58b (exact) or as text.
         points: the set for grid points.
 
     Raises:
         ValueError: a value is NaN, infinite, or too wide for its columns.
-        TypeError: a content that is not written (coordinate systems, trace lines, elements).
+        TypeError: a content that is not written (coordinate systems, trace lines).
     """
     header_done = False
-    pending: list[GridPoint] = []
-    for content in contents:
-        if not isinstance(content, FileHeader) and not header_done:
+    for kind, group in groupby(contents, key=lambda content: type(content)):
+        if kind is not FileHeader and not header_done:
             yield _set_164()
             header_done = True
-        if isinstance(content, GridPoint):
-            pending.append(content)
-            continue
-        if pending:
-            yield _grid_points(pending, points)
-            pending = []
-        if not isinstance(content, Units):
-            yield _content(content, binary=binary)
+        if kind is GridPoint:
+            yield _grid_points([each for each in group if isinstance(each, GridPoint)], points)
+        elif kind is Element:
+            yield _elements(each for each in group if isinstance(each, Element))
+        elif kind is not Units:
+            yield from (_content(content, binary=binary) for content in group)
     if not header_done:
         yield _set_164()
-    if pending:
-        yield _grid_points(pending, points)
 
 
 def _content(content: Content, *, binary: bool) -> bytes:
@@ -165,6 +173,18 @@ def _grid_points(points: list[GridPoint], kind: str) -> bytes:
         else:
             rows.append(labels + "\n" + "".join(f"{x:25.16e}".replace("e", "D") for x in point.xyz_m) + "\n")
     return _dataset(kind, "".join(rows))
+
+
+def _elements(elements: Iterable[Element]) -> bytes:
+    """Set 2412; property, material and colour are 1."""
+    rows = []
+    for each in elements:
+        rows.append("".join(_whole(n, 10) for n in (each.number, each.descriptor, 1, 1, 1, len(each.points))) + "\n")
+        if each.descriptor in BEAMS:
+            rows.append("".join(_whole(n, 10) for n in (0, 1, 1)) + "\n")
+        labels = [_whole(point, 10) for point in each.points]
+        rows += ["".join(labels[k : k + _PER_ROW]) + "\n" for k in range(0, len(labels), _PER_ROW)]
+    return _dataset("2412", "".join(rows))
 
 
 def _frf_axes(frf: Frf) -> list[str]:

@@ -16,7 +16,7 @@ from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import Units, in_si, units_of
 from modalbase.formats.models.write_bdf import write_bdf
 from service.compute.models.bodies import body_of_model
-from service.compute.models.reading import faults_of, parsed
+from service.compute.models.reading import faults_of, parsed, repacked, unpacked
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,9 @@ def updated_deck(order: DeckOrder) -> bytes:
     model = parsed(order.content, order.filename)
     remarks = [*order.remarks, *_joints(in_si(model, order.units), order)]
     updated = _in_deck(model, order.constants, units_of(order.units))
-    return faults_of(lambda: WRITERS[model.format](order.content, model, updated, remarks=remarks)[""])
+    deck, write = unpacked(order.content, order.filename), WRITERS[model.format]
+    changed = faults_of(lambda: write(deck.content, model, updated, included=deck.included, remarks=remarks))
+    return repacked(order.content, order.filename, changed)
 
 
 def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: Units) -> dict[tuple[str, str], float]:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import io
+import re
+import zipfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -24,7 +28,15 @@ from service.errors import Fault, Invalid
 if TYPE_CHECKING:
     from service.jobs.kinds import Report
 
-READERS: Mapping[str, Callable[[bytes], FiniteElementModel]] = {
+ZIP = ".zip"
+"""End of the name of an archive of a deck and what it includes."""
+
+MOST_FILES, MOST_BYTES = 1000, 500_000_000
+"""Of an archive, unpacked."""
+
+_INCLUDE = re.compile(rb"(?im)^\s*\*?INCLUDE\s*(?:,\s*INPUT\s*=)?\s*['\"]?([^'\"\r\n,]+)")
+
+READERS: Mapping[str, Callable[[bytes, dict[str, bytes]], FiniteElementModel]] = {
     ".inp": read_inp,
     **dict.fromkeys((".bdf", ".dat", ".nas"), read_bdf),
 }
@@ -85,10 +97,92 @@ def parsed(content: bytes, filename: str) -> FiniteElementModel:
     Raises:
         Invalid: no reader knows its name, or the reader finds it wrong.
     """
+    deck = unpacked(content, filename)
+    reader = reader_of(deck.name)
+    return faults_of(lambda: reader(deck.content, deck.included))
+
+
+@dataclass(frozen=True)
+class Deck:
+    """A deck, its name, and the files that it includes, by the names that its lines say."""
+
+    name: str
+    content: bytes
+    included: dict[str, bytes]
+
+
+def unpacked(content: bytes, filename: str) -> Deck:
+    """The deck of a file: itself, or of a zip the one that no other of its files includes.
+
+    Raises:
+        Invalid: it is no zip, has more than it may, or no or several such decks.
+    """
+    if PurePosixPath(filename).suffix.lower() != ZIP:
+        return Deck(filename, content, {})
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            infos = [info for info in archive.infolist() if not info.is_dir()]
+            if len(infos) > MOST_FILES or sum(info.file_size for info in infos) > MOST_BYTES:
+                raise Invalid("file", f"has more than {MOST_FILES} files, or {MOST_BYTES // 10**6} MB of them")
+            files = {info.filename: archive.read(info) for info in infos}
+    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, zlib.error) as error:
+        raise Invalid("file", f"is no zip that can be read: {error}") from None
+    named = {PurePosixPath(each.decode("latin-1")).name for text in files.values() for each in _INCLUDE.findall(text)}
+    decks = [name for name in files if PurePosixPath(name).suffix.lower() in READERS]
+    mains = [name for name in decks if PurePosixPath(name).name not in named]
+    if len(mains) != 1:
+        raise Invalid(
+            "file", f"has {', '.join(mains) or 'no deck'}, expected one deck that no other file of it includes"
+        )
+    folder = PurePosixPath(mains[0]).parent
+    return Deck(
+        mains[0],
+        files[mains[0]],
+        {_beside(name, folder): text for name, text in files.items() if name != mains[0]},
+    )
+
+
+def _beside(name: str, folder: PurePosixPath) -> str:
+    """A file's name as a deck in a folder says it."""
+    path = PurePosixPath(name)
+    return str(path.relative_to(folder)) if path.is_relative_to(folder) else name
+
+
+def repacked(content: bytes, filename: str, changed: Mapping[str, bytes]) -> bytes:
+    """A file as it was sent, with the deck's files that changed; the deck's own has the empty name."""
+    if PurePosixPath(filename).suffix.lower() != ZIP:
+        return changed[""]
+    deck, buffer = unpacked(content, filename), io.BytesIO()
+    folder = PurePosixPath(deck.name).parent
+    with zipfile.ZipFile(io.BytesIO(content)) as archive, zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as out:
+        for info in archive.infolist():
+            key = "" if info.filename == deck.name else _beside(info.filename, folder)
+            out.writestr(info, changed.get(key, archive.read(info)))
+    return buffer.getvalue()
+
+
+def reader_of(filename: str) -> Callable[[bytes, dict[str, bytes]], FiniteElementModel]:
+    """The reader of files of such a name.
+
+    Raises:
+        Invalid: there is none.
+    """
     reader = READERS.get(PurePosixPath(filename).suffix.lower())
     if reader is None:
-        raise Invalid("filename", f"{filename!r} ends in none of {', '.join(READERS)}: which kind of deck is it?")
-    return faults_of(lambda: reader(content))
+        raise Invalid(
+            "filename", f"{filename!r} ends in none of {', '.join([*READERS, ZIP])}: which kind of deck is it?"
+        )
+    return reader
+
+
+def require_deck(filename: str) -> None:
+    """Refuse a file whose name's end says neither a deck nor an archive of one.
+
+    Raises:
+        Invalid: as said.
+    """
+    if PurePosixPath(filename).suffix.lower() != ZIP:
+        reader_of(filename)
 
 
 def faults_of(read: Callable[[], Read]) -> Read:

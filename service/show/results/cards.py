@@ -47,6 +47,12 @@ USUAL: dict[Program, Element] = {"calculix": "solid", "abaqus": "shell", "nastra
 SUFFIXES: dict[Program, str] = {"calculix": "inp", "abaqus": "inp", "nastran": "bdf"}
 
 
+NO_DECK_OF_A_SHAPE = (
+    "this body in space is a shape, of which no deck is written: its mesh is at GET /structures/{id}/model/mesh?format=uff (or "
+    "vtu), and the constants of its walls are the result's parameters"
+)
+
+
 def written_deck(session: Session, job: UpdateJob, program: Program, element: Element | None) -> str:
     """The deck of a job's updated model, as text.
 
@@ -77,9 +83,14 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
         raise Conflict("a deck cannot hold the recipe's zones of other stiffness; update without them")
     campaign = campaign_of(session, job.campaign_id)
     structure = describe_version(version_of(session, job.structure_version_id), "")
+    if structure.model is not None:
+        raise Conflict(
+            "this body in space is a deck that was sent: GET /update-jobs/{id}/deck is it with the updated numbers"
+        )
+    if structure.shape is not None:
+        raise Conflict(NO_DECK_OF_A_SHAPE)
     specimen = body_of(structure, campaign.boundary, recipe)
-    if isinstance(specimen, Structure):
-        raise Conflict("a deck of cards describes a strip or plate; this structure is a body in space")
+    assert not isinstance(specimen, Structure), "what is in space has a shape or is a model"
     if isinstance(specimen, LayeredSpecimen) or specimen.pieces:
         raise Conflict(
             "a deck describes one homogenised layer of one thickness; this structure has constants of plies, or pieces"

@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from service.compute.models.decks import DeckOrder
 from service.errors import Conflict
-from service.show.results.cards import origin
+from service.show.results.cards import NO_DECK_OF_A_SHAPE, origin
 from service.store.campaigns.operations import campaign_of
 from service.store.structures.models import deck_of
 from service.store.structures.operations import version_of
@@ -27,9 +27,14 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
     Raises:
         Conflict: the structure is no model that was sent, or the result has no elastic constants.
     """
-    key = version_of(session, job.structure_version_id).model
+    version = version_of(session, job.structure_version_id)
+    key = version.model
+    if key is None and version.shape is not None:
+        raise Conflict(NO_DECK_OF_A_SHAPE)
     if key is None:
-        raise Conflict("the structure is no model that was sent, so there is no deck to write back")
+        raise Conflict(
+            "no deck was sent as this structure's model: GET /update-jobs/{id}/cards writes one of a strip or plate"
+        )
     document = result_document(session, job)
     constants = _constants(document)
     if not constants:

@@ -23,11 +23,13 @@ from service.show.results.decks import deck_order
 from service.show.results.figure_data import Drawn, JointFigures, UpdateFigures
 from service.show.results.figure_frf import Wanted
 from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, draw_figure
+from service.show.results.mesh_files import At, file_of_result
 from service.show.results.predictions import Chosen, Model, predicted_table
 from service.show.results.reporting import report_of
 from service.show.results.space import ResultMeshOut, ShapeOut, measured_shape, mesh_of_result, model_shape
 from service.store.frfs.data import Cut
 from service.store.frfs.routes import FORMATS
+from service.store.structures.mesh_answers import MESH_FILES, MeshForm, mesh_answer
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
 from service.web.downloads import spooled
@@ -152,10 +154,25 @@ def get_figure(
     return asked.answer(lambda: draw_figure(FIGURES, data, name, wanted), name, str(job.id))  # a result never changes
 
 
-@router.get("/update-jobs/{job_id}/mesh")
-def get_result_mesh(job_id: UUID, session: SessionDep, user: CurrentUser) -> ResultMeshOut:
-    """The mesh of the updated model, the measured points on it, and the modes whose shapes `mesh/shapes` answers."""
-    return mesh_of_result(UpdateFigures(session, update_job_for(session, user, job_id)))
+@router.get("/update-jobs/{job_id}/mesh", response_model=ResultMeshOut, responses=MESH_FILES)
+def get_result_mesh(
+    job_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    form: MeshForm,
+    at: Annotated[
+        At,
+        Query(description="of a file: shapes at the mesh's nodes, measured ones expanded; or at the measured points"),
+    ] = "nodes",
+) -> Any:
+    """The mesh of the updated model, the measured points on it, and the modes whose shapes `mesh/shapes` answers.
+
+    As VTU or UFF (sets 2411, 2412, 55) it has all shapes too, each with its largest displacement 1, in the structure's frame.
+    """
+    data = UpdateFigures(session, update_job_for(session, user, job_id))
+    if form == "json":
+        return mesh_of_result(data)
+    return mesh_answer(file_of_result(data, at), form, f"update-{job_id}")
 
 
 @router.get("/update-jobs/{job_id}/mesh/shapes")

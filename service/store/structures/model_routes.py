@@ -17,6 +17,12 @@ from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.storage.originals import copy_original
 from service.store.structures import models
+from service.store.structures.mesh_answers import (
+    MESH_FILES,
+    MeshForm,
+    file_of,
+    mesh_answer,
+)
 from service.store.structures.meshes import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.web import Name, StrictModel, api_router, shown_as
@@ -223,23 +229,32 @@ def get_model(structure_id: UUID, session: SessionDep, user: CurrentUser) -> Mod
     return of_jobs.shown(session, models.model_of_structure(session, structure_for(session, user, structure_id)))
 
 
-@router.get("/structures/{structure_id}/model/mesh", response_model=MeshOut)
+@router.get("/structures/{structure_id}/model/mesh", response_model=MeshOut, responses=MESH_FILES)
 def get_model_mesh(
     structure_id: UUID,
     session: SessionDep,
     user: CurrentUser,
     request: Request,
     response: Response,
+    form: MeshForm,
     boundary: Annotated[
         Literal["cantilever", "free", "simply_supported", "as_modelled"] | None,
         Query(description="how it is held; default: as a model that was sent says, else not at all"),
     ] = None,
 ) -> Any:
-    """Nodes and elements of the structure, m: of the model that was sent, or of the strip, plate or shape that is described."""
+    """Nodes and elements of the structure, m: of the model that was sent, or of the strip, plate or shape that is described.
+
+    As VTU or UFF (sets 2411 and 2412) nodes and elements alone.
+    """
     version = current_version(session, structure_for(session, user, structure_id))
-    headers = {"ETag": f'"{version.id}-{boundary}"'}
-    response.headers.update(headers)
-    return not_modified(request, headers) or mesh_of(session, version, boundary)
+    headers = {"ETag": f'"{version.id}-{boundary}-{form}"'}
+    if (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    mesh = mesh_of(session, version, boundary)
+    if form == "json":
+        response.headers.update(headers)
+        return mesh
+    return mesh_answer(file_of(mesh), form, f"structure-{structure_id}", headers)
 
 
 @router.get("/structures/{structure_id}/model/original", response_class=FileResponse)

@@ -12,9 +12,10 @@ from uuid import UUID
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
+from modalbase.formats.models.units import units_of
 from service.access import Lookup, User
 from service.compute.models.keeping import model_of
-from service.compute.models.reading import DeckInputs, DeckOutput, read_deck
+from service.compute.models.reading import DeckInputs, DeckOutput, faults_of, read_deck, require_deck
 from service.errors import Conflict, Damaged, Invalid
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.resource import JobNoun
@@ -66,7 +67,7 @@ def start_model(
     """Keep a deck and queue its reading, in one transaction.
 
     Raises:
-        Invalid: there is no file, or it has no name.
+        Invalid: there is no file, it has no name or one whose end says no deck, or its units are none.
         QuotaExceeded: the project has no room for the file.
     """
     structure = structure_for(session, user, structure_id, "editor", lock=True)
@@ -74,6 +75,9 @@ def start_model(
         raise Invalid("", "the body is empty, expected a deck")
     if not wanted.filename:
         raise Invalid("filename", "is missing: its end says which kind of deck it is")
+    require_deck(wanted.filename)
+    if (units := wanted.units) is not None:
+        faults_of(lambda: units_of(units))
     wanted.structure_id, wanted.sha256 = structure.id, file.sha256
     book(session, structure.project_id, "files", file.size, structure_id=structure.id)
     keep_original(session, file)

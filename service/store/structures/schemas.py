@@ -192,7 +192,9 @@ class StructureIn(StrictModel):
 
 
 class StructurePatch(StrictModel):
-    """Members to change. A laminate replaces a material and the other way round; null is not a value here."""
+    """Members to change; null is not a value here. A laminate takes the place of a material, and a geometry, a shape or a model
+    that of the other two, with all that was stated of them.
+    """
 
     model_config = example(density_kg_m3=2020)
 

@@ -47,10 +47,19 @@ def body_of(
             raise InputError("zones_m", "are of strips and plates; a body in space has sets")
         carried = tuple(mass.on_surface() for mass in masses)
         body = nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
+        _require_edges(recipe, body)
         joined = recipe.junctions == "on"
         return replace(body, springs=(*body.springs, *springs), masses=(*body.masses, *carried), with_joints=joined)
     require_no_choice_of_joints(recipe)
     return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
+
+
+def _require_edges(recipe: RecipeIn, body: Structure) -> None:
+    """Refuse a spring along an edge that a body in space has not; its stiffness is per metre of the walls' edges there."""
+    for number, spring in enumerate(recipe.springs):
+        if spring.edge is not None and spring.edge not in body.mesh.node_sets:
+            edges = ", ".join(name for name in ("start", "end") if name in body.mesh.node_sets) or "none"
+            raise InputError(f"springs.{number}.edge", f"is {spring.edge}; this body in space has {edges}")
 
 
 def is_in_space(structure: StructureIn) -> bool:

@@ -1,0 +1,123 @@
+"""Meshes with motions of their nodes as files: VTU for viewers, UFF (sets 2411, 2412, 55) for programs of modal analysis.
+
+VTU is VTK's unstructured grid in XML (Kitware, The VTK User's Guide, 11th ed., 19), written as text. Its corners and middles of
+sides are ordered as ours; set 2412 goes around an element instead, a middle between two corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from modalbase.formats.types import FloatArray, IntArray
+from modalbase.formats.uff.content import Content, Element, GridPoint, ModeShape
+
+_VTK = {"point": 1, "beam2": 3, "beam3": 21, "tri3": 5, "tri6": 22, "quad4": 9, "quad8": 23}
+_UFF = {"beam2": 21, "beam3": 24, "tri3": 41, "tri6": 42, "quad4": 44, "quad8": 45}
+"""Types of cells, and descriptors of elements, by our kinds."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Elements of one kind and set.
+
+    Attributes:
+        kind: of elements, or `point`.
+        set: name.
+        numbers: (e,) the elements' own.
+        nodes: (e, k) rows of the table of nodes: corners in order, then middles of sides.
+    """
+
+    kind: str
+    set: str
+    numbers: IntArray
+    nodes: IntArray
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """What is written.
+
+    Attributes:
+        numbers: (n,) of the nodes.
+        nodes: (n, 3) m.
+        cells: elements.
+        shapes: modes whose points are these numbers.
+    """
+
+    numbers: IntArray
+    nodes: FloatArray
+    cells: Sequence[Cells]
+    shapes: Sequence[ModeShape] = ()
+
+
+def write_vtu(mesh: MeshFile) -> bytes:
+    """A VTU file: `set` of each cell counts the names in the file's comment; a shape is an array of its nodes, a complex one
+    two.
+    """
+    sets = list(dict.fromkeys(block.set for block in mesh.cells))
+    flat = [row + 0 for block in mesh.cells for row in block.nodes]
+    ends = np.cumsum([len(row) for row in flat])
+    kinds = np.concatenate([np.full(len(block.nodes), _VTK[block.kind]) for block in mesh.cells])
+    owner = np.concatenate([np.full(len(block.nodes), sets.index(block.set)) for block in mesh.cells])
+    own = np.concatenate([block.numbers for block in mesh.cells])
+    lines = [
+        '<?xml version="1.0"?>',
+        *(f"<!-- set {k}: {name.replace('--', '- -')} -->" for k, name in enumerate(sets)),
+        '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>',
+        f'<Piece NumberOfPoints="{len(mesh.nodes)}" NumberOfCells="{len(flat)}">',
+        "<Points>", *_array("Points", mesh.nodes), "</Points>",
+        "<Cells>", *_array("connectivity", np.concatenate(flat)), *_array("offsets", ends), *_array("types", kinds), "</Cells>",
+        "<CellData>", *_array("set", owner), *_array("number", own), "</CellData>",
+        "<PointData>", *_array("number", mesh.numbers), *_shapes(mesh.shapes), "</PointData>",
+        "</Piece></UnstructuredGrid></VTKFile>", "",
+    ]  # fmt: skip
+    return "\n".join(lines).encode()
+
+
+def _shapes(shapes: Iterable[ModeShape]) -> Iterator[str]:
+    for shape in shapes:
+        yield from _array(f"{shape.label}", shape.values.real[:, :3])
+        if shape.kind == "complex":
+            yield from _array(f"{shape.label}, imaginary", shape.values.imag[:, :3])
+
+
+def _array(name: str, values: FloatArray | IntArray) -> Iterator[str]:
+    """The lines of one array."""
+    real = np.issubdtype(values.dtype, np.floating)
+    columns = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
+    kind = "Float64" if real else "Int64"
+    yield f'<DataArray type="{kind}" Name={quoteattr(name)}{columns} format="ascii">'
+    for row in values.reshape(len(values), -1).tolist():
+        yield " ".join(f"{value:.9g}" if real else str(value) for value in row)
+    yield "</DataArray>"
+
+
+def uff_of(mesh: MeshFile) -> Iterator[Content]:
+    """Contents of a UFF file: grid points, elements, and the shapes. Cells that are points are grid points alone."""
+    for number, (x, y, z) in zip(mesh.numbers.tolist(), mesh.nodes.tolist(), strict=True):
+        yield GridPoint(number, (x, y, z))
+    for block in mesh.cells:
+        if block.kind in _UFF:
+            order = _around(block.kind)
+            for number, row in zip(block.numbers.tolist(), mesh.numbers[block.nodes[:, order]].tolist(), strict=True):
+                yield Element(number, _UFF[block.kind], tuple(row))
+    yield from mesh.shapes
+
+
+def _around(kind: str) -> list[int]:
+    """Places of an element's nodes in the order of set 2412."""
+    count = int(kind[-1])
+    if kind == "beam3":
+        return [0, 2, 1]
+    if kind not in ("tri6", "quad8"):
+        return list(range(count))
+    return [place for k in range(count // 2) for place in (k, k + count // 2)]
+
+
+def columns(nodes: Mapping[str, Sequence[float]]) -> FloatArray:
+    """(n, 3) coordinates of `x_m`, `y_m` and `z_m`."""
+    return np.column_stack([nodes[f"{axis}_m"] for axis in "xyz"]).reshape(-1, 3)
