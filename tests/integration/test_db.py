@@ -144,6 +144,9 @@ TOGETHER: dict[str, dict[str, Any]] = {"frfs": {"step_hz": 0.5}, "deliveries": {
 DROPPED = {("jobs", "lease_until")}
 """Columns that a later revision has no use for."""
 
+GONE = {"result_constants"}
+"""Tables that a later revision has no use for; a test of its own says where their rows are then."""
+
 VALUES: dict[type, Any] = {
     str: "µε, °",
     int: 3,
@@ -225,6 +228,8 @@ def test_an_upgrade_keeps_every_row(empty: Engine) -> None:
             tables = tables_of(connection)
             after = {table.name: table for table in tables}
             for name, rows in before.items():
+                if name in GONE - after.keys():
+                    continue
                 columns = [column for column in rows[0] if (name, column) not in DROPPED]
                 kept = connection.execute(select(*(after[name].c[column] for column in columns))).all()
                 found = sorted(str(dict(row._mapping)) for row in kept)
@@ -235,6 +240,21 @@ def test_an_upgrade_keeps_every_row(empty: Engine) -> None:
             connection, opts={"include_name": lambda name, *_: not str(name).startswith("procrastinate_")}
         )
         assert compare_metadata(context, Base.metadata) == []
+
+
+def test_constants_of_results_come_into_their_rows(empty: Engine) -> None:
+    upgrade(empty, "0031_search")
+    with empty.begin() as connection:
+        filled = fill(connection)
+        (result,), (job,) = filled["update_results"], filled["update_jobs"]
+        for name, low in (("Gxy", 2.5e9), ("strange", None)):
+            values = {"result_id": result["id"], "name": name, "estimate": 3e9, "low": low}
+            connection.execute(insert(Table("result_constants", MetaData(), autoload_with=connection)), values)
+    upgrade(empty, "head")
+    with empty.connect() as connection:
+        row = connection.execute(text("SELECT * FROM update_results")).mappings().one()
+        assert (row["gxy"], row["gxy_sd"], row["gxy_low"], row["ex"]) == (3e9, None, 2.5e9, None)
+        assert row["campaign_id"] == job["campaign_id"]
 
 
 def test_the_revisions_are_one_chain() -> None:

@@ -21,6 +21,7 @@ from service.access.keys import COOKIE, request_token
 from service.jobs.resource import ENDED
 from service.show.pages import numbers
 from service.show.pages.assets import address
+from service.show.pages.found import bar
 from service.store.campaigns.operations import campaign_for, describe
 from service.store.structures import routes as structures
 from service.web.templates import templates_in
@@ -51,7 +52,7 @@ def root_of(path: str) -> str:
 @cache
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates")
-    made.filters.update(numbers.FILTERS)
+    made.filters.update(numbers.FILTERS, bar=bar)
     made.globals.update(asset=address, version=__version__)
     return made
 

@@ -13,6 +13,7 @@ from service.errors import Invalid
 from service.jobs.resource import ENDED, JobState
 from service.show.figures.marks import counted
 from service.show.pages.forms import fields_of
+from service.show.pages.found import opening
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import name_jobs, over_time
 from service.show.results import routes as shown
@@ -99,7 +100,27 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
     figures = shown.list_figures(job_id, visit.session, visit.user).items
     points = [] if common["campaign"].deleted_at is not None else _points(visit, job.campaign_id, result)
-    return visit.show("result.html", **common, result=result, points=points, figures=figures)
+    steps, notes = opening(result)
+    return visit.show(
+        "result.html",
+        **common,
+        result=result,
+        points=points,
+        figures=figures,
+        steps=steps,
+        notes=notes,
+        recipe=_chosen(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)),
+        partners={pair["measured"]: pair["model"] for pair in (result.get("pairing") or {}).get("partners", [])},
+    )
+
+
+def _chosen(value: Any, name: str = "") -> list[tuple[str, str]]:
+    """What a recipe states beside the defaults, a line each."""
+    if isinstance(value, dict):
+        return [line for key, inner in value.items() for line in _chosen(inner, f"{name} {key}".strip())]
+    if isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
+        return [line for k, inner in enumerate(value, start=1) for line in _chosen(inner, f"{name} {k}")]
+    return [(name, ", ".join(map(str, value)) if isinstance(value, list) else str(value))]
 
 
 def _points(visit: Visit, campaign_id: UUID, result: dict[str, Any]) -> list[tuple[int, int]]:

@@ -31,8 +31,9 @@ from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
 from service.store.frfs.data import Cut, FrfTable, make_tables, only_table
 from service.store.frfs.operations import Frf
-from service.store.frfs.schemas import UNITS, FrfOut
+from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
+from service.web.bodies import Labels
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.negotiation import choose_format, one_of
 from service.web.parameters import not_modified
@@ -61,8 +62,14 @@ def write_uff(tables: Sequence[FrfTable], file: IO[bytes], *, binary: bool) -> N
     """Grid points of the campaign (set 2411), FRFs and their coherences (set 58b, or 58 as text), SI.
 
     The binary form keeps every bit; the text keeps 13 digits.
+
+    Raises:
+        Invalid: the FRFs are of several campaigns, whose points may differ.
     """
-    points = stored_points(tables[0].session, tables[0].frfs[0].campaign_id)
+    campaigns = {frf.campaign_id for table in tables for frf in table.frfs}
+    if len(campaigns) > 1:
+        raise Invalid("format", f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}")
+    points = stored_points(tables[0].session, *campaigns)
     contents: Iterator[uff.Content] = (uff.GridPoint(label, xyz) for label, xyz in points.items())
     for block in encode(itertools.chain(contents, _functions(tables)), binary=binary):
         file.write(block)
@@ -174,12 +181,42 @@ def _filter(
 
 
 FilterDep = Annotated[operations.FrfFilter, Depends(_filter)]
-Stride = Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")]
-FormatQuery = Annotated[
-    Annotated[str, one_of(MEDIA_TYPES)] | None,
-    Query(alias="format", description="uff is set 58b, uff-ascii set 58; default: by Accept"),
-]
-Accept = Annotated[str | None, Header(include_in_schema=False)]
+
+
+@dataclass(frozen=True)
+class Spectra:
+    """How a client wants spectra: their cut, the name of a format, and what it has of them already."""
+
+    request: Request
+    cut: Cut
+    form: str
+
+    def of(self, session: Session, frfs: Sequence[Frf]) -> Response:
+        """The spectra of FRFs as a file; 304 where the client has it."""
+        tables, form = make_tables(session, frfs, self.cut), FORMATS[self.form]
+        headers = {"ETag": _etag(session, tables, self.form), "Vary": "Accept"}
+        if (unchanged := not_modified(self.request, headers)) is not None:
+            return unchanged
+        size = form.value_bytes * sum(len(table.frfs) * table.frequency_hz.size for table in tables)
+        send = in_memory if fits_memory(self.request, size) else spooled
+        return send(lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers)
+
+
+def _spectra(
+    request: Request,
+    fmin: Annotated[Hertz, Query(description="Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="Hz")] = None,
+    stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
+    file_format: Annotated[
+        Annotated[str, one_of(MEDIA_TYPES)] | None,
+        Query(alias="format", description="uff is set 58b, uff-ascii set 58; default: by Accept"),
+    ] = None,
+    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+) -> Spectra:
+    return Spectra(request, Cut(fmin, fmax, stride), choose_format(file_format, accept, MEDIA_TYPES))
+
+
+SpectraDep = Annotated[Spectra, Depends(_spectra)]
 
 
 @router.get("/campaigns/{campaign_id}/frfs")
@@ -196,16 +233,22 @@ def list_frfs(
     return paged(session, wanted.query(campaign.id), cursor, limit, partial(map, operations.describe))
 
 
+@router.put("/campaigns/{campaign_id}/frfs/labels")
+def label_frfs(
+    campaign_id: UUID, labels: Labels, wanted: FilterDep, session: SessionDep, user: CurrentUser
+) -> LabelledFrfs:
+    """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in place of theirs."""
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    return LabelledFrfs(count=operations.label_frfs(session, user, campaign, wanted, labels))
+
+
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_campaign_data(
     campaign_id: UUID,
     wanted: FilterDep,
     session: SessionDep,
     user: CurrentUser,
-    request: Request,
-    stride: Stride = 1,
-    file_format: FormatQuery = None,
-    accept: Accept = None,
+    spectra: SpectraDep,
 ) -> Response:
     """Spectra of a campaign's FRFs, with their band and stride, as JSON, npz, CSV, Arrow or UFF.
 
@@ -215,8 +258,7 @@ def get_campaign_data(
     rows = session.scalars(wanted.query(campaign.id).order_by(Frf.id)).all()
     if not rows:
         raise NotFound("FRF that matches in this campaign")
-    tables = make_tables(session, rows, Cut(wanted.fmin, wanted.fmax, stride))
-    return file_of(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
+    return spectra.of(session, rows)
 
 
 @router.get("/frfs/{frf_id}")
@@ -226,32 +268,9 @@ def get_frf(frf_id: UUID, session: SessionDep, user: CurrentUser) -> FrfOut:
 
 
 @router.get("/frfs/{frf_id}/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
-def get_frf_data(
-    frf_id: UUID,
-    session: SessionDep,
-    user: CurrentUser,
-    request: Request,
-    fmin: Annotated[Hertz, Query(description="Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="Hz")] = None,
-    stride: Stride = 1,
-    file_format: FormatQuery = None,
-    accept: Accept = None,
-) -> Response:
+def get_frf_data(frf_id: UUID, session: SessionDep, user: CurrentUser, spectra: SpectraDep) -> Response:
     """Spectrum of one FRF, in a band and with a stride if wanted, as JSON, npz, CSV, Arrow or UFF."""
-    row = operations.frf_for(session, user, frf_id)
-    tables = make_tables(session, [row], Cut(fmin, fmax, stride))
-    return file_of(session, tables, choose_format(file_format, accept, MEDIA_TYPES), request)
-
-
-def file_of(session: Session, tables: list[FrfTable], file_format: str, request: Request) -> Response:
-    """Spectra as a file in one of `FORMATS`; 304 where the client has it."""
-    form = FORMATS[file_format]
-    headers = {"ETag": _etag(session, tables, file_format), "Vary": "Accept"}
-    if (unchanged := not_modified(request, headers)) is not None:
-        return unchanged
-    size = form.value_bytes * sum(len(table.frfs) * table.frequency_hz.size for table in tables)
-    send = in_memory if fits_memory(request, size) else spooled
-    return send(lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers)
+    return spectra.of(session, [operations.frf_for(session, user, frf_id)])
 
 
 def _etag(session: Session, tables: list[FrfTable], file_format: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Literal
 
@@ -12,7 +12,9 @@ from sqlalchemy import ColumnElement, FromClause
 from service.db.base import Base
 from service.errors import Invalid
 
-Kind = Literal["text", "number", "whole", "time", "truth", "id"]
+Kind = Literal["text", "number", "whole", "time", "truth", "id", "tags", "json"]
+META = "meta"
+"""The field of free metadata, whose members are fields too: `meta.client`."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,8 @@ class Field:
         unit: of a number; empty where it has none.
         column: of the noun's table, where it is not called like the field.
         value: from the noun's table to its value, where it is no column.
-        constant: of results: name of the constant, and the column of the table of constants.
         nullable: whether it may be unknown.
+        sd: name of the field of its standard deviation, which says how many of its digits mean something.
     """
 
     name: str
@@ -36,8 +38,8 @@ class Field:
     unit: str = ""
     column: str = ""
     value: Callable[[FromClause], ColumnElement[Any]] | None = None
-    constant: tuple[str, str] | None = None
     nullable: bool = False
+    sd: str = ""
 
     def of(self, table: FromClause) -> ColumnElement[Any]:
         """Its value in a row of the noun's table."""
@@ -52,7 +54,6 @@ class Noun:
         name: in filters.
         table: its name.
         owner: noun that it belongs to; empty of a project.
-        owner_key: column that names the owner's row, where it is not the owner's name and `_id`.
         key: columns that name a row.
         fields: all of them.
         shown: fields of an answer where none are asked for; those of owners with the noun in front.
@@ -65,7 +66,6 @@ class Noun:
     table: str
     fields: tuple[Field, ...]
     owner: str = ""
-    owner_key: str = ""
     key: tuple[str, ...] = ("id",)
     shown: tuple[str, ...] = ()
     facets: tuple[str, ...] = ()
@@ -78,7 +78,7 @@ class Noun:
 
     def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
         """That one row belongs to another."""
-        return row.c[self.owner_key or f"{self.owner}_id"] == owner.c.id
+        return row.c[f"{self.owner}_id"] == owner.c.id
 
 
 def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str) -> tuple[Noun, Field]:
@@ -93,12 +93,15 @@ def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str)
     Raises:
         Invalid: there is no such field; names the nearest ones.
     """
-    before, point, after = name.rpartition(".")
-    noun = nouns.get(before) if point else here
-    for field in noun.fields if noun else ():
+    first, point, rest = name.partition(".")
+    noun, after = (nouns[first], rest) if rest and first in nouns else (here, name)
+    top, *path = after.split(".")
+    for field in noun.fields:
         if field.name == after:
-            assert noun is not None
             return noun, field
+        if field.name == top == META and all(path):
+            value = lambda table, field=field: field.of(table)[tuple(path)]  # noqa: E731
+            return noun, replace(field, name=after, value=value, nullable=True)
     known = {f"{noun.name}.{field.name}" for noun in nouns.values() for field in noun.fields}
     asked = name if point else f"{here.name}.{name}"
     near = get_close_matches(asked, sorted(known), 4, 0.5) or sorted(n for n in known if n.startswith(f"{here.name}."))

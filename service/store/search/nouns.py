@@ -13,6 +13,7 @@ from sqlalchemy import ColumnElement, FromClause, and_, func
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.store.search.fields import Field, Noun
 from service.store.structures.operations import WORDS as STRUCTURE_WORDS
+from service.store.updating.result_schemas import CONSTANTS
 
 Value = Callable[[FromClause], ColumnElement[Any]]
 
@@ -29,33 +30,36 @@ def _driving(t: FromClause) -> ColumnElement[Any]:
 ID = Field("id", "id", "UUIDv7; sorts by the time of creation")
 CREATED = Field("created_at", "time", "when it was stored, UTC")
 NAME = Field("name", "text", "what people call it")
+LABELS = (
+    Field("tag", "tags", "any of its tags", column="tags"),
+    Field("meta", "json", "free metadata; its members are `meta.client` and the like"),
+)
 
-CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
-"""Names of the constants of a result that can be searched, with their units."""
-
-_MEMBERS = {
-    "": ("estimate", "estimate of {}"),
-    "_sd": ("standard_deviation", "its standard deviation"),
-    "_low": ("low", "lower end of its 95 % interval"),
-    "_high": ("high", "upper end of its 95 % interval"),
+_ENDS = {
+    "": "estimate of {}",
+    "_sd": "its standard deviation",
+    "_low": "lower end of its 95 % interval",
+    "_high": "upper end of its 95 % interval",
 }
 
 
 def _constants() -> Iterator[Field]:
     for name, unit in CONSTANTS.items():
-        for suffix, (member, meaning) in _MEMBERS.items():
-            yield Field(name + suffix, "number", meaning.format(name), unit, constant=(name, member), nullable=True)
+        for end, meaning in _ENDS.items():
+            column = f"{name}{end}".lower()
+            sd = f"{name}_sd"
+            yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True, sd=sd)
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
 
 _ALL = (
-    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), CREATED)),
+    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), *LABELS, CREATED)),
     Noun(
         "structure",
         "structures",
         owner="project",
-        fields=(ID, NAME, Field("version", "whole", "number of its present version"), CREATED),
+        fields=(ID, NAME, Field("version", "whole", "number of its present version"), *LABELS, CREATED),
         shown=("id", "name", "project.id", "project.name", "created_at"),
         facets=("project.name",),
         hidden=True,
@@ -78,6 +82,7 @@ _ALL = (
             Field("hammer_serial", "text", "its number", value=_instrument("hammer", "serial"), nullable=True),
             Field("sensor_serial", "text", "its number", value=_instrument("sensor", "serial"), nullable=True),
             Field("analyser", "text", "model of the analyser", value=_instrument("analyser", "model"), nullable=True),
+            *LABELS,
             CREATED,
         ),
         shown=("id", "name", "structure.id", "structure.name", "boundary", "performed_at", "temperature_c"),
@@ -102,6 +107,7 @@ _ALL = (
             Field("start_hz", "number", "first line", "Hz"),
             Field("end_hz", "number", "last line", "Hz"),
             Field("lines", "whole", "number of frequency lines"),
+            *LABELS,
             CREATED,
         ),
         shown=(
@@ -143,8 +149,8 @@ _ALL = (
         key=("mode_set_id", "number"),
         fields=(
             Field("number", "whole", "in its set, from 1"),
-            Field("frequency_hz", "number", "natural frequency", "Hz"),
-            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True),
+            Field("frequency_hz", "number", "natural frequency", "Hz", sd="frequency_sd_hz"),
+            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True, sd="damping_sd"),
             Field("frequency_sd_hz", "number", "standard deviation of the frequency", "Hz", nullable=True),
             Field("damping_sd", "number", "standard deviation of the damping ratio", nullable=True),
         ),
@@ -154,16 +160,15 @@ _ALL = (
         ),
         facets=("mode_set.origin", "structure.name"),
     ),
-    Noun("update_job", "update_jobs", owner="campaign", fields=(ID,)),
     Noun(
         "result",
         "update_results",
-        owner="update_job",
-        owner_key="id",
+        owner="campaign",
         fields=(
             ID,
             Field("verdict", "text", "`usable`, `with_care` or `do_not_use`", nullable=True),
             *_constants(),
+            *LABELS,
             CREATED,
         ),
         shown=(

@@ -5,21 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from typing import IO, Annotated, Any
 
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Depends, Header, Query, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
-from service.store.frfs.data import Cut, make_tables
 from service.store.frfs.operations import frfs_of
-from service.store.frfs.routes import FORMATS, Hertz, Stride, file_of
+from service.store.frfs.routes import FILES, SpectraDep
 from service.store.search.fields import Noun
 from service.store.search.nouns import NOUNS, SEARCHED
-from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
+from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded, names_in
 from service.store.search.translate import LONGEST
-from service.store.search.writing import shown, write_arrow, write_csv
+from service.store.search.writing import shown, write_arrow, write_csv, write_lines
 from service.web import Limit, api_router
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
@@ -29,12 +28,16 @@ router = api_router(tags=["search"])
 MOST_ROWS = 100_000
 """Rows of a file."""
 
-MEDIA_TYPES = {"json": "application/json", "csv": "text/csv", "arrow": "application/vnd.apache.arrow.stream"}
+MEDIA_TYPES = {
+    "json": "application/json",
+    "jsonl": "application/x-ndjson",
+    "csv": "text/csv",
+    "arrow": "application/vnd.apache.arrow.stream",
+}
 MOST_SPECTRA = 20_000
 """FRFs of a file."""
-SPECTRA = {name: form.media_type for name, form in FORMATS.items() if form.one_table}
-SPECTRA_FILES = {200: {"content": {kind: {} for kind in SPECTRA.values()}, "description": "The spectra."}}
 WRITERS: dict[str, tuple[Callable[[Sequence[Column], Iterable[tuple[Any, ...]], IO[bytes]], None], str]] = {
+    "jsonl": (write_lines, "jsonl"),
     "csv": (write_csv, "csv"),
     "arrow": (write_arrow, "arrows"),
 }
@@ -63,11 +66,13 @@ def _wanted(
     ] = None,
     sort: Annotated[str | None, Query(max_length=100, description="a field; `-` in front for descending")] = None,
     fields: Annotated[str | None, Query(max_length=LONGEST, description="columns, with commas between")] = None,
+    facets: Annotated[
+        str | None, Query(max_length=LONGEST, description="fields whose values are counted, with commas between")
+    ] = None,
 ) -> Wanted:
     if "\0" in (words or ""):
         raise Invalid("q", "has a NUL character")
-    names = tuple(dict.fromkeys(name.strip() for name in (fields or "").split(",") if name.strip()))
-    return Wanted(condition, words, sort, names)
+    return Wanted(condition, words, sort, names_in(fields), names_in(facets))
 
 
 WantedDep = Annotated[Wanted, Depends(_wanted)]
@@ -119,29 +124,19 @@ for _address, _noun in SEARCHED.items():
     _add(_address, _noun)
 
 
-@router.get("/search/frfs/data", response_class=FileResponse, responses=SPECTRA_FILES)  # type: ignore[arg-type]
-def get_found_data(
-    wanted: WantedDep,
-    session: SessionDep,
-    user: CurrentUser,
-    request: Request,
-    fmin: Annotated[Hertz, Query(description="Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="Hz")] = None,
-    stride: Stride = 1,
-    file_format: Annotated[
-        Annotated[str, one_of(SPECTRA)] | None, Query(alias="format", description="default: by Accept")
-    ] = None,
-    accept: Accept = None,
-) -> Response:
-    """Spectra of all FRFs that a search finds, in the order of their ids, as one file; of one axis and one quantity."""
+@router.get("/search/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_found_data(wanted: WantedDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep) -> Response:
+    """Spectra of all FRFs that a search finds, in the order of their ids, as one file.
+
+    UFF takes FRFs of one campaign; the others need one axis and one quantity.
+    """
     with bounded(session):
         keys = Search(user, NOUNS["frf"], wanted).keys(session, MOST_SPECTRA + 1)
     if not keys:
         raise NotFound("FRF that the search finds")
     if len(keys) > MOST_SPECTRA:
         raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, which is as many as a file has; narrow it")
-    tables = make_tables(session, frfs_of(session, keys), Cut(fmin, fmax, stride))
-    return file_of(session, tables, choose_format(file_format, accept, SPECTRA), request)
+    return spectra.of(session, frfs_of(session, keys))
 
 
 def _page(found: Search, session: Session, cursor: str | None, limit: int) -> Found:

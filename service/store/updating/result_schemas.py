@@ -32,6 +32,9 @@ Numbers = Annotated[list[Number], BeforeValidator(_listed)]
 Table = Annotated[list[Numbers], BeforeValidator(_listed)]
 Curve = Annotated[list[Number], BeforeValidator(_short)]
 
+CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
+"""Names of the constants by which results are found, with their units."""
+
 
 class Part(BaseModel):
     """A part of a result, made of the core's dataclass of the same members."""

@@ -6,10 +6,11 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, func
+from sqlalchemy import JSON, Float, ForeignKey, Index, LargeBinary, func
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base
+from service.db.base import Base, Labelled, label_indexes
+from service.store.updating.result_schemas import CONSTANTS
 
 
 class UpdateJob(Base):
@@ -43,27 +44,24 @@ class JointUpdate(Base):
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
-class UpdateResult(Base):
-    """The result of a job, as the contract shows it, and its predicted FRFs as npz."""
+class UpdateResult(Labelled, Base):
+    """The result of a job, as the contract shows it, and its predicted FRFs as npz.
+
+    Results are found by their campaign, which is the job's, by their verdict, and by `CONSTANTS`: the estimate of each, such
+    as `ex`, its standard deviation `ex_sd`, and the ends of its 95 % interval, `ex_low` and `ex_high`.
+    """
 
     __tablename__ = "update_results"
+    __table_args__ = label_indexes("update_results")
 
     id: Mapped[UUID] = mapped_column(ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True)
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), index=True)
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
     verdict: Mapped[str | None]
     document: Mapped[dict[str, Any]] = mapped_column(JSON)  # keeps the order of its members, which JSONB does not
     prediction: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
 
 
-class ResultConstant(Base):
-    """A constant of a result with its 95 % interval, by which results are found; the document says more."""
-
-    __tablename__ = "result_constants"
-    __table_args__ = (Index(None, "name", "estimate", "result_id"),)
-
-    result_id: Mapped[UUID] = mapped_column(ForeignKey("update_results.id", ondelete="CASCADE"), primary_key=True)
-    name: Mapped[str] = mapped_column(primary_key=True)
-    estimate: Mapped[float]
-    standard_deviation: Mapped[float | None]
-    low: Mapped[float | None]
-    high: Mapped[float | None]
+for _name in CONSTANTS:
+    for _end in ("", "_sd", "_low", "_high"):
+        setattr(UpdateResult, _column := f"{_name}{_end}".lower(), mapped_column(_column, Float, index=not _end))

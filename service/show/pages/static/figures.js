@@ -204,13 +204,13 @@ async function view(id) {
 if (select && viewer) {
   const choose = (id) => { select.value = id; keep({ frf: id }); view(id); };
   select.addEventListener("change", () => choose(select.value));
-  for (const point of document.querySelectorAll("[data-point]")) point.addEventListener("click", (event) => {
-    event.preventDefault();
-    const mine = [...select.options].filter((o) => o.dataset.response === point.dataset.point || o.dataset.reference === point.dataset.point);
-    if (!mine.length) return;
-    const next = (mine.findIndex((o) => o.value === select.value) + 1) % mine.length;
-    choose(mine[next].value);
-  });
+  /* A point that was chosen in space or on the grid: its FRFs, one after the other. */
+  const showPoint = (point) => {
+    const mine = [...select.options].filter((o) => o.dataset.response === point || o.dataset.reference === point);
+    if (mine.length) choose(mine[(mine.findIndex((o) => o.value === select.value) + 1) % mine.length].value);
+  };
+  document.addEventListener("point-chosen", ({ detail }) => showPoint(String(detail.point)));
+  for (const point of document.querySelectorAll("[data-point]")) point.addEventListener("click", (event) => { event.preventDefault(); showPoint(point.dataset.point); });
   const named = shown.get("frf");
   const first = [...select.options].find((o) => o.value === named || o.dataset.response === named) ?? select.options[0];
   select.value = first.value;
