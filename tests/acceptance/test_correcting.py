@@ -62,6 +62,12 @@ def test_what_was_typed_is_corrected_deleted_and_restored(running: Browser, serv
             now = ok(api.get(f"campaigns/{campaign}"))
             assert (now["name"], now["temperature_c"], now["inputs"]["window_rate_per_s"]) == ("first", None, 2.5)
             assert (now["instruments"]["sensor_mass_kg"], now["instruments"]["hammer"]) == (0.0048, {"maker": "PCB"})
+            two = [{"frequency_hz": 25.6, "damping_ratio": 0.01}, {"frequency_hz": 50.0, "damping_ratio": 0.02}]
+            posted(api, f"campaigns/{campaign}/mode-sets", {"name": "typed", "modes": two})
+            a_mode_is_dropped(page, campaign)
+            made = ok(api.get(f"campaigns/{campaign}/mode-sets"))["items"]
+            assert [[m["frequency_hz"] for m in s["modes"]] for s in made] == [[25.6, 50.0], [25.6]]
+            assert "hum of the mains" in str(made[1]["details"])
             a_structure_takes_other_units(page, structure)
             thickness = ok(api.get(f"structures/{structure}"))
             assert (thickness["geometry"]["thickness_m"], thickness["version"]) == (0.012, 2)
@@ -89,6 +95,17 @@ def test_what_was_typed_is_corrected_deleted_and_restored(running: Browser, serv
         assert (seen.complaints, seen.strangers) == ([], [])
 
 
+def a_mode_is_dropped(page: Page, campaign: str) -> None:
+    """A box that is turned shows the form, which asks why and makes a new set."""
+    page.goto(f"/ui/campaigns/{campaign}")
+    reason = page.locator("form[data-poles] [name=reason]")
+    assert not reason.is_visible()
+    page.click("[data-pole='50.0']")
+    reason.fill("hum of the mains")
+    saved(page, "Save as a new mode set")
+    page.wait_for_selector("summary:has-text('typed, checked')")
+
+
 def a_structure_takes_other_units(page: Page, structure: str) -> None:
     """What is typed with another unit stands in the field's own; what is none is refused in place."""
     page.goto(f"/ui/edit/structures/{structure}")
@@ -110,7 +127,7 @@ def deleted_and_restored(page: Page, campaign: str, structure: str) -> None:
     asked: list[str] = []
     page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.accept()))
     saved(page, "Delete first")
-    assert "hides 0 FRFs and 0 mode sets" in asked[0]
+    assert "hides 0 FRFs and 2 mode sets" in asked[0]
     page.goto(f"/ui/edit/structures/{structure}")
     with page.expect_navigation():
         page.click("[aria-label='Restore first']")

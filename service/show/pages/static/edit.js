@@ -46,3 +46,28 @@ for (const form of document.querySelectorAll("form[data-edit]")) {
   readInto(form).then(() => { button.disabled = false; }, (problem) => showFaults(form, problem));
   form.addEventListener("submit", (event) => { event.preventDefault(); submitted(form, () => sendChanges(form)); });
 }
+
+/* Poles that are kept or dropped: the form of a mode set shows itself when its boxes differ from the set, and sends the difference. */
+const polesOf = (form) => [...form.elements].filter((input) => input.dataset.pole);
+for (const form of document.querySelectorAll("form[data-poles]")) {
+  const changed = () => polesOf(form).filter((box) => box.checked !== box.defaultChecked);
+  for (const box of polesOf(form)) box.addEventListener("change", () => { form.hidden = !changed().length; });
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const reason = form.elements.reason.value.trim();
+    const decisions = changed().map((box) => ({ frequency_hz: Number(box.dataset.pole), keep: box.checked, reason }));
+    submitted(form, async () => goOn(form.dataset.then, await send("POST", form.dataset.poles, { name: form.elements.name.value.trim(), decisions })));
+  });
+}
+/* A click on a pole of a stabilisation diagram turns the box of the mode that is nearest, within two per cent. */
+for (const figure of document.querySelectorAll("figure[data-figure$='/figures/stabilisation']")) figure.addEventListener("drawn", () => {
+  const set = document.querySelector(`[data-set-of="${figure.dataset.figure.split("/")[1]}"]`);
+  if (set) figure.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [point] }) => {
+    const off = (box) => Math.abs(Number(box.dataset.pole) / point.x - 1);
+    const [box] = [...set.querySelectorAll("[data-pole]")].sort((a, b) => off(a) - off(b));
+    if (!box || off(box) > 0.02) return say(`No mode of the set lies near ${Number(point.x.toPrecision(5))} Hz.`);
+    box.click();
+    set.open = true;
+    return say(`${Number(Number(box.dataset.pole).toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`);
+  });
+});
