@@ -94,6 +94,10 @@ def fuzz(service: LocalService, minutes: float = 0.0, examples: int = 3, start: 
     return fuzzer.found
 
 
+def _removes(operation: Any) -> bool:
+    return bool(operation.method == "delete" or operation.path.endswith("/purge"))
+
+
 class _Fuzzer:
     def __init__(self, service: LocalService, things: dict[str, str], key: str, start: int) -> None:
         import schemathesis
@@ -110,8 +114,9 @@ class _Fuzzer:
         self.checks = [checks.not_a_server_error, *(getattr(documented, f"{name}_conformance") for name in names)]
 
     def round(self, examples: int, number: int) -> None:
-        """Some requests of each operation."""
-        for operation in self.choose.sample(self.operations, len(self.operations)):
+        """Some requests of each operation; what removes things comes last, or the others would find nothing."""
+        mixed = self.choose.sample(self.operations, len(self.operations))
+        for operation in sorted(mixed, key=_removes):
             if not operation.path.endswith("/events"):  # a stream has no end
                 self._some(operation, examples, number)
 

@@ -20,7 +20,9 @@ from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
+from fecore.body.supports import of_boundary
 from fecore.dynamics.eigen import normal_modes
+from fecore.frf import FrfSet
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
@@ -129,8 +131,8 @@ def deck_mesh(text: str) -> Mesh:
     return Mesh(np.array(list(nodes.values())), blocks)
 
 
-def stated(truth: dict, elements: int) -> tuple[Structure, Measurement, dict[str, float]]:
-    """What a user knows of a stored body, its FRFs, and the true constants by name."""
+def stated(truth: dict, elements: int, frfs: FrfSet | None = None) -> tuple[Structure, Measurement, dict[str, float]]:
+    """What a user knows of a body, its FRFs (by default the stored ones), and the true constants by name."""
     d, m, kind = truth["stated"]["dims"], truth["stated"]["material"], truth["kind"]
     material = OrthotropicMaterial(m["E1"], m["E2"], m["G12"], m["G12"], 0.8 * m["G12"], m["nu12"], m["rho"])
     names = ("plate", "rib") if kind == "panel" else ("flange", "web")
@@ -144,27 +146,37 @@ def stated(truth: dict, elements: int) -> tuple[Structure, Measurement, dict[str
     tolerances = dict(zip(("length_sd", "width_sd", "height_sd"), np.array([5e-4, 2e-3, 2e-3]) * size, strict=True))
     inputs = replace(Inputs.exact(), **tolerances, thickness_sd=0.015 * d["tf"], nu_xy_sd=0.05)
     points = {point["number"]: tuple(point["xyz"]) for point in truth["points"]}
-    frfs = with_coherence(OPEN / f"{kind}-1.uff")
+    frfs = with_coherence(OPEN / f"{kind}-1.uff") if frfs is None else frfs
+    supports = of_boundary("free" if truth["bc"] == "free" else "cantilever")
     true = {f"{n}.{c}": truth["walls"][w][c] for n, w in zip(names, ("flange", "web"), strict=True) for c in CONSTANTS}
-    return Structure(mesh, walls, size=size), Measurement(frfs, points, inputs=inputs), true | truth["rayleigh"]
+    return (
+        Structure(mesh, walls, supports, size=size),
+        Measurement(frfs, points, inputs=inputs),
+        true | truth["rayleigh"],
+    )
 
 
 def updates(*kinds: str) -> None:
     """Constants of the stored solids from their FRFs with an empty recipe, from what a user knows."""
     for kind in kinds:
-        body, measurement, true = stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4)
-        start = time.process_time()
-        result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
-        took = time.process_time() - start
-        print(f"  {kind}: {body.model.stiffness.size} dofs, {took:.0f} s CPU; {result.verdict.level}")
-        for each in (p for p in result.parameters if p.name in true and p.identifiable):
-            value, (low, high) = true[each.name], each.interval_95
-            z = (each.estimate - value) / each.standard_deviation
-            inside = "inside" if low <= value <= high else "OUTSIDE"
-            print(
-                f"    {each.name:12s} {100 * (each.estimate / value - 1):+7.2f} %   z {z:+5.2f}   {inside} 95 %",
-                flush=True,
-            )
+        update_printed(kind, *stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4))
+
+
+def update_printed(name: str, body: Structure, measurement: Measurement, true: dict[str, float]) -> list[float]:
+    """Deviations of the identifiable constants from the true ones after an empty recipe, in standard deviations."""
+    start = time.process_time()
+    result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
+    took = time.process_time() - start
+    paired = sum(mode.updated_hz is not None for mode in result.modes)
+    print(f"  {name}: {body.model.stiffness.size} dofs, {took:.0f} s CPU, {paired} of {len(result.modes)} modes paired")
+    z = []
+    for each in (p for p in result.parameters if p.name in true and p.identifiable):
+        value, (low, high) = true[each.name], each.interval_95
+        z.append((each.estimate - value) / each.standard_deviation)
+        inside = "inside" if low <= value <= high else "OUTSIDE"
+        print(f"    {each.name:12s} {100 * (each.estimate / value - 1):+7.2f} %   z {z[-1]:+5.2f}   {inside} 95 %")
+    print(f"    {result.verdict.level}", flush=True)
+    return z
 
 
 def main(part: str = "all", *kinds: str) -> None:

@@ -11,7 +11,8 @@ from service.app.demo.run import Laboratory, _settings
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, signed_in
 from tests.support.browser import browser, watched_page
-from tests.support.rest import client_at, ok, plain_client, posted
+from tests.support.profiles import deck
+from tests.support.rest import client_at, finished, ok, plain_client, posted
 from tests.support.waiting import until
 
 LOOKS = [(*size, dark) for size in (("desk", 1400, 900), ("phone", 390, 844)) for dark in (False, True)]
@@ -33,7 +34,17 @@ def filled(url: str, key: str) -> list[str]:
             body = {"name": f"month {month}", "performed_at": f"2026-{month:02}-15T12:00:00Z"}
             post_campaign(api, bridge, body, measured_frfs(State(stiffness=0.9 if month > 5 else 1.0), month))
         until(lambda: ok(api.get(f"monitors/{monitor}"))["state"] == "alarm", "the alarm of the monitor")
-        own = [f"structures/{bridge}", f"monitors/{monitor}", f"update-jobs/{job}", f"joint-updates/{joint}"]
+        bracket = posted(api, f"projects/{lab.project('demonstration').id}/structures", {"name": "bracket"})["id"]
+        query = {"filename": "angle.inp", "units": "m-N-kg"}
+        sent = api.post(f"structures/{bracket}/model", params=query, content=deck())
+        finished(api, sent.headers["Location"])
+        own = [
+            f"structures/{bridge}",
+            f"structures/{bracket}",
+            f"monitors/{monitor}",
+            f"update-jobs/{job}",
+            f"joint-updates/{joint}",
+        ]
         own += [f"campaigns/{campaign}{part}" for part in ("", "/update", "/grid-points")]
         return [*(f"/ui/{path}" for path in (*LISTS, *own)), *more_pages(api, bridge)]
 
@@ -52,6 +63,9 @@ def main(folder: Path) -> None:
                         for figure in seen.page.locator("figure[data-figure]:visible, [data-frf-viewer]").all():
                             figure.scroll_into_view_if_needed()
                             figure.locator(DRAWN).first.wait_for(state="attached")
+                        for place in seen.page.locator("[data-space]").all():
+                            place.scroll_into_view_if_needed()
+                            seen.page.wait_for_selector("[data-space][data-ready]")
                         seen.page.evaluate(
                             "scrollTo(0, 0)"
                         )  # else the head, which stays in sight, would cover its middle

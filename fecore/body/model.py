@@ -78,6 +78,16 @@ class Model:
         """
         return np.asarray(rigid_motions(self.mesh.nodes)[:, list(self.dofs)][self.free])
 
+    def at_nodes(self, shapes: FloatArray) -> FloatArray:
+        """(n, nodes, 3) displacement along x, y and z of the nodes in (dofs, n) shapes; 0 where a node is held."""
+        moved = np.zeros((shapes.shape[1], *self.free.shape))
+        moved[:, self.free] = shapes[self.stiffness.pattern.numbers[self.free]].T
+        found = np.zeros((*moved.shape[:2], 3))
+        for column, dof in enumerate(self.dofs):
+            if dof < 3:
+                found[..., dof] = moved[..., column]
+        return found
+
     def observe(
         self, points: FloatArray, directions: FloatArray, tolerance: float | None = None
     ) -> scipy.sparse.csr_array:

@@ -141,7 +141,23 @@ def _rank_one(
         own = _add_up(j, weight * np.abs(vector[i]) ** 2, m)
         factor = _scatter(j, weight * vector[i].conj() * entries, m) / np.maximum(own, 1e-300)
         factor /= np.max(np.abs(factor))
-    return vector, 1 / np.sqrt(np.maximum(information, 1e-300)), factor
+    information = np.maximum(information, 1e-300)
+    if m == 1:  # it sees all dofs alike
+        return vector, 1 / np.sqrt(information), factor
+    return *_shrunk(vector, information), factor
+
+
+def _shrunk(vector: ComplexArray, information: FloatArray) -> tuple[ComplexArray, FloatArray]:
+    """Posterior means and standard deviations of entries whose prior spread is that of the entries that are known.
+
+    ψ_i ~ N(0, s²), s² = Σ (w_i|ψ̂_i|² - 1)/Σ w_i with w_i = 1/var ψ̂_i. A dof that only a reference near a node sees is noise
+    alone: it must not be the largest of the shape.
+    """
+    power = float(np.sum(information * np.abs(vector) ** 2 - 1) / np.sum(information))
+    if power <= 0:
+        return vector, 1 / np.sqrt(information)
+    total = information + 1 / power
+    return np.asarray(vector * information / total), 1 / np.sqrt(total)
 
 
 def _scatter(place: IntArray, values: ComplexArray, size: int) -> ComplexArray:

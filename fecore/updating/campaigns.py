@@ -3,29 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.specimen import OrientedSpecimen
 from fecore.errors import InputError
-from fecore.frf import along_z
-from fecore.modes import MeasuredModes
+from fecore.updating.campaign_layout import MATERIAL, MATERIAL_PARAMETERS, Campaign, check_material, clamped, lay_out
 from fecore.updating.contradictions import Agreement, Check, Conflict, agreements, conflicts
 from fecore.updating.discretisation import meshed
 from fecore.updating.elastic_findings import USUAL_MISS, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.estimates import constant_estimates, own_estimates
-from fecore.updating.excursions import REACH_95, excursions
+from fecore.updating.excursions import REACH_95
 from fecore.updating.findings import Level, found, judge, listed, modes_of, ordered, plus_minus, warnings
-from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs
 from fecore.updating.laws import common_damping
-from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
-from fecore.updating.parameters import Parameter, Parametrisation, parametrise
+from fecore.updating.layout import Coupon
+from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import SCATTER
 from fecore.updating.result import CommonLaw, Finding, ModeComparison, ParameterEstimate, Verdict
 
@@ -42,38 +37,8 @@ __all__ = [
     "update_campaigns",
 ]
 
-MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
-"""Constants that belong to the material."""
 
-MATERIAL_PARAMETERS = (*(Parameter(name) for name in MATERIAL[:-1]), Parameter("nu_xy", prior_sd=0.1))
-"""What several campaigns update together by default: all constants of the material, each by itself."""
-
-_CLAMP_LOG_SD = 1.2  # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
-_HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
 _NAMED = 4  # sources in one sentence
-
-
-@dataclass(frozen=True)
-class Campaign:
-    """One test of one specimen of the material.
-
-    Attributes:
-        name: of the campaign, in results.
-        specimen: name of the specimen; campaigns of one specimen share its dimensions.
-        body: as it stood in this campaign; its material is the shared one, in the material's axes.
-        modes: measured modes, with shapes at `dofs` where there are any.
-        points: coordinates (x, y, z) in m of the shapes' points.
-        inputs: how well the laboratory knows what it hands in.
-        fixed_points: points at which a sensor stood through the test, if its mass was not stated.
-    """
-
-    name: str
-    specimen: str
-    body: OrientedSpecimen
-    modes: MeasuredModes
-    points: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
-    inputs: Inputs = field(default_factory=Inputs)
-    fixed_points: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -204,103 +169,8 @@ def update_campaigns(
     )
 
 
-def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, scatter: bool) -> Layout:
-    """Lay out the unknowns of some campaigns.
-
-    Args:
-        campaigns: at least one; names are all different.
-        parameters: the material's, with their priors.
-        scatter: give every specimen deviations of its own in each free modulus, where there is more than one specimen.
-
-    Raises:
-        InputError: two campaigns have one name, a parameter is not the material's, or the parameters contradict themselves.
-    """
-    _check(campaigns, parameters)
-    forwards = [_forward(campaign, parameters) for campaign in campaigns]
-    first = forwards[0].parametrisation
-    shared = first.reported
-    places: dict[tuple[str, str | None], Unknown] = {
-        (name, None): Unknown(name, None, float(sd)) for name, sd in zip(shared, first.xi_sd, strict=False)
-    }
-    specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
-    if scatter and len(specimens) > 1:
-        moduli = [name for name in shared if name != "nu_xy"]
-        places |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
-    keys = []
-    for campaign, forward in zip(campaigns, forwards, strict=True):
-        prior = forward.parametrisation
-        keys.append([_key(name, campaign, shared) for name in prior.names])
-        for key, name, deviation in zip(keys[-1], prior.names, prior.xi_sd, strict=True):
-            places.setdefault(key, Unknown(name, key[1], float(deviation)))
-    number = {key: place for place, key in enumerate(places)}
-    models = []
-    for campaign, forward, own_keys in zip(campaigns, forwards, keys, strict=True):
-        pick = np.zeros((len(own_keys), len(places)))
-        for row, (name, owner) in enumerate(own_keys):
-            pick[row, number[name, owner]] = 1.0
-            if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
-                pick[row, number[name, campaign.specimen]] = 1.0
-        seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
-        models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
-    return Layout(tuple(models), tuple(places.values()))
-
-
-def clamped(body: OrientedSpecimen, inputs: Inputs) -> OrientedSpecimen:
-    """The body with a clamp that may yield as far as the inputs say; as it is where it is not clamped."""
-    scale = inputs.standard_deviation("clamp_compliance")
-    if body.boundary != "cantilever" or body.clamp_compliance or not scale:
-        return body
-    return replace(body, clamp_compliance=_HALF_NORMAL_MEDIAN * scale)
-
-
 def _highest_hz(campaign: Campaign) -> float:
     return 1.05 * float(campaign.modes.frequency_hz[-1])
-
-
-def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> None:
-    names = [campaign.name for campaign in campaigns]
-    if not names:
-        raise InputError("campaigns", "is empty, expected at least one")
-    if len(set(names)) < len(names):
-        raise InputError("campaigns", "two have the same name; the result needs names that differ")
-    check_material(parameters)
-
-
-def check_material(parameters: Sequence[Parameter]) -> None:
-    """Make sure that parameters are the material's.
-
-    Raises:
-        InputError: one is not.
-    """
-    for index, parameter in enumerate(parameters):
-        if parameter.name not in MATERIAL:
-            expected = f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}"
-            raise InputError(f"parameters.{index}.name", expected)
-
-
-def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, str | None]:
-    """The key of an unknown: its name, and to whom it belongs."""
-    if name in shared:
-        return name, None
-    return name, f"campaign {campaign.name}" if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"
-
-
-def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardModel:
-    parametrisation, modes = _with_own(parametrise(campaign.body, parameters), campaign), campaign.modes
-    dofs = modes.dofs if modes.shapes is not None else ()
-    rows = tuple(dict.fromkeys([*dofs, *along_z(campaign.fixed_points)]))
-    highest = float(modes.frequency_hz[-1])
-    return ForwardModel.of_dofs(parametrisation, rows, campaign.points, highest, len(modes))
-
-
-def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:
-    """The parameters, and the body's own constants as far as they are not known exactly."""
-    body, inputs = campaign.body, campaign.inputs
-    nominal = body.nominal
-    sds = {name: inputs.standard_deviation(name, nominal[name]) for name in (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])}
-    if body.clamp_compliance:
-        sds["clamp_compliance"] = body.clamp_compliance * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
-    return parametrisation.with_inputs(sds)
 
 
 def _part(

@@ -86,8 +86,9 @@ def _swinging_pairing(elastic: ElasticResult) -> list[Finding]:
 
 
 def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
-    """Neighbours within their bandwidths, one of them without a like mode in the model: one mode that moved in the test."""
+    """Neighbours within their bandwidths, for which the model has one like mode: one mode that moved in the test."""
     matrix, partner, hz = elastic.pairing.mac, dict(elastic.pairing.pairs), modes.frequency_hz
+    model = elastic.updated.frequency_hz
     width = np.nan_to_num(modes.damping_ratio) * hz  # half of the bandwidth
     if matrix is None:
         return []
@@ -95,7 +96,9 @@ def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     halves = [
         row
         for row in range(len(modes) - 1)
-        if hz[row + 1] - hz[row] < width[row] + width[row + 1] and not (like[row] and like[row + 1])
+        if hz[row + 1] - hz[row] < width[row] + width[row + 1]
+        and not (like[row] and like[row + 1])
+        and np.sum((model > hz[row] - width[row]) & (model < hz[row + 1] + width[row + 1])) < 2
     ]
     if not halves:
         return []

@@ -58,6 +58,13 @@ FINDINGS = {
         "the finest mesh allowed, {nx} × {ny} elements, may give frequencies that are wrong by {percent:.2g} %",
         "choose a band that ends lower",
     ),
+    "without_joints": Row(
+        None,
+        4,
+        "walls of the model meet at their middle surfaces without a model of their joint, as the recipe has it: each frequency "
+        "may be wrong by {percent:.2g} %",
+        "constants found so belong to models without joints",
+    ),
     "points_beyond": Row(
         "with_care",
         9,

@@ -134,6 +134,7 @@ CONSTANT_INPUTS = {
     "nu12": "nu_xy",
     "t": "thickness",
     "angle": "ply_angle",
+    "fibre_angle": "fibre_angle",
 }
 """Constants of a specimen that are inputs, without a number at their end, and the name of each tolerance."""
 

@@ -27,7 +27,7 @@ from fecore.updating.pairing import has_shapes
 from fecore.updating.parameters import Parametrisation, by_name
 
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
-"""Constants that belong to a specimen, whatever its boundary."""
+"""Constants that belong to a specimen, whatever its boundary; Poisson's ratio is the material's."""
 
 CAMPAIGNS_OWN = ("length", "clamp_compliance")
 """Constants that belong to one campaign: a clamp begins to hold somewhere else each time."""
@@ -168,7 +168,7 @@ class Layout:
         """The unknowns of one campaign: its parameters and inputs."""
         prior = forward.parametrisation
         owners = [None if name in prior.reported else "" for name in prior.names]
-        sd, coupling = _with_common(prior)
+        sd, coupling = with_common(prior)
         unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, sd), strict=True))
         return cls((CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),), unknowns, coupling)
 
@@ -252,7 +252,7 @@ class Layout:
         return Layout.of_one(replace(only.forward, parametrisation=parametrisation), only.modes, only.seek_excursions)
 
 
-def _with_common(prior: Parametrisation) -> tuple[FloatArray, FloatArray | None]:
+def with_common(prior: Parametrisation) -> tuple[FloatArray, FloatArray | None]:
     """(p,) standard deviations of ξ by themselves, and the precision that couples constants with a common prior.
 
     n constants that share a deviation of variance c² and have o² each of their own have the covariance c²11ᵀ + o²I. Its inverse

@@ -14,6 +14,7 @@ from fecore.correlation import pair_modes
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, identify, shapes_at_poles
+from fecore.modal.arrangement import split_sides
 from fecore.modal.screening import Screened, screen
 from fecore.modes import MeasuredModes
 from fecore.updating.forward import directions_of
@@ -22,7 +23,7 @@ from fecore.updating.recipe import HoldOut, Recipe
 
 _SAME_POLE = 1.05  # ratio of frequencies within which a typed mode and an identified one are the same
 _STILL = 1e-9  # share of the mesh's deflections that a point on a support takes part in, round-off
-_HELD_OUT_OF = 8  # every eighth FRF is held out unless the recipe says otherwise
+_HELD_OUT_OF = 8  # every eighth roving dof is held out unless the recipe says otherwise
 _FEWEST_TO_HOLD_OUT = 16  # FRFs of which some are held out
 
 
@@ -220,32 +221,27 @@ def _seen(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[FrfSet,
 
 
 def _split(frfs: FrfSet, hold_out: HoldOut) -> tuple[list[int], list[int]]:
-    """Rows of the FRFs to fit, and of those held out: of the recipe's points, or every eighth where it names none."""
-    roving = _roving_points(frfs)
+    """Rows of the FRFs to fit, and of those held out: of the points that the recipe names, else of every eighth roving dof.
+
+    A dof is held out with all its FRFs: with those of its weak reference alone, its part of a shape would be noise.
+    """
+    pairs = tuple(zip(frfs.responses, frfs.references, strict=True))
+    dofs, _, sides = split_sides(pairs)
+    roving = [dofs[side] for side in sides[:, 0]]
     if hold_out.points is None:
+        driving = {dof for dof, (a, b) in zip(roving, pairs, strict=True) if a.point == b.point}
         many = len(roving) >= _FEWEST_TO_HOLD_OUT
-        held = [i for i in range(_HELD_OUT_OF // 2, len(roving), _HELD_OUT_OF) if many and not _is_driving(frfs, i)]
+        out = set(list(dict.fromkeys(roving))[_HELD_OUT_OF // 2 :: _HELD_OUT_OF]) - driving if many else set()
     else:
-        points = set(hold_out.points)
-        unknown = points - set().union(*roving)
+        out = {dof for dof in roving if dof.point in hold_out.points}
+        unknown = set(hold_out.points) - {dof.point for dof in out}
         if unknown:
             raise InputError("hold_out.points", f"{sorted(unknown)} have no FRF of their own in this campaign")
-        held = [i for i, places in enumerate(roving) if places & points]
-    kept = [i for i in range(len(roving)) if i not in set(held)]
+    held = [i for i, dof in enumerate(roving) if dof in out]
+    kept = [i for i, dof in enumerate(roving) if dof not in out]
     if not kept:
         raise InputError("hold_out.points", "holds out every FRF, so nothing is left to fit")
     return kept, held
-
-
-def _roving_points(frfs: FrfSet) -> list[set[int]]:
-    """The points that distinguish one FRF from another: a fixed dof belongs to every FRF, so holding it out means its own."""
-    fixed = {dofs[0].point for dofs in (frfs.responses, frfs.references) if len(set(dofs)) == 1}
-    pairs = zip(frfs.responses, frfs.references, strict=True)
-    return [{dof.point for dof in pair} - fixed or {pair[0].point} for pair in pairs]
-
-
-def _is_driving(frfs: FrfSet, row: int) -> bool:
-    return frfs.responses[row].point == frfs.references[row].point
 
 
 def _with_shapes(frfs: FrfSet, measurement: Measurement, model: Model) -> tuple[MeasuredModes, tuple[str, ...]]:

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from fecore.body.constants import Body
+from fecore.body.structure import Structure
 from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.frf import Dof, FrfSet
@@ -92,6 +93,7 @@ def update(
     findings = [
         *remarks("measurement", data.warnings),
         *([] if mesh is None else _coarse(mesh)),
+        *_without_joints(body),
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
     ]
@@ -128,6 +130,13 @@ def _coarse(mesh: Discretisation) -> list[Finding]:
     """That the finest mesh allowed is too coarse."""
     worst, (nx, ny) = float(mesh.error.max(initial=0.0)), mesh.divisions
     return [found("mesh_misses", nx=nx, ny=ny, percent=100 * worst)] if worst > DISCRETISATION else []
+
+
+def _without_joints(body: Body) -> list[Finding]:
+    """That walls meet without a model of their joint."""
+    if not isinstance(body, Structure) or body.with_joints or not body.model_error:
+        return []
+    return [found("without_joints", percent=100 * body.model_error)]
 
 
 def _highest_hz(data: Prepared) -> float:

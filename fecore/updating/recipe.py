@@ -18,7 +18,7 @@ class HoldOut:
     """What is kept from the fits and predicted afterwards.
 
     Attributes:
-        points: grid points whose FRFs are held out; None holds out every eighth FRF, () none.
+        points: grid points whose FRFs are held out; None holds out those of every eighth point and direction, () none.
         band_hz: lines that are held out, Hz; lines above the fitted band always are.
     """
 

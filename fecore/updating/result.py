@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from fecore.arrays import ComplexArray, FloatArray
+from fecore.body.mesh import Mesh
 from fecore.frf import Dof
 from fecore.modal import Identification
 
@@ -254,6 +255,8 @@ class ModeShapes:
         updated: (m, P) real shapes of the model.
         frequency_hz, kinds: (m,) of the model's modes.
         pairs: number of a measured mode and of its model mode, both from 0.
+        directions: (P, 3) unit vectors along which the points' shapes are.
+        mesh, everywhere: of the model, and (m, nodes, 3) its shapes at the mesh's nodes.
     """
 
     points: tuple[int, ...]
@@ -263,6 +266,9 @@ class ModeShapes:
     frequency_hz: FloatArray
     kinds: tuple[str, ...]
     pairs: tuple[tuple[int, int], ...]
+    directions: FloatArray
+    mesh: Mesh
+    everywhere: FloatArray
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from fecore.updating.elastic_findings import elastic_findings
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
 from fecore.updating.findings import found, judge, ordered, warnings
+from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
@@ -297,6 +298,9 @@ class Summary:
             frequency_hz=state.frequency_hz,
             kinds=tuple(state.kinds),
             pairs=self.elastic.pairing.pairs,
+            directions=directions_of(forward.dofs, forward.axes),
+            mesh=forward.specimen.model.mesh,
+            everywhere=forward.specimen.model.at_nodes(state.full_shapes),
         )
 
     def _negative_damping(self) -> list[Finding]:

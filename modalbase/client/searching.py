@@ -13,7 +13,8 @@ from modalbase.client.errors import ClientError, Exit
 from modalbase.client.files import fetch_file
 from modalbase.client.options import AsJson, Url, service_at
 
-FORMATS = {".csv": "csv", ".arrows": "arrow"}
+FORMATS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow"}
+ARCHIVE = ".zip"
 
 
 class Noun(StrEnum):
@@ -38,17 +39,24 @@ def search(
     sort: Annotated[str | None, typer.Option(help="A field; - in front for descending")] = None,
     fields: Annotated[str | None, typer.Option(help="Columns, with commas between")] = None,
     most: Annotated[int, typer.Option(min=1, help="Rows that are listed")] = 20,
-    out: Annotated[Path | None, typer.Option("--out", "-o", help="File for all rows: .csv, .arrows")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="File for all rows: .csv, .jsonl, .arrows; or .zip, an archive of campaigns"),
+    ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
     """Find things over all your projects by a filter, such as results of pultruded bars with Ex below 30 GPa."""
     query = {"filter": condition, "q": words, "sort": sort, "fields": fields}
-    if out is not None and out.suffix not in FORMATS:
-        raise ClientError(f"{out.name} ends in none of {', '.join(FORMATS)}", Exit.USAGE)
+    known = [*FORMATS, *([ARCHIVE] if noun == Noun.campaigns else [])]
+    if out is not None and out.suffix not in known:
+        raise ClientError(f"{out.name} ends in none of {', '.join(known)}", Exit.USAGE)
     with service_at(url) as service:
         if out is not None:
-            fetch_file(service, f"search/{noun}", out, format=FORMATS[out.suffix], **query)
+            if out.suffix == ARCHIVE:
+                fetch_file(service, f"search/{noun}/archive", out, filter=condition, q=words)
+            else:
+                fetch_file(service, f"search/{noun}", out, format=FORMATS[out.suffix], **query)
             typer.echo(out)
             return
         first = service.get(f"search/{noun}", limit=1, **query)

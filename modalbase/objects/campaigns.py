@@ -144,6 +144,27 @@ class Campaign(Editable):
 
         return Frfs.from_npz(self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted)))
 
+    def archive(self, file: str | Path) -> Path:
+        """Write it, with its structure, modes and results, to a zip that others read without this service."""
+        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
+        return Path(file)
+
+    def label_frfs(self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None, **which: Any) -> int:
+        """Give a set of FRFs tags and metadata in place of theirs, by which a search finds them; the number of FRFs.
+
+        Args:
+            tags: words without commas.
+            meta: free JSON, such as `{"client": "ACME"}`.
+            which: as for `list_frfs`; all where nothing is stated.
+
+        Raises:
+            ClientError: the service refuses, for example since the project demands other metadata.
+        """
+        require_known("label_frfs", which)
+        body = {"tags": list(tags), "meta": dict(meta or {})}
+        answer = self.lab.connection.call("PUT", f"{self.address}/frfs/labels", params=which, json=body)
+        return int(answer["count"])
+
     def add_frfs(self, frfs: Frfs) -> Table:
         """Store FRFs that a script has; `modalbase.Frfs` takes arrays, pyuff datasets and xarray.
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
+from modalbase.client.files import fetch_file
 from modalbase.objects.thing import Access, Table, library
 
 SHOWN = 10
@@ -76,6 +78,18 @@ class Found:
             ClientError: polars is not installed, or there are more rows than a file has.
         """
         return library("polars").read_ipc_stream(self._file("arrow"))
+
+    def archive(self, file: str | Path) -> Path:
+        """Write all campaigns that were found, with structures, modes and results, to a zip that others read.
+
+        Raises:
+            ClientError: it is no search for campaigns, or it finds none, or more than an archive has.
+        """
+        if self.noun != "campaigns":
+            raise ClientError(f"an archive is of campaigns; search for those whose {self.noun} are meant", Exit.USAGE)
+        query = {name: value for name, value in self.query.items() if name in ("filter", "q")}
+        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file), **query)
+        return Path(file)
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
         """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines), `frequency_hz` (lines,).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -332,6 +332,27 @@ class UpdateJob(Job):
         """Queue it again, where it failed or was cancelled."""
         self.fields = self.lab.rest.retry_update_job(self.fields["id"])
         return self
+
+    @property
+    def labels(self) -> dict[str, Any]:
+        """Tags and metadata of its result: `{"tags": […], "meta": {…}}`.
+
+        Raises:
+            ClientError: there is no result.
+        """
+        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/labels")
+        return found
+
+    def label(self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Give its result tags and metadata in place of its own, by which a search finds it.
+
+        Raises:
+            ClientError: there is no result, or the project demands other metadata.
+        """
+        tag = self.lab.connection.request("GET", f"{self.address}/labels").headers["etag"]
+        body, headers = {"tags": list(tags), "meta": dict(meta or {})}, {"If-Match": tag}
+        kept: dict[str, Any] = self.lab.connection.call("PUT", f"{self.address}/labels", json=body, headers=headers)
+        return kept
 
     def events(self) -> Iterator[dict[str, Any]]:
         """Its states as they change, until it has ended."""

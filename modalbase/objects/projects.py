@@ -8,8 +8,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalbase.client.files import send_file
+from modalbase.client.files import fetch_file, send_file
 from modalbase.client.finding import BATCH, MONITOR, PROJECT, STRUCTURE, Kind
+from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.jobs import Model, UpdateJob, update_jobs
 from modalbase.objects.thing import Editable, Figure, Table, Thing
@@ -82,6 +83,23 @@ class Project(Editable):
             ClientError: there is none, several have the name, or the one that has it is not as stated.
         """
         return self._one(Structure, which, create, _nested(properties), confirm)
+
+    def archive(self, file: str | Path) -> Path:
+        """Write all its campaigns, with structures, modes and results, to a zip that others read without this service."""
+        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
+        return Path(file)
+
+    def import_archive(self, file: str | Path) -> Imported:
+        """Read an archive that a service wrote: structures, campaigns, points, FRFs and mode sets, with new ids.
+
+        Each structure and campaign says in `meta.archive` which one it was. Results stay in the archive.
+
+        Raises:
+            ClientError: the archive is broken or no longer what was written, in which case nothing is sent; or the service
+                refuses a part of it.
+            JobFailed: the service cannot read its FRFs.
+        """
+        return import_archive(self, Path(file))
 
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""

@@ -65,7 +65,7 @@ router = api_router(tags=["access"])
 @router.post("/projects", status_code=201)
 def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
     """Make a project; its maker is its owner."""
-    project = Project(name=body.name, description=body.description)
+    project = Project(**body.model_dump())
     session.add(project)
     session.flush()
     session.refresh(project)

@@ -8,9 +8,10 @@ from uuid import UUID
 
 from pydantic import ConfigDict, Field
 
+from service.access.demands import Schemas
 from service.access.keys import Scope
 from service.access.lookup import Role
-from service.web.bodies import Name, StrictModel, Text, Time, example, not_null
+from service.web.bodies import Meta, Name, StrictModel, Tags, Text, Time, example, not_null
 
 
 class _Out(StrictModel):
@@ -24,6 +25,8 @@ class ProjectIn(StrictModel):
 
     name: Name
     description: Text = ""
+    tags: Tags = Field([])
+    meta: Meta = Field({})
 
 
 class ProjectPatch(StrictModel):
@@ -34,8 +37,13 @@ class ProjectPatch(StrictModel):
     name: Name | None = None
     description: Text | None = None
     archived: bool | None = None
+    tags: Tags | None = None
+    meta: Meta | None = None
+    schemas: Schemas | None = Field(
+        None, description="by noun: a JSON Schema that what is entered in the project must fulfil"
+    )
 
-    _never_null = not_null("name", "description", "archived")
+    _never_null = not_null("name", "description", "archived", "tags", "meta", "schemas")
 
 
 class ProjectOut(_Out):
@@ -46,6 +54,9 @@ class ProjectOut(_Out):
     updated_at: datetime
     name: str
     description: str
+    tags: list[str]
+    meta: dict[str, Any]
+    schemas: dict[str, Any]
     archived_at: datetime | None
     deleted_at: datetime | None
 

@@ -9,7 +9,7 @@ from uuid import UUID
 from sqlalchemy import CheckConstraint, ForeignKey, Index, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base, Identified
+from service.db.base import Base, Identified, Labelled, label_indexes
 
 
 class User(Identified, Base):
@@ -47,13 +47,15 @@ class BrowserSession(Identified, Base):
     expires_at: Mapped[datetime]
 
 
-class Project(Identified, Base):
+class Project(Identified, Labelled, Base):
     """What people share: everything else belongs to one project."""
 
     __tablename__ = "projects"
+    __table_args__ = label_indexes("projects")
 
     name: Mapped[str]
     description: Mapped[str] = mapped_column(server_default="")
+    schemas: Mapped[dict[str, Any]] = mapped_column(server_default="{}")
     updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
     archived_at: Mapped[datetime | None]
     deleted_at: Mapped[datetime | None]

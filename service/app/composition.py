@@ -17,6 +17,7 @@ from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
+from service.store.archives.routes import router as archives
 from service.store.campaigns.operations import campaign_for
 from service.store.campaigns.routes import points_router as grid_points
 from service.store.campaigns.routes import router as campaigns
@@ -31,6 +32,7 @@ from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
 from service.store.records.routes import router as records
 from service.store.search.routes import router as search
+from service.store.search.saved import router as saved_searches
 from service.store.storage.routes import router as storage
 from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
@@ -57,6 +59,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     updating,
     plans,
     search,
+    saved_searches,
+    archives,
     results,
     measured_figures,
     monitoring,

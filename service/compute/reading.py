@@ -44,7 +44,9 @@ POINTS_AT_ONCE = 5000
 REPORT_SECONDS = 0.5
 
 
-Kept = Found | list[GridPoint] | EncodedFrf | Function | TimeResponse | TimeBlock | ModeShape | DatasetReport
+Kept = (
+    Found | list[GridPoint] | EncodedFrf | Function | TimeResponse | TimeBlock | ModeShape | TraceLine | DatasetReport
+)
 """What goes to the database; of functions that are not FRFs, ordinary coherences and time blocks."""
 
 
@@ -122,7 +124,7 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
             elif isinstance(item, Frf):
                 spectra.note(item)
                 yield _encoded(item)
-            elif isinstance(item, Function | TimeResponse | ModeShape):
+            elif isinstance(item, Function | TimeResponse | ModeShape | TraceLine):
                 yield item
         for found in spectra.finish():
             yield _encoded(found) if isinstance(found, Frf) else found
@@ -152,8 +154,6 @@ def _why_unused(item: Content) -> str | None:
         return size_fault(item.values)
     if isinstance(item, Function) and item.function_type != COHERENCE:
         return f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of force and motion are stored"
-    if isinstance(item, TraceLine):
-        return "is a trace line of the drawing; it stays in the original file"
     if isinstance(item, Element):
         return "holds elements of the drawing; they stay in the original file"
     return None

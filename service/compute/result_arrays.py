@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.mesh import Mesh
 from fecore.updating.result import FrequencyEffects, FrfCorrelation, ModeShapes, Prediction, UpdateResult
 
 MOST_SAMPLES = 2000
@@ -18,8 +19,8 @@ def as_npz(result: UpdateResult) -> bytes:
     """The arrays of a result.
 
     Predicted FRFs (in single precision) and how sure they are (in half), CSAC and CSF of the lines of the band, shapes at the
-    measured points, samples of the posterior, what would move the frequencies. What a result has not, its arrays have not
-    either; without a prediction the FRFs' arrays are there and empty.
+    measured points and on the model's mesh, samples of the posterior, what would move the frequencies. What a result has not,
+    its arrays have not either; without a prediction the FRFs' arrays are there and empty.
     """
     samples = result.posterior.samples
     arrays = {**_frfs(result.prediction), **_agreement(result), **_shapes(result.shapes), **_effects(result.effects)}
@@ -78,6 +79,21 @@ def _shapes(shapes: ModeShapes | None) -> dict[str, Any]:
         "shapes_measured": shapes.measured.astype(np.complex64),
         "shapes_updated": shapes.updated.astype(np.float32),
         "shape_pairs": np.array(shapes.pairs, dtype=np.int64).reshape(-1, 2),
+        "shape_directions": shapes.directions.astype(np.float32),
+        **_on_mesh(shapes.mesh, shapes.everywhere),
+    }
+
+
+def _on_mesh(mesh: Mesh, everywhere: FloatArray) -> dict[str, Any]:
+    """The model's mesh, and its shapes at the nodes: each by its largest component, which single precision keeps."""
+    largest = np.abs(everywhere).max(axis=(1, 2), initial=1e-300)
+    return {
+        "mesh_nodes_m": mesh.nodes.astype(np.float32),
+        "mesh_kinds": np.array([block.kind for block in mesh.blocks], dtype=np.str_),
+        "mesh_sets": np.array([block.set for block in mesh.blocks], dtype=np.str_),
+        **{f"mesh_elements_{k}": block.nodes.astype(np.int32) for k, block in enumerate(mesh.blocks)},
+        "mesh_largest": largest.astype(np.float32),
+        "mesh_shapes": (everywhere / largest[:, None, None]).astype(np.float16),
     }
 
 

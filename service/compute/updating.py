@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fecore.body.constants import Body
-from fecore.body.specimen import OrientedSpecimen
+from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.signal import Processed
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
@@ -144,7 +145,7 @@ class JointCampaign:
 
     Attributes:
         name, specimen: in the result.
-        body: with the material of all campaigns, in its own axes.
+        body: with the material of all campaigns, in its own axes; or a body in space.
         measurement, recipe: for identification where there is no mode set.
         provenance: ids of what it was made of.
         warnings: what was left out while loading.
@@ -152,7 +153,7 @@ class JointCampaign:
 
     name: str
     specimen: str
-    body: OrientedSpecimen
+    body: Specimen | LayeredSpecimen | Structure
     measurement: Measurement
     recipe: Recipe
     provenance: dict[str, Any]
@@ -199,6 +200,7 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
                 points=each.measurement.points,
                 inputs=each.measurement.inputs,
                 fixed_points=fixed,
+                axes=each.measurement.axes or {},
             )
         )
         warnings += [f"campaign {each.name}: {text}" for text in (*each.warnings, *data.warnings)]

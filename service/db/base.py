@@ -6,8 +6,8 @@ from datetime import datetime
 from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
-from sqlalchemy import BigInteger, DateTime, MetaData, func, select, text
-from sqlalchemy.dialects.postgresql import JSONB
+from sqlalchemy import BigInteger, DateTime, Index, MetaData, String, func, select, text
+from sqlalchemy.dialects.postgresql import ARRAY, JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column
 
 NAMES = {
@@ -42,6 +42,21 @@ class Identified:
 
     id: Mapped[UUID] = mapped_column(primary_key=True, server_default=text("uuidv7()"), sort_order=-2)
     created_at: Mapped[datetime] = mapped_column(server_default=func.now(), sort_order=-1)
+
+
+class Labelled:
+    """A row with tags and free metadata; most have none, so that indexes have only those that do."""
+
+    tags: Mapped[list[str]] = mapped_column(ARRAY(String), server_default="{}", default=list)
+    meta: Mapped[dict[str, Any]] = mapped_column(server_default="{}", default=dict)
+
+
+def label_indexes(table: str) -> tuple[Index, Index]:
+    """The indexes by which a search finds tags and metadata of a table's rows."""
+    return tuple(
+        Index(f"ix_{table}_{name}", name, postgresql_using="gin", postgresql_where=text(f"{name} <> '{{}}'"))
+        for name in ("tags", "meta")
+    )  # type: ignore[return-value]
 
 
 def transaction_time(session: Session) -> datetime:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from typing import Annotated, Any, Generic, TypeVar
 
@@ -13,6 +14,7 @@ from pydantic import (
     ConfigDict,
     Field,
     GetCoreSchemaHandler,
+    JsonValue,
     ValidationInfo,
     field_validator,
 )
@@ -98,6 +100,34 @@ class StrictModel(BaseModel):
         return schema
 
 
+def _short(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
+    """Refuse more than a page: every list shows it."""
+    if (size := len(json.dumps(value))) > MOST_DETAILS:
+        raise PydanticCustomError(
+            "long", "has {size} characters as JSON, at most {most} are kept", {"size": size, "most": MOST_DETAILS}
+        )
+    return value
+
+
+def _once(value: list[str]) -> list[str]:
+    if twice := sorted({one for one in value if value.count(one) > 1}):
+        raise PydanticCustomError("twice", "has {tag} twice", {"tag": twice[0]})
+    return value
+
+
+MOST_DETAILS = 10_000
+Details = Annotated[
+    dict[str, JsonValue], AfterValidator(_short), Field(description=f"at most {MOST_DETAILS} characters as JSON")
+]
+Tag = Annotated[str, Field(max_length=100, pattern=r"^[^\s,]([^,\x00-\x1f]*[^\s,])?$")]
+Tags = Annotated[list[Tag], AfterValidator(_once), Field(max_length=50, description="words to find it by, no commas")]
+Meta = Annotated[
+    dict[str, JsonValue],
+    AfterValidator(_short),
+    Field(description=f"free JSON to find it by, at most {MOST_DETAILS} characters"),
+]
+
+
 def not_null(*fields: str) -> Any:
     """A validator of a patch's fields that may be left out and may not be null."""
     return field_validator(*fields)(_not_null)
@@ -114,6 +144,15 @@ def example(**fields: Any) -> ConfigDict:
     its ids are one's own; an acceptance test sends each.
     """
     return ConfigDict(json_schema_extra={"examples": [fields]})
+
+
+class Labels(StrictModel):
+    """Tags and free metadata of a thing, by which a search finds it."""
+
+    model_config = example(tags=["winter"], meta={"client": "ACME", "hammer_tip": "steel"})
+
+    tags: Tags = Field([])
+    meta: Meta = Field({})
 
 
 def shown_as(model: type[Shown], row: object, /, **own: Any) -> Shown:

@@ -146,7 +146,15 @@ def test_the_main_job_takes_few_clicks_and_asks_nobody_else(
         signed_in(seen, key, job)
         look_at_every_part(seen)
         assert hindrances(seen.page) == []
-        for path in ("/ui/", "/ui/new", "/ui/update-jobs", "/ui/keys", "/ui/monitors", *around):
+        for path in (
+            "/ui/",
+            "/ui/new",
+            "/ui/update-jobs",
+            "/ui/keys",
+            "/ui/monitors",
+            "/ui/search?noun=results",
+            *around,
+        ):
             seen.visit(path)
             assert hindrances(seen.page) == [], path
             assert overflow(seen) == 0, path
@@ -308,3 +316,54 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         with page.expect_navigation():
             revoke.press("Enter")
         assert revoke.count() == 0
+
+
+def test_a_search_is_typed_with_suggestions_and_kept(running: Browser, service: LocalService) -> None:
+    """By keyboard from a few letters to a row; a facet narrows it down, a name keeps it, the address says all of it."""
+    key = service.new_key("finder")
+    with client_at(service.url, key) as api:
+        project = posted(api, "projects", {"name": "footbridges"})["id"]
+        structure = posted(api, f"projects/{project}/structures", {"name": "north's bridge"})["id"]
+        for name, boundary, temperature in (("warm", "free", 28.5), ("hot", "cantilever", 31), ("cold", "free", -3)):
+            body = {"name": name, "boundary": boundary, "temperature_c": temperature, "tags": [f"{name} day"]}
+            posted(api, f"structures/{structure}/campaigns", body)
+    with watched_page(running, service.url) as seen:
+        page = signed_in(seen, key, "/ui/search")
+        box = page.locator("[data-suggest]")
+        box.press_sequentially("temp")
+        page.wait_for_selector("#suggestions li:has-text('air temperature')")
+        box.press("ArrowDown")
+        box.press("Tab")
+        page.wait_for_selector("#suggestions li:text('BETWEEN')")
+        box.press_sequentially("> 25")
+        box.press("Enter")
+        page.wait_for_selector("h2:text('2 campaigns')")
+        assert hindrances(page) == []
+        page.click("aside a:text('cantilever')")
+        page.wait_for_selector("h2:text('1 campaigns')")
+        assert page.input_value("[data-suggest]") == "temperature_c > 25 AND boundary = 'cantilever'"
+        assert page.inner_text("tbody tr").split("\t")[:2] == ["hot", "north's bridge"]
+        page.click("summary:text('Save this search')")
+        page.fill("[name=name]", "clamped and warm")
+        page.press("[name=name]", "Enter")
+        page.wait_for_selector(".kept")
+        page.goto("/ui/search")
+        box.press_sequentially("tag = '")
+        page.wait_for_selector("#suggestions li:has-text('cold day')")
+        box.press("Escape")
+        page.click("summary:text('Columns')")
+        page.check("[name=fields][value='structure.name']")
+        page.check("[name=fields][value='tag']")
+        box.fill("structure.name = 'north''s bridge'")
+        box.press("Enter")
+        page.wait_for_selector("h2:text('3 campaigns')")
+        assert page.locator("thead th").all_inner_texts() == ["tag", "structure name"]
+        with page.expect_download() as file:
+            page.click(".files a:text('CSV')")
+        assert file.value.path().read_text().splitlines()[1:2] == ["warm day,north's bridge"]
+        page.click(".kept a:text('clamped and warm')")
+        page.wait_for_selector("h2:text('1 campaigns')")
+        page.once("dialog", lambda dialog: dialog.accept())
+        page.click("[aria-label='Forget clamped and warm']")
+        page.wait_for_selector("#saved", state="detached")
+        assert (seen.complaints, seen.strangers) == ([], [])

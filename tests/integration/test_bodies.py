@@ -18,14 +18,21 @@ def made(api: httpx.Client, project: str, **shape: Any) -> dict[str, Any]:
     return ok(api.post(f"projects/{project}/structures", json=body), 201)
 
 
-def updated(api: httpx.Client, structure: str, content: bytes, boundary: str, **campaign: Any) -> tuple[str, Any]:
-    """The address of an update with an empty recipe, and its result."""
+def updated(
+    api: httpx.Client,
+    structure: str,
+    content: bytes,
+    boundary: str,
+    recipe: dict[str, Any] | None = None,
+    **campaign: Any,
+) -> tuple[str, Any]:
+    """The address of an update, with an empty recipe where none is stated, and its result."""
     sent = {"name": boundary, "boundary": boundary, "inputs": {"window_rate_per_s": 0}, **campaign}
     key = ok(api.post(f"structures/{structure}/campaigns", json=sent), 201)["id"]
     queued = api.post(f"campaigns/{key}/imports", params={"filename": "test.uff"}, content=content)
     report = finished(api, queued.headers["Location"])
     assert (report["status"], report["warnings"]) == ("succeeded", [])
-    job = api.post(f"campaigns/{key}/update-jobs", json={})
+    job = api.post(f"campaigns/{key}/update-jobs", json=recipe or {})
     done = finished(api, job.headers["Location"])
     assert done["status"] == "succeeded", done["error"]
     return job.headers["Location"], ok(api.get(api.base_url.join(job.headers["Location"] + "/result")), 200)
@@ -64,6 +71,37 @@ def get_shown(api: httpx.Client, address: str) -> None:
     assert "angle: flange 4 mm, web 4 mm" in report
     assert api.get(f"{base}/report", params={"format": "pdf"}).content.startswith(b"%PDF")
     assert "body in space" in ok(api.get(f"{base}/cards"), 409)["detail"]
+
+
+def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project: str) -> None:
+    structure = made(api, project)["id"]
+    keys = []
+    for boundary in ("free", "cantilever"):
+        sent = {"name": boundary, "boundary": boundary, "inputs": {"window_rate_per_s": 0}}
+        keys.append(ok(api.post(f"structures/{structure}/campaigns", json=sent), 201)["id"])
+        queued = api.post(
+            f"campaigns/{keys[-1]}/imports", params={"filename": "t.uff"}, content=measured(boundary=boundary)
+        )
+        assert finished(api, queued.headers["Location"])["status"] == "succeeded"
+    jobs = [{"campaign_id": key} for key in keys]
+    turned = {"joint": True, "jobs": [jobs[0], {**jobs[1], "angle_deg": 3}], "coupon_batches": []}
+    faults = ok(api.post("update-jobs", json=turned), 422)["errors"]
+    assert [(each["pointer"], "lies as it is stated" in each["detail"]) for each in faults] == [
+        ("/jobs/1/angle_deg", True)
+    ]
+    wrong = {"joint": True, "jobs": jobs, "recipe": {"parameters": [{"name": "rib.E1"}]}}
+    assert "flange.E1" in ok(api.post("update-jobs", json=wrong), 422)["errors"][0]["detail"]
+    begun = api.post("update-jobs", json={"joint": True, "jobs": jobs})
+    done = finished(api, begun.headers["Location"])
+    assert done["status"] == "succeeded", done["error"]
+    result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
+    found = {row["name"]: row for row in result["parameters"]}
+    assert list(found) == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
+    for name, value in TRUTH.items():
+        low, high = found[name]["interval_95"]
+        assert low < value < high, name
+    assert {row["name"] for row in result["campaigns"][0]["own"]} >= {"flange.t", "web.density", "height", "length"}
+    assert result["conflicts"] == []
 
 
 def test_a_sensor_on_a_wall_is_a_mass_there(api: httpx.Client, project: str) -> None:

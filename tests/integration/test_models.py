@@ -1,10 +1,13 @@
 """Users' models over HTTP: a deck goes in, the structure is it, an update finds the constants of its sets."""
 
+from shutil import which
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
+from benchmarks.calculix import ccx, frequencies
 from modalbase.formats.models.inp import read_inp
 from tests.integration.test_bodies import updated
 from tests.support.places import shared_file
@@ -132,6 +135,36 @@ def handed_back(api: httpx.Client, address: str, found: dict[str, Any]) -> None:
         for constant in ("E1", "E2", "G12", "G13", "G23"):
             assert material.constants[constant] == pytest.approx(found[f"{name}.{constant}"]["estimate"], rel=1e-6)
     assert model.sections["flange"].materials != model.sections["web"].materials  # the one that both had was parted
+
+
+@pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
+def test_without_joints_the_decks_own_solver_agrees(api: httpx.Client, bare: str) -> None:
+    sent(api, bare, deck(), units="m-N-kg")
+    content, recipe = measured(boundary="cantilever"), {"junctions": "off"}
+    address, result = updated(api, bare, content, "as_modelled", recipe)
+    (said,) = [each for each in result["findings"] if each["kind"] == "without_joints"]
+    assert "wrong by 1.6 %" in said["text"]
+    assert result["provenance"]["recipe"]["junctions"] == "off"
+    after = api.get(f"{api.base_url.join(address)}/deck").content
+    head = [line for line in after.decode().splitlines() if line.startswith("** ")]
+    assert any("without a model of the joints" in line for line in head)
+    expected = [float(line.split()[-2]) for line in head if line.startswith("** mode ")]
+    ratios = np.divide(*(frequencies(ccx(each.decode().splitlines())) for each in (after, deck())))
+    modes = [mode for mode in result["modes"] if mode["updated_hz"]]
+    numbers = [int(np.argmin(np.abs(np.array(expected) - mode["updated_hz"]))) for mode in modes]
+    assert len(modes) >= 6
+    ours = [mode["updated_hz"] / mode["initial_hz"] for mode in modes]
+    np.testing.assert_allclose(ratios[numbers], ours, rtol=0.002)
+
+
+def test_a_strip_has_no_joints_to_leave_out(api: httpx.Client, project: str) -> None:
+    flat = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
+    material = {"Ex_Pa": 3e10, "Ey_Pa": 9e9, "Gxy_Pa": 3e9, "Gxz_Pa": 3e9, "Gyz_Pa": 3e9, "nu_xy": 0.3}
+    strip = {"name": "strip", "geometry": flat, "density_kg_m3": 1850, "material": material}
+    structure = ok(api.post(f"projects/{project}/structures", json=strip), 201)["id"]
+    campaign = ok(api.post(f"structures/{structure}/campaigns", json={"name": "c", "boundary": "free"}), 201)["id"]
+    problem = ok(api.post(f"campaigns/{campaign}/update-jobs", json={"junctions": "off"}), 422)
+    assert "a strip or plate has none" in problem["errors"][0]["detail"]
 
 
 def test_each_points_distance_from_the_model_is_listed(api: httpx.Client, bare: str) -> None:

@@ -1,6 +1,7 @@
 """Pages as a browser without scripts gets them: who sees what, what the policy allows, what an error looks like; the guide."""
 
 import gzip
+import json
 import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -48,6 +49,8 @@ def test_pages_show_what_is_there(
         "/ui/update-jobs": "No update yet",
         "/ui/compare": "Choose results",
         "/ui/monitors": "No monitor yet",
+        "/ui/search?noun=structures&for=FRP": "1 structures",
+        "/ui/search?noun=results&for=Ex < 30e9 AND tag = 'x'": "Nothing is found",
         "/ui/keys": "Begins with",
         f"/ui/imports/{points['id']}": "0 FRFs, 1 grid point, 0 modes",
     }
@@ -156,3 +159,17 @@ def test_every_page_of_the_guide_is_served_to_anybody(service: LocalService) -> 
             assert anybody.get(wrong).status_code == 404, wrong
         style = front.text.partition('rel="stylesheet" href="')[2].partition('"')[0]
         assert anybody.get(style).headers["content-type"].startswith("text/css")
+
+
+def test_points_are_joined_along_the_files_trace_lines(
+    browser: httpx.Client, new_campaign: Callable[..., str], imported: Imported
+) -> None:
+    campaign = new_campaign()
+    rows = [f"{n:10d}{0:10d}{0:10d}{0:10d}{x:13.5e}{y:13.5e}{0:13.5e}" for n, x, y in ((1, 0, 0), (2, 1, 0), (3, 0, 1))]
+    line = dataset("82", f"{1:10d}{4:10d}{0:10d}", "edge", "".join(f"{point:10d}" for point in (2, 3, 0, 1)))
+    read = imported(campaign, dataset("15", *rows) + line)
+    assert [(each["type"], each["outcome"]) for each in read["datasets"]] == [("15", "read"), ("82", "read")]
+    page = browser.get(f"/ui/campaigns/{campaign}").text
+    found = re.search(r'id="in-space">(.*?)</script>', page)
+    assert found
+    assert json.loads(found.group(1))["joined"] == [[1, 2]]

@@ -171,7 +171,7 @@ def require_pages(api: httpx.Client, bridge: dict[str, str], sort: str | None) -
 
 
 def test_a_strange_cursor_is_refused(api: httpx.Client) -> None:
-    cursors = ("x", "W10", "WzFd", "WyIyMDI2LTAzLTAxIiwgbnVsbF0", "e30", "/" * 30)
+    cursors = ("x", "W10", "WzFd", "WyIyMDI2LTAzLTAxIiwgbnVsbF0", "e30", "/" * 30, "WyJcdWQ4MDAiLCAieCJd")
     for sort, cursor in product(("performed_at", "name"), cursors):
         ok_problem(api.get("search/campaigns", params={"cursor": cursor, "sort": sort}))
 
@@ -193,6 +193,8 @@ def test_files_have_all_rows(api: httpx.Client, bridge: dict[str, str]) -> None:
     assert list(csv.DictReader(io.StringIO(text))) == [
         {name: "" if value is None else str(value) for name, value in row.items()} for row in rows
     ]
+    lines = api.get("search/campaigns", params={**query, "format": "jsonl"}).text.splitlines()
+    assert [json.loads(line) for line in lines] == rows
     answer = api.get("search/campaigns", params=query, headers={"Accept": "application/vnd.apache.arrow.stream"})
     table = na.ArrayStream.from_readable(io.BytesIO(answer.content)).read_all()
     assert [row["name"] for row in table.to_pylist()] == [row["name"] for row in rows]
@@ -224,6 +226,7 @@ def test_what_is_deleted_is_not_found(api: httpx.Client, bridge: dict[str, str])
 
 
 _NAMES = [f"{noun.name}.{field.name}" for noun in NOUNS.values() for field in noun.fields]
+_NAMES += ["tag", "meta.client", "frf.meta.a.b", "campaign.meta.a"]
 _OPERATORS = "AND OR NOT IN LIKE BETWEEN IS NULL ( ) , = <> < <= > >= + - * / ^ % DIV T_DURING( CASEI( A_CONTAINS("
 _VALUES = (
     "'a%' '\\' '' 12 -1.5 1e308 99999999999999999999 TRUE DATE('2026-03-01') DATE('9999-12-31') INTERVAL('..','..')"
@@ -266,6 +269,39 @@ def test_spectra_of_one_campaign_are_written_as_uff(api: httpx.Client, bridge: d
     assert api.get("search/frfs/data", params=one).content == whole.content
     both = {"filter": f"structure.id = '{bridge['bridge north']}'", "format": "uff"}
     assert "of 2" in ok_problem(api.get("search/frfs/data", params=both))["errors"][0]["detail"]
+
+
+def test_any_field_can_be_a_facet(api: httpx.Client, bridge: dict[str, str]) -> None:
+    query = {"filter": f"project.id = '{bridge['project']}'", "facets": "hammer,temperature_c,structure.tag"}
+    facets = ok(api.get("search/campaigns", params=query), 200)["facets"]
+    assert facets["hammer"] == {"086C03": 3, "8206-002": 1}
+    assert facets["temperature_c"] == {"": 1, "-3.5": 1, "28.0": 1, "31.0": 1}
+    assert facets["structure.tag"] == {}
+    assert ok(api.get("search/campaigns", params={**query, "facets": "tag"}), 200)["count"] == 4
+    many = ok_problem(api.get("search/campaigns", params={"facets": ",".join(_NAMES[6:20])}))
+    assert many["errors"][0]["pointer"] == "facets"
+
+
+def test_a_search_is_kept_for_a_project(
+    api: httpx.Client, bridge: dict[str, str], new_client: Callable[[], httpx.Client]
+) -> None:
+    body = {"project": bridge["project"], "name": "warm", "noun": "campaigns", "filter": "temperature_c > 25"}
+    kept = ok(api.post("searches", json={**body, "sort": "-temperature_c"}), 201)
+    assert kept["query"] == {"filter": "temperature_c > 25", "sort": "-temperature_c"}
+    assert kept in ok(api.get("searches", params={"limit": 1000}), 200)["items"]
+    ok(api.post("searches", json=body), 409)
+    for wrong, pointer in (
+        ({"filter": "temprature_c > 25"}, "/filter"),
+        ({"noun": "bridges"}, "/noun"),
+        ({"fields": "x"}, "/fields"),
+        ({"project": bridge["warm"]}, "/project"),
+    ):
+        assert ok_problem(api.post("searches", json=body | wrong))["errors"][0]["pointer"] == pointer
+    stranger = new_client()
+    assert ok(stranger.get("searches"), 200)["items"] == []
+    assert stranger.delete(f"searches/{kept['id']}").status_code == 404
+    ok(api.delete(f"searches/{kept['id']}"), 204)
+    ok(api.get(f"searches/{kept['id']}"), 404)
 
 
 def test_the_library_fetches_what_is_asked_for(

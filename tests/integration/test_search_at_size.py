@@ -34,6 +34,9 @@ def user(engine: Engine, sessions: Sessions) -> User:
         rows = filling(project, 200, 0.995, campaigns=20, frfs=30, modes=25, results=15, spectrum="''")
         for statement in rows:
             session.connection().connection.driver_connection.execute(statement)  # type: ignore[union-attr]
+        for table in ("frfs", "update_results"):
+            some = "WHERE get_byte(uuid_send(id), 15) = 7"
+            session.execute(text(f"""UPDATE {table} SET tags = '{{winter}}', meta = '{{"tip" \\: "steel"}}' {some}"""))
     with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
         connection.exec_driver_sql("VACUUM ANALYZE")
     return found
@@ -62,8 +65,9 @@ def _whole(node: dict[str, Any]) -> Any:
 
 def test_an_index_answers_every_question_of_the_documents(sessions: Sessions, user: User) -> None:
     assert len(QUESTIONS) == 10
+    labels = [(noun, text) for noun in ("frfs", "results") for text in ("tag = 'winter'", "meta.tip = 'steel'")]
     with sessions() as session, bounded(session):
-        for noun, question in QUESTIONS:
+        for noun, question in [*QUESTIONS, *labels]:
             search = Search(user, SEARCHED[noun], Wanted(question))
             for statement in (search.page_query(None, 100), search.some()):
                 assert not scanned(session.connection(), statement) & BIG.keys(), question

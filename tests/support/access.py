@@ -32,7 +32,7 @@ from tests.support.furnished import BODIES, HOOK, furnish, record
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}
 REFUSED = (401, 403, 404)
-OUTSIDE = {"project_id", "webhook_id", "delivery_id", "key_id", "joint_id"}
+OUTSIDE = {"project_id", "search_id", "webhook_id", "delivery_id", "key_id", "joint_id"}
 """What belongs to a project and to none of its structures; a joint update is of several."""
 _NAMES = re.compile(r"{(\w+)}")
 Ids = dict[str, str]
@@ -288,6 +288,9 @@ class Round:
         elif name.startswith("DELETE /records"):
             campaign = post(self.owner, f"structures/{own['structure_id']}/campaigns", paper.CAMPAIGN)["id"]
             own["record_id"] = post(self.owner, f"campaigns/{campaign}/records", record())["items"][0]["id"]
+        elif name.startswith("DELETE /searches"):
+            body = {"project": own["project_id"], "name": str(uuid4()), "noun": "frfs"}
+            own["search_id"] = post(self.owner, "searches", body)["id"]
         elif name.startswith("DELETE /webhooks"):
             own["webhook_id"] = post(self.owner, "webhooks", {"project": own["project_id"], "url": HOOK})["id"]
 

@@ -72,6 +72,7 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
     both = {"joint": True, "jobs": [{"campaign_id": first}, {"campaign_id": second}]}
     return {
         "project_id": project,
+        "search_id": made("searches", {"project": project, "name": mark, "noun": "frfs", "q": mark})["id"],
         "structure_id": structure,
         "campaign_id": first,
         "frf_id": frf,
@@ -112,6 +113,12 @@ JUDGED = """
 public  -       GET /healthz, GET /readyz
 read    anyone  GET /projects, GET /api-keys, GET /audit-events, GET /update-jobs, GET /monitors, GET /alarms, GET /webhooks
 read    anyone  GET /search/structures, GET /search/campaigns, GET /search/frfs, GET /search/records, GET /search/modes
+write   anyone  POST /searches
+write   editor  DELETE /searches/{search_id}
+read    viewer  GET /searches/{search_id}
+read    anyone  GET /searches
+read    anyone  GET /search/campaigns/archive
+read    viewer  GET /projects/{project_id}/archive, GET /campaigns/{campaign_id}/archive
 read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
 read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects
@@ -144,6 +151,8 @@ write   editor  POST /mode-sets/{mode_set_id}/edits, POST /campaigns/{campaign_i
 write   editor  POST /campaigns/{campaign_id}/mode-sets, POST /campaigns/{campaign_id}/complete
 read    viewer  GET /campaigns/{campaign_id}/alignment
 write   editor  POST /campaigns/{campaign_id}/alignment
+write   editor  PUT /campaigns/{campaign_id}/frfs/labels, PUT /update-jobs/{job_id}/labels
+read    viewer  GET /update-jobs/{job_id}/labels
 read    viewer  GET /campaigns/{campaign_id}, GET /campaigns/{campaign_id}/imports, GET /imports/{import_id}
 read    viewer  GET /imports/{import_id}/original, GET /imports/{import_id}/records, GET /campaigns/{campaign_id}/grid-points
 read    viewer  GET /campaigns/{campaign_id}/frfs, GET /campaigns/{campaign_id}/frfs/data, GET /frfs/{frf_id}
@@ -161,6 +170,7 @@ read    viewer  GET /update-jobs/{job_id}, GET /update-jobs/{job_id}/events, GET
 read    viewer  GET /update-jobs/{job_id}/frfs/data, GET /update-jobs/{job_id}/figures
 read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/deck, GET /update-jobs/{job_id}/report
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
+read    viewer  GET /update-jobs/{job_id}/mesh, GET /update-jobs/{job_id}/mesh/shapes
 jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
 read    viewer  GET /joint-updates/{joint_id}/figures, GET /joint-updates/{joint_id}/figures/{name}
@@ -213,12 +223,15 @@ BODIES: dict[str, Any] = {
     "POST /coupon-batches/{batch_id}/coupons": {"specimen": "A", "E_Pa": 3e10},
     "PATCH /coupons/{coupon_id}": {"excluded": False},
     "POST /campaigns/{campaign_id}/update-jobs": {},
+    "PUT /campaigns/{campaign_id}/frfs/labels": {"tags": ["t"]},
+    "PUT /update-jobs/{job_id}/labels": {"tags": ["t"]},
     "POST /update-jobs": {"jobs": [{"campaign": "00000000-0000-0000-0000-000000000000"}]},
     "POST /structures/{structure_id}/monitors": MONITOR,
     "POST /structures/{structure_id}/plans": {"tests": [{"boundary": "free", "highest_hz": 300}]},
     "PATCH /monitors/{monitor_id}": {"name": "m"},
     "POST /monitors/{monitor_id}/runs": {},
     "POST /alarms/{alarm_id}/acknowledge": {"note": "n"},
+    "POST /searches": {"project": "00000000-0000-0000-0000-000000000000", "name": "n", "noun": "frfs"},
     "POST /webhooks": {"project": "00000000-0000-0000-0000-000000000000", "url": HOOK},
 }
 

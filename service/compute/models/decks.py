@@ -29,7 +29,8 @@ class DeckOrder:
         units: that its numbers are in.
         boundary: of the campaign.
         constants: updated, SI, by name such as `flange.E1`.
-        modes: so many are compared with joints and without.
+        modes: so many are listed.
+        with_joints: whether the constants were found with a model of the joints of walls.
         remarks: for its head.
     """
 
@@ -39,6 +40,7 @@ class DeckOrder:
     boundary: str
     constants: Mapping[str, float]
     modes: int
+    with_joints: bool
     remarks: tuple[str, ...]
 
 
@@ -85,17 +87,25 @@ def _unit(kind: str, units: Units) -> float:
 
 
 def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
-    """How far the solver's own model is expected to be off, mode by mode, as it has no model of the joints of walls."""
+    """What a solver is expected to find, mode by mode, as its own model has none of the joints of walls."""
     body = body_of_model(model, order.boundary)
+    plain = _frequencies(replace(body, with_joints=False), order)
+    expected = [f"mode {k}: {hz:.6g} Hz" for k, hz in enumerate(plain, start=1)]
     if not body.junctions:
         return ["no walls meet at an angle: this model and the solver's differ by elements alone"]
-    joined, plain = (_frequencies(each, order) for each in (body, replace(body, with_joints=False)))
-    apart = 100 * (plain / joined - 1)
+    if not order.with_joints:
+        return [
+            "the constants were found without a model of the joints of walls, as this deck has none; expected are",
+            *expected,
+        ]
+    joined = _frequencies(body, order)
     return [
         "the constants were found with a model of the joints of walls, which this deck has not; a solver is expected to find",
-        *(f"mode {k}: {hz:.6g} Hz, {off:+.2f} % from {with_joints:.6g} Hz with joints"
-          for k, (hz, off, with_joints) in enumerate(zip(plain, apart, joined, strict=True), start=1)),
-    ]  # fmt: skip
+        *(
+            f"{said}, {100 * (hz / with_joints - 1):+.2f} % from {with_joints:.6g} Hz with joints"
+            for said, hz, with_joints in zip(expected, plain, joined, strict=True)
+        ),
+    ]
 
 
 def _frequencies(body: Structure, order: DeckOrder) -> FloatArray:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.arrays import ComplexArray, FloatArray
 from service.show.figures.colors import MEASURED, QUIET, UPDATED
+from service.show.figures.joining import chains
 from service.show.figures.marks import Axis, Curve, Dash, Figure, Mark, Panel, Points
 from service.show.figures.screen import numbers
 
 # How far a row of points is set off to the right and up, and how high a body in space is, in shares of length and deflection.
 _OBLIQUE, _DEPTH, _HEIGHT = 0.18, 0.9, 1.2
-_SAME_ROW = 1e-3  # of the specimen's size: points this near lie in one row
 MOST_MODES, MOST_ROWS = 40, 8
 """Pairs that are drawn at all, the rest is a table's; and in a figure that is no higher than a page."""
 
@@ -81,21 +81,23 @@ def _named(places: FloatArray) -> dict[str, list[float | None]]:
 
 
 def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Both shapes real, with their greatest value ±1 and alike in sign.
-
-    The complex shape is turned so that as much of it as possible is real: by half the angle of Σφ².
-    """
+    """Both shapes real, with their greatest value ±1 and alike in sign."""
     updated = updated / max(float(np.abs(updated).max(initial=0.0)), 1e-300)
     if measured.size == 0:
         return np.zeros(0), updated
-    real = (measured * np.exp(-0.5j * np.angle(np.sum(measured**2)))).real
+    real = turned(measured).real
     if real @ updated[: real.size] < 0:
         real = -real
     return real / max(float(np.abs(real).max()), 1e-300), updated
 
 
+def turned(shape: ComplexArray) -> ComplexArray:
+    """A complex shape, turned so that as much of it as possible is real: by half the angle of Σφ²."""
+    return np.asarray(shape * np.exp(-0.5j * np.angle(np.sum(shape**2))))
+
+
 class _Grid:
-    """Points of a specimen in rows along x, y and z, in an oblique view; each is moved up by its value."""
+    """Points of a specimen joined with their neighbours, in an oblique view; each is moved up by its value."""
 
     def __init__(self, places: FloatArray) -> None:
         low, size = places.min(axis=0), np.ptp(places, axis=0)
@@ -104,14 +106,16 @@ class _Grid:
         self._across = share[:, 0] + _OBLIQUE * share[:, 1]
         self._up = _DEPTH * share[:, 1] + z
         self.height = _DEPTH + float(z.max(initial=0.0))
-        self._chains = [chain for axis in range(share.shape[1]) for chain in _rows(share, axis)]
+        self._places = places
+        self._chains: dict[int, list[list[int]]] = {}
 
     def lines(self, values: FloatArray, color: str, dash: Dash, width: float, panel: Panel) -> list[Mark]:
-        """The points joined along the rows."""
+        """The points joined with their neighbours."""
         up = np.append(self._up[: values.size] + values, np.nan)
         across = np.append(self._across[: values.size], np.nan)
-        inside = ([i for i in chain if i < values.size] for chain in self._chains)
-        joined = [i for chain in inside if len(chain) > 1 for i in (*chain, -1)]  # a gap behind each row
+        if values.size not in self._chains:
+            self._chains[values.size] = chains(self._places[: values.size])
+        joined = [i for chain in self._chains[values.size] for i in (*chain, -1)]  # a gap behind each line
         if not joined:
             return []
         return [Curve(across[joined], up[joined], "", color, dash, width, digits=4, panel=panel, hover=None)]
@@ -123,20 +127,3 @@ class _Grid:
         place = self._across[: values.size], self._up[: values.size] + values
         said: Any = {"text": [f"{value:+.3f}" for value in values], "hover": "point %{customdata}: %{text}"}
         return [Points(*place, "", color, size=5, digits=4, panel=panel, ids=list(labels[: values.size]), **said)]
-
-
-def _rows(share: FloatArray, along: int) -> Iterator[list[int]]:
-    """Numbers of the points of each row of equal other coordinates, in the order of one."""
-    others = [_places(share[:, axis]) for axis in range(share.shape[1]) if axis != along]
-    rows: dict[tuple[int, ...], list[int]] = {}
-    for i in np.lexsort((share[:, along], *reversed(others))):
-        rows.setdefault(tuple(int(number[i]) for number in others), []).append(int(i))
-    yield from rows.values()
-
-
-def _places(share: FloatArray) -> IntArray:
-    """(p,) number of each coordinate among those that differ."""
-    order = np.argsort(share, kind="stable")
-    number = np.empty(share.size, dtype=np.int64)
-    number[order] = np.cumsum(np.diff(share[order], prepend=share[order[0]]) >= _SAME_ROW)
-    return number

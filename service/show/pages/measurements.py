@@ -8,7 +8,7 @@ from typing import Annotated
 from uuid import UUID
 
 from fastapi import Query
-from fastapi.responses import HTMLResponse
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.monitoring import routes as monitoring
 from service.show.hits import AXES
@@ -16,9 +16,10 @@ from service.show.pages.grid import draw_grid
 from service.show.pages.joint import joint_updates_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import NamedJob, name_jobs, over_time
+from service.show.pages.space import has_mesh, points_in_space
 from service.show.pages.viewer import marked, viewer_of
 from service.store.campaigns import routes as campaigns
-from service.store.campaigns.operations import campaign_for, stored_points
+from service.store.campaigns.operations import campaign_for, frame_of, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
@@ -26,10 +27,13 @@ from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
+from service.store.imports.operations import trace_lines_of
 from service.store.modes import routes as modes
 from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, RecordOut
+from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
+from service.web.parameters import etag_of
 from service.web.routing import page_router
 
 router = page_router()
@@ -52,9 +56,15 @@ def get_structure(
         visit.session, visit.user, structure=structure_id, status=["succeeded"], limit=MOST
     ).items
     newest = _newest(name_jobs(visit, jobs, ("verdict", "parameters", "modes")))
+    context = visit.in_structure(structure_id)
+    sent = models.of_jobs.page(visit.session, visit.user, structure_id, limit=1).items
     return visit.show(
         "structure.html",
-        **visit.in_structure(structure_id),
+        **context,
+        etag=etag_of(context["structure"]),
+        has_mesh=has_mesh(context["structure"]),
+        model=models.get_model(structure_id, visit.session, visit.user) if context["structure"].model else None,
+        sent=sent[0] if sent else None,
         campaigns=sorted(shown, key=lambda c: c.performed_at or c.created_at),
         all_campaigns=len(listed.items),
         following=listed.next_cursor,
@@ -66,6 +76,13 @@ def get_structure(
         boundary=boundary,
         name=name,
     )
+
+
+@router.get("/models/{model_id}")
+def get_model(model_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> Response:
+    """A model's structure; `part` is the piece that says how far its reading is, and replaces itself."""
+    model = models.of_jobs.one(visit.session, visit.user, model_id)
+    return visit.show_progress(model, "models") if part else RedirectResponse(f"../structures/{model.structure_id}")
 
 
 def _wanted(campaign: CampaignOut, boundary: str | None, name: str) -> bool:
@@ -92,7 +109,8 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     """A campaign: upload, grid to scale, FRF viewer, files, mode sets, hits, updates."""
     context = visit.in_campaign(campaign_id, deleted=False)
     listed = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000)
-    points = specimen_points(visit.session, campaign_for(visit.session, visit.user, campaign_id))
+    campaign = campaign_for(visit.session, visit.user, campaign_id)
+    points, counts = specimen_points(visit.session, campaign), _measured_points(listed.items)
     jobs = updating.list_update_jobs(visit.session, visit.user, campaign=campaign_id, limit=50).items
     blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
     processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
@@ -104,7 +122,11 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         frfs=listed.items,
         viewer=viewer_of(visit, context["campaign"], listed.items, map(marked, mode_sets)),
         more_frfs=listed.next_cursor is not None,
-        grid=draw_grid(points, context["structure"].geometry, _measured_points(listed.items)),
+        grid=draw_grid(points, context["structure"].geometry, counts),
+        space=points_in_space(
+            points, listed.items, counts, frame_of(campaign), trace_lines_of(visit.session, campaign_id)
+        ),
+        has_mesh=has_mesh(context["structure"]),
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
         mode_sets=mode_sets,

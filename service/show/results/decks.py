@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from service.store.updating.tables import UpdateJob
 
 MOST_MODES = 40
-"""That are compared with joints and without."""
+"""That are listed in a deck's head."""
 
 
 def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
@@ -42,6 +42,7 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
         boundary=campaign_of(session, job.campaign_id).boundary,
         constants=constants,
         modes=min(len(document["modes"]), MOST_MODES),
+        with_joints=job.recipe.get("junctions") != "off",
         remarks=(*origin(job, document), f"numbers in {units}; each that was updated has a comment"),
     )
 

@@ -25,6 +25,7 @@ from service.show.results.figure_frf import Wanted
 from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, draw_figure
 from service.show.results.predictions import Chosen, Model, predicted_table
 from service.show.results.reporting import report_of
+from service.show.results.space import ResultMeshOut, ShapeOut, measured_shape, mesh_of_result, model_shape
 from service.store.frfs.data import Cut
 from service.store.frfs.routes import FORMATS
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
@@ -149,6 +150,29 @@ def get_figure(
     require_figure(name, *FIGURES)
     wanted = Wanted(point, reference, fmin, fmax, measured, model)
     return asked.answer(lambda: draw_figure(FIGURES, data, name, wanted), name, str(job.id))  # a result never changes
+
+
+@router.get("/update-jobs/{job_id}/mesh")
+def get_result_mesh(job_id: UUID, session: SessionDep, user: CurrentUser) -> ResultMeshOut:
+    """The mesh of the updated model, the measured points on it, and the modes whose shapes `mesh/shapes` answers."""
+    return mesh_of_result(UpdateFigures(session, update_job_for(session, user, job_id)))
+
+
+@router.get("/update-jobs/{job_id}/mesh/shapes")
+def get_result_shape(
+    job_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    measured: Annotated[Mode, Query(description="number of a measured mode, which is expanded over the mesh")] = None,
+    model: Annotated[Mode, Query(description="number of a mode of the updated model")] = None,
+) -> ShapeOut:
+    """A shape on the mesh, in space: of a measured mode or of one of the model; name one of them."""
+    data = UpdateFigures(session, update_job_for(session, user, job_id))
+    if measured is not None and model is None:
+        return measured_shape(data, measured)
+    if model is not None and measured is None:
+        return model_shape(data, model)
+    raise Invalid("measured", "or model must be named, one of them")
 
 
 @router.get("/update-jobs/{job_id}/report", response_class=Response, responses=REPORTS)

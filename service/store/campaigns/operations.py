@@ -15,8 +15,9 @@ from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from service.access import Lookup, User
+from service.access.demands import require_demanded
 from service.compute.frame import SPECIMEN, Frame, make_frame
-from service.db.base import Base, Big, Identified, transaction_time
+from service.db.base import Base, Big, Identified, Labelled, label_indexes, transaction_time
 from service.db.bytea import copy_rows
 from service.errors import MOST_FAULTS, Fault, Invalid
 from service.store.campaigns.schemas import (
@@ -39,7 +40,7 @@ WORDS = (
 """What a free search reads of a campaign."""
 
 
-class Campaign(Identified, Base):
+class Campaign(Identified, Labelled, Base):
     """One measurement of a structure. A deleted campaign keeps its row, so that results keep their lineage."""
 
     __tablename__ = "campaigns"
@@ -47,6 +48,7 @@ class Campaign(Identified, Base):
         Index(None, "structure_id", "id"),
         Index(None, "performed_at"),
         Index("ix_campaigns_words", text(WORDS), postgresql_using="gin"),
+        *label_indexes("campaigns"),
     )
 
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
@@ -94,7 +96,9 @@ def frame_of(campaign: Campaign) -> Frame:
 def create_campaign(session: Session, user: User, structure_id: UUID, body: CampaignIn) -> Campaign:
     """Store a new campaign of a structure and note it in the audit trail."""
     structure = structure_for(session, user, structure_id, "editor")
-    described = body.model_dump(mode="json") | {"performed_at": body.performed_at}
+    described = body.model_dump(mode="json")
+    require_demanded(session, structure.project_id, "campaign", described)
+    described["performed_at"] = body.performed_at
     campaign = Campaign(structure_id=structure.id, **described)
     session.add(campaign)
     session.flush()
@@ -110,6 +114,8 @@ def change_campaign(session: Session, user: User, campaign: Campaign, patch: Cam
     for field in patch.model_fields_set:
         value = getattr(patch, field)
         setattr(campaign, field, value.model_dump(mode="json") if isinstance(value, BaseModel) else value)
+    demanded = describe(campaign).model_dump(mode="json")
+    require_demanded(session, campaign_for.project_of(session, campaign), "campaign", demanded)
     campaign.updated_at = transaction_time(session)
     session.flush()
     campaign_for.note(session, user, campaign, "change", was=was, now=now)
@@ -150,6 +156,12 @@ def dated_campaigns(session: Session, structure_id: UUID, since: datetime | None
 def campaigns_in(structures: Select[UUID] | Sequence[UUID]) -> Select[UUID]:
     """Keys of the campaigns of some structures, deleted ones too, as part of a query."""
     return select(Campaign.id).where(Campaign.structure_id.in_(structures))
+
+
+def present_campaigns(session: Session, structures: Select[UUID]) -> Sequence[UUID]:
+    """Keys of the campaigns of some structures that are not deleted, oldest first."""
+    kept = campaigns_in(structures).where(Campaign.deleted_at.is_(None)).order_by(Campaign.id)
+    return session.scalars(kept).all()
 
 
 def structures_with(campaigns: Select[UUID]) -> Select[UUID]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from datetime import datetime
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
-from pydantic import AfterValidator, Field, JsonValue, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
@@ -15,27 +14,13 @@ from fecore.updating.inputs import SOFTEST_CLAMP
 from service.compute.frame import make_frame
 from service.store.structures.schemas import Deviation
 from service.web import Name, StrictModel, Text, Time, example, not_null
+from service.web.bodies import Details, Meta, Tags
 from service.web.quantities import SENSOR_MASS
 
 Boundary = Literal["cantilever", "free", "simply_supported", "as_modelled"]
 Point = Annotated[int, Field(ge=1, le=9_999_999_999, description="label of a grid point")]
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, description="m")]
 Vector = tuple[Coordinate, Coordinate, Coordinate]
-
-
-def _short(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
-    """Refuse more than a page: every list of campaigns shows it."""
-    if (size := len(json.dumps(value))) > MOST_DETAILS:
-        raise PydanticCustomError(
-            "long", "has {size} characters as JSON, at most {most} are kept", {"size": size, "most": MOST_DETAILS}
-        )
-    return value
-
-
-MOST_DETAILS = 10_000
-Details = Annotated[
-    dict[str, JsonValue], AfterValidator(_short), Field(description=f"at most {MOST_DETAILS} characters as JSON")
-]
 
 
 class FrameIn(StrictModel):
@@ -128,6 +113,8 @@ class CampaignIn(StrictModel):
     frame: FrameIn | None = None
     inputs: StatedInputs | None = Field(None, description="window, and how well clamp, sensor and channels are known")
     notes: Text = Field("", max_length=10_000)
+    tags: Tags = Field([])
+    meta: Meta = Field({})
 
 
 class CampaignPatch(StrictModel):
@@ -144,8 +131,10 @@ class CampaignPatch(StrictModel):
     frame: FrameIn | None = None
     inputs: StatedInputs | None = None
     notes: Text | None = Field(None, max_length=10_000)
+    tags: Tags | None = None
+    meta: Meta | None = None
 
-    _never_null = not_null("name", "boundary", "instruments", "notes")
+    _never_null = not_null("name", "boundary", "instruments", "notes", "tags", "meta")
 
 
 class CampaignOut(StrictModel):
@@ -162,6 +151,8 @@ class CampaignOut(StrictModel):
     frame: FrameIn
     inputs: CampaignInputs
     notes: str
+    tags: list[str]
+    meta: dict[str, Any]
     created_at: datetime
     updated_at: datetime
     deleted_at: datetime | None

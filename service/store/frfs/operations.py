@@ -21,14 +21,16 @@ from fecore.frf import Quantity
 from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User, audit
+from service.access.demands import require_demanded
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
-from service.db.base import Base, Big, Identified
+from service.db.base import Base, Big, Identified, Labelled, label_indexes
 from service.db.bytea import copy_rows, new_keys
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
 from service.store.storage import book
 from service.web import shown_as
+from service.web.bodies import Labels
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -38,7 +40,7 @@ DRIVING_POINT = "response_point = reference_point AND abs(response_direction) = 
 """Of the few FRFs that have force and response at one point and axis."""
 
 
-class Frf(Identified, Base):
+class Frf(Identified, Labelled, Base):
     """One FRF. Spectra lie in their own columns, out of line and uncompressed, and are loaded only when asked for."""
 
     __tablename__ = "frfs"
@@ -49,6 +51,7 @@ class Frf(Identified, Base):
         Index("ix_frfs_driving_point", "campaign_id", "id", postgresql_where=text(DRIVING_POINT)),
         Index(None, "import_id", "dataset", unique=True),
         Index(None, "processing_id"),
+        *label_indexes("frfs"),
         CheckConstraint("(step_hz IS NULL) = (axis IS NOT NULL)", name="axis"),
     )
 
@@ -237,6 +240,20 @@ def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], Non
     """
     with copy_rows(session, Frf.__tablename__, READ_COLUMNS) as write:
         yield lambda row: write([row[column] for column in READ_COLUMNS])
+
+
+def label_frfs(session: Session, user: User, campaign: Campaign, wanted: FrfFilter, labels: Labels) -> int:
+    """Give some FRFs of a campaign these tags and metadata in place of theirs, and return how many there are.
+
+    Raises:
+        Invalid: they are not what the project demands.
+    """
+    project_id, stated = campaign_for.project_of(session, campaign), labels.model_dump()
+    require_demanded(session, project_id, "frfs", stated)
+    keys = select(wanted.query(campaign.id).subquery().c.id)
+    count = len(session.scalars(update(Frf).where(Frf.id.in_(keys)).values(**stated).returning(Frf.id)).all())
+    audit(session, user, "frfs.label", "campaign", campaign.id, project_id, count=count, **stated)
+    return count
 
 
 def add_coherence(session: Session, import_id: UUID, dataset: int, coherence: FloatArray) -> None:

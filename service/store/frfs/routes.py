@@ -31,8 +31,9 @@ from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
 from service.store.frfs.data import Cut, FrfTable, make_tables, only_table
 from service.store.frfs.operations import Frf
-from service.store.frfs.schemas import UNITS, FrfOut
+from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
+from service.web.bodies import Labels
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.negotiation import choose_format, one_of
 from service.web.parameters import not_modified
@@ -230,6 +231,15 @@ def list_frfs(
     """FRFs of a campaign, without their spectra."""
     campaign = campaign_for(session, user, campaign_id)
     return paged(session, wanted.query(campaign.id), cursor, limit, partial(map, operations.describe))
+
+
+@router.put("/campaigns/{campaign_id}/frfs/labels")
+def label_frfs(
+    campaign_id: UUID, labels: Labels, wanted: FilterDep, session: SessionDep, user: CurrentUser
+) -> LabelledFrfs:
+    """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in place of theirs."""
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    return LabelledFrfs(count=operations.label_frfs(session, user, campaign, wanted, labels))
 
 
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]

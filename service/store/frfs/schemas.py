@@ -8,7 +8,7 @@ from __future__ import annotations
 import pickle
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 from uuid import UUID
 
 import numpy as np
@@ -54,7 +54,15 @@ class FrfOut(StrictModel):
     window_rate_per_s: float | None = Field(
         None, description="rate of the exponential window that it carries: every decay rate is larger by this"
     )
+    tags: list[str]
+    meta: dict[str, Any]
     created_at: datetime
+
+
+class LabelledFrfs(StrictModel):
+    """What became of a set of FRFs."""
+
+    count: int = Field(description="FRFs that have the labels now")
 
 
 class FrfIn(StrictModel):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 from fecore.body.specimen import off_specimen
 from modalbase.formats.records import TimeBlock
-from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse
+from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse, TraceLine
 from service.compute.arrays_of_files import Found
 from service.compute.frf_rows import EncodedFrf
 from service.compute.reading import Kept
@@ -35,6 +35,7 @@ RATIO, FREE_BYTES = 8, 64 * 1024 * 1024
 """Spectra of a UFF file may take so many times its size, or so much whatever that is. The densest text makes 4."""
 HELD_BYTES = 1024 * 1024 * 1024
 """Coherences and mode shapes of one file that the worker holds until their FRFs and points are known."""
+LABEL_BYTES = 64  # that a label of a trace line takes until it is stored
 LISTED = 20_000
 """Datasets of one file that are reported one by one; of more, their number is."""
 
@@ -54,6 +55,7 @@ class Intake:
         self.pairs: dict[Pair, int] = {}
         self.coherences: list[tuple[int, Pair, Function]] = []
         self.modes: list[ModeShape] = []
+        self.lines: list[TraceLine] = []
         self.counts = {"frfs": 0, "grid_points": 0, "modes": 0, "records": 0}
         self.records = records
         self.blocks: set[int] = set()
@@ -83,6 +85,9 @@ class Intake:
             self._hold(item.values.nbytes + item.points.nbytes)
             self.modes.append(item)
             self.counts["modes"] += 1
+        elif isinstance(item, TraceLine):
+            self._hold(LABEL_BYTES * len(item.points))
+            self.lines.append(item)
         else:
             self.reports.append(item)
 
@@ -118,6 +123,7 @@ class Intake:
         self.row.format, self.row.kind = self.found.format, self.found.kind
         if self.found.kind is not None:
             self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks")}
+        self.row.trace_lines = [line.points for line in self.lines] or None
         self.row.datasets = [asdict(report) for report in self.reports[:LISTED]]
         self.row.warnings = self._warnings()
         self.session.flush()

@@ -49,6 +49,7 @@ class Import(Base):
     counts: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))
     datasets: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     warnings: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
+    trace_lines: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True), deferred=True)
 
 
 def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:
@@ -160,3 +161,11 @@ def import_progress(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID
         .group_by(Import.campaign_id)
     )
     return {campaign: (count, at) for campaign, count, at in session.execute(query)}
+
+
+def trace_lines_of(session: Session, campaign_id: UUID) -> list[list[int]]:
+    """Labels of the points along each trace line of a campaign's files, whoever asks; 0 lifts the pen."""
+    query = select(Import.trace_lines).where(
+        Import.campaign_id == campaign_id, Import.dry_run.is_(False), Import.trace_lines.is_not(None)
+    )
+    return [line for lines in session.scalars(query.order_by(Import.id)) for line in lines or ()]

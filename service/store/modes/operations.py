@@ -177,6 +177,11 @@ def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSet
     return [shown_as(ModeSetOut, s, modes=[_mode(row, _evidence(s, row)) for row in modes[s.id]]) for s in mode_sets]
 
 
+def mode_sets_of(session: Session, campaign_id: UUID) -> Sequence[ModeSet]:
+    """The mode sets of a campaign, oldest first, whoever asks."""
+    return session.scalars(select(ModeSet).where(ModeSet.campaign_id == campaign_id).order_by(ModeSet.id)).all()
+
+
 def _evidence(mode_set: ModeSet, row: Mode) -> dict[str, Any]:
     """Probability and features of a mode; nothing of those that no job identified."""
     known = mode_set.details.get("evidence", [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Literal
 
@@ -12,7 +12,9 @@ from sqlalchemy import ColumnElement, FromClause
 from service.db.base import Base
 from service.errors import Invalid
 
-Kind = Literal["text", "number", "whole", "time", "truth", "id"]
+Kind = Literal["text", "number", "whole", "time", "truth", "id", "tags", "json"]
+META = "meta"
+"""The field of free metadata, whose members are fields too: `meta.client`."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,7 @@ class Field:
         column: of the noun's table, where it is not called like the field.
         value: from the noun's table to its value, where it is no column.
         nullable: whether it may be unknown.
+        sd: name of the field of its standard deviation, which says how many of its digits mean something.
     """
 
     name: str
@@ -36,6 +39,7 @@ class Field:
     column: str = ""
     value: Callable[[FromClause], ColumnElement[Any]] | None = None
     nullable: bool = False
+    sd: str = ""
 
     def of(self, table: FromClause) -> ColumnElement[Any]:
         """Its value in a row of the noun's table."""
@@ -89,12 +93,15 @@ def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str)
     Raises:
         Invalid: there is no such field; names the nearest ones.
     """
-    before, point, after = name.rpartition(".")
-    noun = nouns.get(before) if point else here
-    for field in noun.fields if noun else ():
+    first, point, rest = name.partition(".")
+    noun, after = (nouns[first], rest) if rest and first in nouns else (here, name)
+    top, *path = after.split(".")
+    for field in noun.fields:
         if field.name == after:
-            assert noun is not None
             return noun, field
+        if field.name == top == META and all(path):
+            value = lambda table, field=field: field.of(table)[tuple(path)]  # noqa: E731
+            return noun, replace(field, name=after, value=value, nullable=True)
     known = {f"{noun.name}.{field.name}" for noun in nouns.values() for field in noun.fields}
     asked = name if point else f"{here.name}.{name}"
     near = get_close_matches(asked, sorted(known), 4, 0.5) or sorted(n for n in known if n.startswith(f"{here.name}."))

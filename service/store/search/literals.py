@@ -21,6 +21,8 @@ EXPECTED: dict[Kind, str] = {
     "time": "DATE('2026-03-01') or TIMESTAMP('2026-03-01T12:00:00Z')",
     "truth": "TRUE or FALSE",
     "id": "an id in single quotes",
+    "tags": "a text in single quotes",
+    "json": "a value of JSON; name a member, such as meta.client",
 }
 """How a value of each kind is written."""
 

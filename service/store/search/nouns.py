@@ -30,6 +30,10 @@ def _driving(t: FromClause) -> ColumnElement[Any]:
 ID = Field("id", "id", "UUIDv7; sorts by the time of creation")
 CREATED = Field("created_at", "time", "when it was stored, UTC")
 NAME = Field("name", "text", "what people call it")
+LABELS = (
+    Field("tag", "tags", "any of its tags", column="tags"),
+    Field("meta", "json", "free metadata; its members are `meta.client` and the like"),
+)
 
 _ENDS = {
     "": "estimate of {}",
@@ -43,18 +47,19 @@ def _constants() -> Iterator[Field]:
     for name, unit in CONSTANTS.items():
         for end, meaning in _ENDS.items():
             column = f"{name}{end}".lower()
-            yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True)
+            sd = f"{name}_sd"
+            yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True, sd=sd)
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
 
 _ALL = (
-    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), CREATED)),
+    Noun("project", "projects", fields=(ID, NAME, Field("description", "text", "in words"), *LABELS, CREATED)),
     Noun(
         "structure",
         "structures",
         owner="project",
-        fields=(ID, NAME, Field("version", "whole", "number of its present version"), CREATED),
+        fields=(ID, NAME, Field("version", "whole", "number of its present version"), *LABELS, CREATED),
         shown=("id", "name", "project.id", "project.name", "created_at"),
         facets=("project.name",),
         hidden=True,
@@ -77,6 +82,7 @@ _ALL = (
             Field("hammer_serial", "text", "its number", value=_instrument("hammer", "serial"), nullable=True),
             Field("sensor_serial", "text", "its number", value=_instrument("sensor", "serial"), nullable=True),
             Field("analyser", "text", "model of the analyser", value=_instrument("analyser", "model"), nullable=True),
+            *LABELS,
             CREATED,
         ),
         shown=("id", "name", "structure.id", "structure.name", "boundary", "performed_at", "temperature_c"),
@@ -101,6 +107,7 @@ _ALL = (
             Field("start_hz", "number", "first line", "Hz"),
             Field("end_hz", "number", "last line", "Hz"),
             Field("lines", "whole", "number of frequency lines"),
+            *LABELS,
             CREATED,
         ),
         shown=(
@@ -142,8 +149,8 @@ _ALL = (
         key=("mode_set_id", "number"),
         fields=(
             Field("number", "whole", "in its set, from 1"),
-            Field("frequency_hz", "number", "natural frequency", "Hz"),
-            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True),
+            Field("frequency_hz", "number", "natural frequency", "Hz", sd="frequency_sd_hz"),
+            Field("damping_ratio", "number", "viscous damping ratio ζ, not per cent", nullable=True, sd="damping_sd"),
             Field("frequency_sd_hz", "number", "standard deviation of the frequency", "Hz", nullable=True),
             Field("damping_sd", "number", "standard deviation of the damping ratio", nullable=True),
         ),
@@ -161,6 +168,7 @@ _ALL = (
             ID,
             Field("verdict", "text", "`usable`, `with_care` or `do_not_use`", nullable=True),
             *_constants(),
+            *LABELS,
             CREATED,
         ),
         shown=(

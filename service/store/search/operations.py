@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from psycopg.errors import QueryCanceled
-from sqlalchemy import ColumnElement, FromClause, Select, and_, func, literal, literal_column, or_, select, tuple_
+from sqlalchemy import CTE, ColumnElement, FromClause, Select, and_, func, literal, literal_column, or_, select, tuple_
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
@@ -30,6 +30,8 @@ SECONDS = 5
 MOST_COUNTED = 10_000
 MOST_FACETS = 20
 """Values of a facet that are shown, the most frequent ones."""
+MOST_FACETED = 8
+"""Fields whose values are counted at a time."""
 MOST_WORDS = 20
 
 
@@ -42,12 +44,14 @@ class Wanted:
         words: that names, notes or instruments have, of the row or of what it belongs to.
         sort: name of a field, `-` in front for descending; by the key where there is none.
         fields: names of the columns; the noun's own choice where there are none.
+        facets: names of the fields whose values are counted; the noun's own choice where there are none.
     """
 
     filter: str | None = None
     words: str | None = None
     sort: str | None = None
     fields: tuple[str, ...] = ()
+    facets: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,7 @@ class Search:
 
     Attributes:
         columns: of the answer.
+        facets: columns whose values are counted.
     """
 
     def __init__(self, user: User, noun: Noun, wanted: Wanted) -> None:
@@ -79,6 +84,9 @@ class Search:
         self._descending = (wanted.sort or "").startswith("-")
         self._order = self._column(wanted.sort.removeprefix("-"), "sort") if wanted.sort else None
         self._order_by = [*([self._order.value] if self._order else []), *self._key]
+        self.facets = [self._column(name, "facets") for name in wanted.facets or noun.facets]
+        if len(self.facets) > MOST_FACETED:
+            raise Invalid("facets", f"names {len(self.facets)} fields, at most {MOST_FACETED} are counted")
         self._from = self._joined(chain)
         self._where: list[ColumnElement[bool]] = [self._scope["project"].c.id.in_(projects_of(user))]
         self._where += [self._scope[one.name].c.deleted_at.is_(None) for one in chain if one.hidden]
@@ -125,23 +133,40 @@ class Search:
 
     def counts(self, session: Session) -> tuple[int, dict[str, dict[str, int]]]:
         """How many rows there are, and how often each value of each facet; of the first `MOST_COUNTED` + 1 rows."""
-        some, times = self.some().cte(), func.count()
-        left_out = func.grouping(*some.c)  # of the facets: a bit each, of those that a row does not count by
-        rank = func.row_number().over(partition_by=left_out, order_by=(times.desc(), *some.c))
-        sets = func.grouping_sets(tuple_(), *map(tuple_, some.c))
-        counted = select(left_out, *some.c, times, rank.label("rank")).group_by(sets).subquery()
-        total, found = 0, {name: dict[str, int]() for name in self._noun.facets}
-        for bits, *values, count, _ in session.execute(select(counted).where(counted.c.rank <= MOST_FACETS)):
-            facets = zip(found, values, format(bits, f"0{len(found)}b"), strict=True)
-            by = [(name, value) for name, value, bit in facets if bit == "0"]
-            total = total if by else count
-            found |= {name: found[name] | {"" if value is None else str(value): count} for name, value in by}
+        some = self.some().cte()
+        found = {facet.name: dict[str, int]() for facet in self.facets}
+        total = self._count_values(session, some, found)
+        for facet, value in zip(self.facets, some.c, strict=True):
+            if facet.field.kind == "tags":
+                tag, times = func.unnest(value).label("tag"), func.count()
+                query = select(tag, times).group_by(tag).order_by(times.desc(), tag).limit(MOST_FACETS)
+                found[facet.name] = dict(session.execute(query).all())
         return total, found
+
+    def _count_values(self, session: Session, some: CTE, found: dict[str, dict[str, int]]) -> int:
+        """Count the rows, and the values of facets of which a row has one, in one pass."""
+        pairs = zip(self.facets, some.c, strict=True)
+        single = {facet.name: value for facet, value in pairs if facet.field.kind != "tags"}
+        left_out = [func.grouping(value) for value in single.values()]  # 1 where a row is not counted by it
+        times = func.count()
+        rank = func.row_number().over(partition_by=left_out or None, order_by=(times.desc(), *single.values()))
+        sets = func.grouping_sets(tuple_(), *map(tuple_, single.values()))
+        counted = (
+            select(*left_out, *single.values(), times, rank.label("rank")).select_from(some).group_by(sets).subquery()
+        )
+        total, width = 0, len(single)
+        for row in session.execute(select(counted).where(counted.c.rank <= MOST_FACETS)):
+            by = [i for i in range(width) if row[i] == 0]
+            total = total if by else row[-2]
+            for i in by:
+                found[list(single)[i]][_facet(row[width + i])] = row[-2]
+        return int(total)
 
     def some(self) -> Select[Any]:
         """The query of the facets' values in the rows that are counted."""
-        facets = [self._column(name, "facets").value for name in self._noun.facets]
-        return self._query(*(value.label(f"facet_{i}") for i, value in enumerate(facets))).limit(MOST_COUNTED + 1)
+        return self._query(*(one.value.label(f"facet_{i}") for i, one in enumerate(self.facets))).limit(
+            MOST_COUNTED + 1
+        )
 
     def keys(self, session: Session, most: int) -> list[Any]:
         """Ids of the rows, of so many at the most, in their order."""
@@ -155,6 +180,8 @@ class Search:
         within = {noun.name: noun for noun in lineage(self._noun)}
         noun, field = find_field(within, self._noun, name, parameter)
         shown = field.name if noun is self._noun else f"{noun.name}.{field.name}"
+        if parameter == "sort" and field.kind in ("tags", "json"):
+            raise Invalid("sort", f"{shown} has no order; sort by another field")
         return Column(shown, field, field.of(self._scope[noun.name]))
 
     def _joined(self, chain: Sequence[Noun]) -> FromClause:
@@ -196,6 +223,11 @@ class Search:
         return or_(order.is_(None), keys < last if self._descending else keys > last)
 
 
+def names_in(text: str | None) -> tuple[str, ...]:
+    """Names with commas between them, each once."""
+    return tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
+
+
 @contextmanager
 def bounded(session: Session, seconds: float = SECONDS) -> Iterator[None]:
     """A read-only transaction in which no statement takes longer.
@@ -220,6 +252,11 @@ def bounded(session: Session, seconds: float = SECONDS) -> Iterator[None]:
         connection.exec_driver_sql("ROLLBACK")
 
 
+def _facet(value: Any) -> str:
+    """A value as a filter has it, without quotes; empty where it is not known."""
+    return "" if value is None else str(value).upper() if isinstance(value, bool) else str(value)
+
+
 def _key_field(noun: Noun, name: str) -> Field:
     return next((field for field in noun.fields if field.name == name), Field(name, "id", ""))
 
@@ -241,6 +278,7 @@ def _encode(values: Sequence[Any]) -> str:
 def _decode(cursor: str) -> list[Any]:
     try:
         values = json.loads(base64.urlsafe_b64decode(cursor.encode() + b"==="))
+        json.dumps(values, ensure_ascii=False).encode()  # a lone surrogate is no text
     except (ValueError, RecursionError):
         raise _no_cursor() from None
     if not isinstance(values, list):

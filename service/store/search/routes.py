@@ -16,9 +16,9 @@ from service.store.frfs.operations import frfs_of
 from service.store.frfs.routes import FILES, SpectraDep
 from service.store.search.fields import Noun
 from service.store.search.nouns import NOUNS, SEARCHED
-from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
+from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded, names_in
 from service.store.search.translate import LONGEST
-from service.store.search.writing import shown, write_arrow, write_csv
+from service.store.search.writing import shown, write_arrow, write_csv, write_lines
 from service.web import Limit, api_router
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
@@ -28,10 +28,16 @@ router = api_router(tags=["search"])
 MOST_ROWS = 100_000
 """Rows of a file."""
 
-MEDIA_TYPES = {"json": "application/json", "csv": "text/csv", "arrow": "application/vnd.apache.arrow.stream"}
+MEDIA_TYPES = {
+    "json": "application/json",
+    "jsonl": "application/x-ndjson",
+    "csv": "text/csv",
+    "arrow": "application/vnd.apache.arrow.stream",
+}
 MOST_SPECTRA = 20_000
 """FRFs of a file."""
 WRITERS: dict[str, tuple[Callable[[Sequence[Column], Iterable[tuple[Any, ...]], IO[bytes]], None], str]] = {
+    "jsonl": (write_lines, "jsonl"),
     "csv": (write_csv, "csv"),
     "arrow": (write_arrow, "arrows"),
 }
@@ -60,11 +66,13 @@ def _wanted(
     ] = None,
     sort: Annotated[str | None, Query(max_length=100, description="a field; `-` in front for descending")] = None,
     fields: Annotated[str | None, Query(max_length=LONGEST, description="columns, with commas between")] = None,
+    facets: Annotated[
+        str | None, Query(max_length=LONGEST, description="fields whose values are counted, with commas between")
+    ] = None,
 ) -> Wanted:
     if "\0" in (words or ""):
         raise Invalid("q", "has a NUL character")
-    names = tuple(dict.fromkeys(name.strip() for name in (fields or "").split(",") if name.strip()))
-    return Wanted(condition, words, sort, names)
+    return Wanted(condition, words, sort, names_in(fields), names_in(facets))
 
 
 WantedDep = Annotated[Wanted, Depends(_wanted)]

@@ -16,8 +16,8 @@ import cql2
 from sqlalchemy import ColumnElement, FromClause, and_, exists, not_, or_
 
 from service.errors import Invalid
-from service.store.search import literals
-from service.store.search.fields import Field, Noun, find_field
+from service.store.search import labels, literals
+from service.store.search.fields import META, Field, Noun, find_field
 from service.store.search.nouns import NOUNS, lineage
 
 LONGEST = 2000
@@ -31,12 +31,10 @@ Scope = Mapping[str, FromClause]
 
 @dataclass(frozen=True)
 class Leaf:
-    """A condition on one field: `test` makes it from the field's value."""
+    """A condition on one field of a noun: `test` makes it from a row."""
 
     noun: Noun
-    field: Field
-    test: Callable[[ColumnElement[Any]], ColumnElement[bool]]
-    negated: bool
+    test: Callable[[FromClause], ColumnElement[bool]]
 
 
 @dataclass(frozen=True)
@@ -120,35 +118,59 @@ class _Reader:
         if op in ("and", "or"):
             parts = tuple(self.tree(one, negated=negated, depth=depth + 1) for one in args)
             return Branch((op == "and") != negated, parts)
-        return self.leaf(op, args, negated)
+        return self.condition(op, args, negated)
 
-    def leaf(self, op: str, args: Sequence[Any], negated: bool) -> Leaf:
+    def condition(self, op: str, args: Sequence[Any], negated: bool) -> Leaf | Branch:
         """A condition on one field, which stands on either side of a comparison."""
         if op in _MIRRORED and len(args) == 2 and not _is_field(args[0]):
             op, args = _MIRRORED[op], [args[1], args[0]]
-        if op not in _TESTS:
-            ops = ", ".join(name.upper() for name in ("and", "or", "not", *_TESTS))
+        if op != "in" and op not in _TESTS:
+            ops = ", ".join(name.upper() for name in ("and", "or", "not", "in", *_TESTS))
             raise Invalid("filter", f"uses {op[:40].upper()!r}, which is not read here; there is {ops}")
-        folded = isinstance(args[0], dict) and args[0].get("op") == "casei"
-        subject = args[0]["args"][0] if folded else args[0]
-        if not _is_field(subject):
+        if not _is_field(args[0]):
             raise Invalid(
                 "filter", f"{op.upper()} compares no field; a field stands on one side of it, a value on the other"
             )
+        if op == "in":
+            if not isinstance(args[1], list) or not args[1]:
+                raise Invalid("filter", "IN takes values in brackets, such as ('a', 'b')")
+            return Branch(negated, tuple(self.condition("=", [args[0], one], negated) for one in args[1]))
+        if negated and op in _OPPOSITE:
+            op, negated = _OPPOSITE[op], False
+        return self.leaf(op, args, negated)
+
+    def leaf(self, op: str, args: Sequence[Any], negated: bool) -> Leaf:
+        """The same, by one operator that takes values."""
+        folded = args[0].get("op") == "casei"
+        subject = args[0]["args"][0] if folded else args[0]
         noun, field = find_field(NOUNS, self.noun, subject["property"], "filter")
         name = f"{noun.name}.{field.name}"
+        values = [_folded(one) for one in args[1:]] if folded else list(args[1:])
+        _, *path = field.name.split(".")
+        if field.kind == "json" and path:
+            field = labels.as_compared(field, values)
         if folded and field.kind != "text":
             raise Invalid("filter", f"CASEI takes a text; {name} is {literals.EXPECTED[field.kind]}")
-        values = [_folded(one) for one in args[1:]] if folded else list(args[1:])
-        make = _TESTS[op]
 
-        def test(column: ColumnElement[Any]) -> ColumnElement[bool]:
-            return make(field, name, op, literals.folded(column) if folded else column, values)
+        def test(row: FromClause) -> ColumnElement[bool]:
+            column = field.of(row)
+            if field.kind == "tags":
+                return labels.has_tag(name, op, column, values)
+            return _TESTS[op](field, name, op, literals.folded(column) if folded else column, values)
 
-        return Leaf(noun, field, test, negated)
+        def asked(row: FromClause) -> ColumnElement[bool]:
+            found = test(row)
+            if negated:
+                return not_(found)
+            if path and op != "isnull":
+                return and_(labels.has_member(row.c[META], path, op if not folded else "", values[0]), found)
+            return found
+
+        return Leaf(noun, asked)
 
 
 _MIRRORED = {"=": "=", "<>": "<>", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
+_OPPOSITE = {"=": "<>", "<>": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
 
 def _is_field(node: Any) -> bool:
@@ -169,17 +191,10 @@ def _folded(value: Any) -> Any:
     )
 
 
-def _any_of(field: Field, name: str, column: ColumnElement[Any], values: Any) -> ColumnElement[bool]:
-    if not isinstance(values, list) or not values:
-        raise Invalid("filter", f"{name} IN takes values in brackets, such as ('a', 'b')")
-    return or_(*(literals.compared(field, name, "=", column, value) for value in values))
-
-
 _TESTS: dict[str, Callable[[Field, str, str, ColumnElement[Any], list[Any]], ColumnElement[bool]]] = {
     **dict.fromkeys(literals.COMPARISONS, lambda f, n, op, c, v: literals.compared(f, n, op, c, v[0])),
     "between": lambda f, n, _, c, v: literals.within(f, n, c, v[0], v[1]),
     "like": lambda f, n, _, c, v: literals.matching(f, n, c, v[0]),
-    "in": lambda f, n, _, c, v: _any_of(f, n, c, v[0]),
     "isnull": lambda _f, _n, _, c, _v: c.is_(None),
     **dict.fromkeys(("t_after", "t_before", "t_during"), lambda f, n, op, c, v: literals.in_time(f, n, op, c, v[0])),
 }
@@ -194,8 +209,7 @@ def _all(trees: Sequence[Leaf | Branch], scope: Scope) -> ColumnElement[bool]:
         if len(steps) == 1:
             below.setdefault(next(iter(steps)), []).append(tree)
         elif isinstance(tree, Leaf):
-            test = tree.test(tree.field.of(scope[tree.noun.name]))
-            found.append(not_(test) if tree.negated else test)
+            found.append(tree.test(scope[tree.noun.name]))
         else:  # an OR of several nouns, or of none but those at hand
             found.append(or_(*(_all([part], scope) for part in tree.parts)))
     for name, about in below.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from fastapi import Query, Request, Response
@@ -17,7 +17,8 @@ from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.storage.originals import copy_original
 from service.store.structures import models
-from service.store.structures.operations import StructureModel, structure_for
+from service.store.structures.meshes import mesh_of
+from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.web import Name, StrictModel, api_router, shown_as
 from service.web.downloads import spooled
 from service.web.parameters import not_modified
@@ -152,11 +153,20 @@ class MeshBlockOut(StrictModel):
     nodes: list[list[int]] = Field(description="rows of `nodes` from 0: corners in order, then middles of sides")
 
 
+class MeshSupportOut(StrictModel):
+    """Nodes that are held alike."""
+
+    nodes: list[int] = Field(description="rows of `nodes` from 0")
+    dofs: list[int] = Field(description="1, 2, 3 along x, y, z; 4, 5, 6 about them")
+
+
 class MeshOut(StrictModel):
-    """The mesh of a model."""
+    """The mesh of a structure."""
 
     nodes: MeshNodesOut = Field(description="by column")
     blocks: list[MeshBlockOut] = Field(description="elements of one kind and set each")
+    supports: list[MeshSupportOut] = Field(description="what holds it")
+    masses: list[int] = Field(description="rows of `nodes` that carry masses, from 0")
 
 
 def _described(session: Session, rows: Sequence[tuple[StructureModel, Job]]) -> list[ModelOut]:
@@ -215,13 +225,21 @@ def get_model(structure_id: UUID, session: SessionDep, user: CurrentUser) -> Mod
 
 @router.get("/structures/{structure_id}/model/mesh", response_model=MeshOut)
 def get_model_mesh(
-    structure_id: UUID, session: SessionDep, user: CurrentUser, request: Request, response: Response
+    structure_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    request: Request,
+    response: Response,
+    boundary: Annotated[
+        Literal["cantilever", "free", "simply_supported", "as_modelled"] | None,
+        Query(description="how it is held; default: as a model that was sent says, else not at all"),
+    ] = None,
 ) -> Any:
-    """Nodes and elements of the model, m."""
-    row = models.model_of_structure(session, structure_for(session, user, structure_id))
-    headers = {"ETag": f'"{row.id}"'}
+    """Nodes and elements of the structure, m: of the model that was sent, or of the strip, plate or shape that is described."""
+    version = current_version(session, structure_for(session, user, structure_id))
+    headers = {"ETag": f'"{version.id}-{boundary}"'}
     response.headers.update(headers)
-    return not_modified(request, headers) or models.mesh_of(models.load_model(session, row.id))
+    return not_modified(request, headers) or mesh_of(session, version, boundary)
 
 
 @router.get("/structures/{structure_id}/model/original", response_class=FileResponse)

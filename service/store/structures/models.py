@@ -119,30 +119,16 @@ def deck_of(session: Session, key: UUID) -> tuple[str, str, bytes]:
     return row.filename, row.units, buffer.getvalue()
 
 
+def accepted_of(session: Session, key: UUID) -> list[str]:
+    """Names of cards of a model's deck that may be left out, whoever asks."""
+    return list(session.get_one(StructureModel, key).accepted)
+
+
 def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
     """The file of a model, and its sets, whoever asks."""
     row = session.get_one(StructureModel, key)
     assert row.document is not None, "a version refers to a model that was read"
     return {"filename": row.filename, "sets": row.document["sets"]}
-
-
-def mesh_of(model: FiniteElementModel) -> dict[str, Any]:
-    """Nodes and elements of a model, for a page that draws it."""
-    return {
-        "nodes": {
-            "numbers": model.numbers.tolist(),
-            **{f"{axis}_m": model.nodes[:, k].tolist() for k, axis in enumerate("xyz")},
-        },
-        "blocks": [
-            {
-                "set": block.set,
-                "kind": block.kind,
-                "numbers": block.numbers.tolist(),
-                "nodes": block.nodes.tolist(),
-            }
-            for block in model.elements
-        ],
-    }
 
 
 def model_sizes(session: Session, rows: list[StructureModel]) -> dict[bytes, int]:

@@ -15,7 +15,8 @@ from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
 from service.access import Lookup, User, project_for
-from service.db.base import Base, Identified, transaction_time
+from service.access.demands import require_demanded
+from service.db.base import Base, Identified, Labelled, label_indexes, transaction_time
 from service.errors import Fault, Invalid
 from service.store.structures.schemas import (
     Geometry,
@@ -35,13 +36,14 @@ WORDS = "to_tsvector('simple'::regconfig, name)"
 """What a free search reads of a structure."""
 
 
-class Structure(Identified, Base):
+class Structure(Identified, Labelled, Base):
     """A structure; what it physically is stands in its versions."""
 
     __tablename__ = "structures"
     __table_args__ = (
         Index(None, "project_id", "id"),
         Index("ix_structures_words", text(WORDS), postgresql_using="gin"),
+        *label_indexes("structures"),
     )
 
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
@@ -112,7 +114,8 @@ def current_version(session: Session, structure: Structure) -> StructureVersion:
 def create_structure(session: Session, user: User, project_id: UUID, body: StructureIn) -> Structure:
     """Store a new structure in version 1 and note it in the audit trail."""
     project = project_for(session, user, project_id, "editor")
-    structure = Structure(project_id=project.id, name=body.name, version=1)
+    require_demanded(session, project.id, "structure", body.model_dump(mode="json"))
+    structure = Structure(project_id=project.id, name=body.name, version=1, tags=body.tags, meta=body.meta)
     session.add(structure)
     session.flush()
     _add_version(session, structure, body)
@@ -132,7 +135,8 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
     """
     before = describe(session, structure)
     after = _patched(before, patch)
-    structure.name = after.name
+    require_demanded(session, structure.project_id, "structure", after.model_dump(mode="json"))
+    structure.name, structure.tags, structure.meta = after.name, after.tags, after.meta
     physical = ("geometry", "density_kg_m3", "laminate", "material", "inputs", "pieces", "shape", "model")
     if any(getattr(after, field) != getattr(before, field) for field in physical):
         structure.version += 1

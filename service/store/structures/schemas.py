@@ -6,7 +6,7 @@ Units are part of the names: m, kg/m³, Pa, degrees.
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 from uuid import UUID
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -16,6 +16,7 @@ from fecore.body import generators as core
 from fecore.errors import InputError
 from service.store.structures.shapes import Ply, Poisson, Shape, check_poisson
 from service.web import Name, StrictModel, example
+from service.web.bodies import Meta, Tags
 from service.web.quantities import (
     DENSITY_SD,
     LENGTH,
@@ -149,6 +150,8 @@ class StructureIn(StrictModel):
         None,
         description="id of a model that was sent to the structure: the body that it is; instead of a geometry or shape",
     )
+    tags: Tags = Field([])
+    meta: Meta = Field({})
 
     @model_validator(mode="after")
     def _one_body(self) -> Self:
@@ -202,6 +205,8 @@ class StructurePatch(StrictModel):
     pieces: Pieces | None = None
     shape: Shape | None = None
     model: UUID | None = Field(None, description="an earlier model of the structure, to go back to it")
+    tags: Tags | None = None
+    meta: Meta | None = None
 
 
 class StructureOut(StrictModel):
@@ -221,5 +226,7 @@ class StructureOut(StrictModel):
     pieces: Pieces | None
     shape: Shape | None
     model: UUID | None = Field(description="id of the model that it is; null where it is none")
+    tags: list[str]
+    meta: dict[str, Any]
     created_at: datetime
     updated_at: datetime

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from fecore.body.constants import Body
+from fecore.body.structure import Structure
 from fecore.errors import FecoreError, InputError
 from fecore.updating.campaigns import check_material
 from fecore.updating.parameters import parametrise
@@ -18,8 +20,7 @@ from service.store.campaigns.operations import campaign_for
 from service.store.coupons.operations import batch_for
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
-from service.store.updating.bodies import nominal_specimen, of_its_material
-from service.store.updating.loading import parameters_of
+from service.store.updating.loading import joint_body, parameters_of
 from service.store.updating.operations import JOINT_UPDATES, check_mode_set, repeated, start_update
 from service.store.updating.schemas import RecipeIn, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
@@ -111,17 +112,18 @@ def start_joint(
     """
     sent = request.model_dump(mode="json")
     faults: list[Fault] = []
-    campaigns, projects = [], set()
+    campaigns, projects, bodies = [], set(), []
+    common = request.recipe or RecipeIn.model_validate({})
     for number, job in enumerate(request.jobs):
         with pointing(faults, f"/jobs/{number}/campaign_id"):
             campaign = campaign_for(session, user, job.campaign_id, "editor")
             projects.add(campaign_for.project_of(session, campaign))
             version, structure = present_structure(session, campaign.structure_id)
             campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
-            nominal_specimen(of_its_material(structure, number), campaign.boundary)
+            bodies.append(joint_body(session, structure, number, campaign.boundary, common))
     if faults:
         raise Invalid(faults)
-    faults += _faults(session, user, request)
+    faults += [*_faults(session, user, request), *_faults_of_bodies(request, bodies)]
     if len(projects) > 1:
         faults.append(Fault("/jobs", "belong to several projects; a joint update takes campaigns of one"))
     if faults:
@@ -158,8 +160,11 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
             for name in _SINGLE_ONLY
             if getattr(recipe, name) != getattr(default, name)
         ]
-        if at != "/recipe" and recipe.parameters is not None:
-            faults.append(Fault(f"{at}/parameters", "belong to the material: state them in the common `recipe`"))
+        faults += [
+            Fault(f"{at}/{name}", "belong to the material: state them in the common `recipe`")
+            for name in ("parameters", "junctions")
+            if at != "/recipe" and getattr(recipe, name) != getattr(default, name)
+        ]
     for number, job in enumerate(request.jobs):
         if job.recipe is not None and job.recipe.mode_set is not None:
             at = f"/jobs/{number}/recipe/mode_set"
@@ -167,17 +172,29 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
                 check_mode_set(session, user, job.recipe.mode_set, job.campaign_id, at)
     if request.recipe is not None and request.recipe.mode_set is not None:
         faults.append(Fault("/recipe/mode_set", "belongs to one campaign: state it in that job's recipe"))
-    with pointing(faults, "/recipe"):
-        _check_parameters(session, user, request)
     return faults
 
 
-def _check_parameters(session: Session, user: User, request: UpdateBatchIn) -> None:
-    parameters = parameters_of(request.recipe or RecipeIn.model_validate({}))
-    check_material(parameters)
-    first = campaign_for(session, user, request.jobs[0].campaign_id)
-    structure = of_its_material(present_structure(session, first.structure_id)[1], 0)
-    parametrise(nominal_specimen(structure, "free"), parameters)
+def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fault]:
+    """Parameters that a body has not, and what is asked of bodies in space that strips and plates alone have."""
+    faults: list[Fault] = []
+    parameters = parameters_of(request.recipe or RecipeIn.model_validate({}), bodies[0])
+    with pointing(faults, "/recipe"):
+        check_material(bodies[0], parameters)
+        parametrise(bodies[0], parameters)
+    for number, body in enumerate(bodies):
+        if number and not faults:
+            with pointing(faults, f"/jobs/{number}/campaign_id"):
+                parametrise(body, parameters)
+        if isinstance(body, Structure) and request.jobs[number].angle_deg is not None:
+            faults.append(
+                Fault(f"/jobs/{number}/angle_deg", "is of strips and plates; a body in space lies as it is stated")
+            )
+    if isinstance(bodies[0], Structure) and request.coupon_batches:
+        faults.append(
+            Fault("/coupon_batches", "are data of strips and plates; state the sets' prior_mean and prior_sd")
+        )
+    return faults
 
 
 @contextmanager

@@ -42,13 +42,30 @@ def body_of(
             names constants of one.
     """
     springs = tuple(spring.to_core() for spring in recipe.springs)
-    if structure.shape is not None or model is not None:
+    if is_in_space(structure):
         if recipe.zones_m:
             raise InputError("zones_m", "are of strips and plates; a body in space has sets")
         carried = tuple(mass.on_surface() for mass in masses)
         body = nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
-        return replace(body, springs=(*body.springs, *springs), masses=(*body.masses, *carried))
+        joined = recipe.junctions == "on"
+        return replace(body, springs=(*body.springs, *springs), masses=(*body.masses, *carried), with_joints=joined)
+    require_no_choice_of_joints(recipe)
     return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
+
+
+def is_in_space(structure: StructureIn) -> bool:
+    """Whether a structure has sets with constants of their own: by its shape, or as a model that was sent."""
+    return structure.shape is not None or structure.model is not None
+
+
+def require_no_choice_of_joints(recipe: RecipeIn) -> None:
+    """Refuse a recipe for a strip or plate that leaves joints out.
+
+    Raises:
+        InputError: it does.
+    """
+    if recipe.junctions == "off":
+        raise InputError("junctions", "are of bodies in space; a strip or plate has none")
 
 
 def _named(
@@ -128,8 +145,8 @@ def _layered(
 
 def _known(structure: StructureIn) -> tuple[Geometry, float]:
     """Geometry and density of a structure that states all that a model needs."""
-    if structure.shape is not None or structure.model is not None:
-        raise InputError("structure", "is a body in space; joint updates, plans and decks are for strips and plates")
+    if is_in_space(structure):
+        raise InputError("structure", "is a body in space, which a strip or plate is expected for")
     g, density = structure.geometry, structure.density_kg_m3
     lacking = [name for name, value in (("geometry", g), ("density_kg_m3", density)) if value is None]
     lacking += ["laminate or material"] if structure.laminate is None and structure.material is None else []

@@ -12,14 +12,14 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
-from fecore.body.laminate import OrthotropicMaterial
-from fecore.body.specimen import Specimen
+from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter
+from fecore.updating.parameters import Parameter, default_parameters
 from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
@@ -34,8 +34,16 @@ from service.store.records.processings import load_records
 from service.store.structures.models import load_model
 from service.store.structures.operations import describe_version, version_of
 from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import body_of, material_of, nominal_specimen, of_its_material, oriented
-from service.store.updating.schemas import BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
+from service.store.updating.bodies import (
+    body_of,
+    is_in_space,
+    material_of,
+    nominal_specimen,
+    of_its_material,
+    oriented,
+    require_no_choice_of_joints,
+)
+from service.store.updating.schemas import InputsIn, RecipeIn, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
 
@@ -102,16 +110,16 @@ def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
     versions = [UUID(each["structure_version_id"]) for each in row.campaigns]
     common = request.recipe or RecipeIn.model_validate({})
     loaded = [_as_of(session, job.campaign_id, version) for job, version in zip(request.jobs, versions, strict=True)]
-    material, _ = material_of(loaded[0].structure, 0)
     campaigns = tuple(
-        _campaign(session, number, job, campaign, names, material=material, recipe=job.recipe or common)
-        for number, (job, campaign, names) in enumerate(zip(request.jobs, loaded, _names(session, loaded), strict=True))
+        _campaign(session, number, request, campaign, names, loaded[0].structure)
+        for number, (campaign, names) in enumerate(zip(loaded, _names(session, loaded), strict=True))
     )
     scatter = SCATTER if request.scatter is None else request.scatter
-    coupons, warnings = _coupons(session, request, scatter=scatter > 0)
+    parameters = parameters_of(common, campaigns[0].body)
+    coupons, warnings = _coupons(session, request, parameters, scatter=scatter > 0)
     return JointInputs(
         campaigns=campaigns,
-        recipe=CampaignsRecipe(parameters_of(common), scatter),
+        recipe=CampaignsRecipe(parameters, scatter),
         coupons=coupons,
         warnings=warnings,
         provenance={"joint_update": str(row.id), "request": row.request},
@@ -151,7 +159,7 @@ def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
     Raises:
         InputError: the sensor's point is not a grid point.
     """
-    point, flat = _sensor_point(campaign), campaign.structure.shape is None and campaign.structure.model is None
+    point, flat = _sensor_point(campaign), not is_in_space(campaign.structure)
     added = tuple(
         PointMass(
             each.x_m, each.y_m, each.mass_kg, each.rotary_inertia_kg_m2, weighed=True, z=0.0 if flat else each.z_m
@@ -245,9 +253,25 @@ def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs |
     }
 
 
-def parameters_of(recipe: RecipeIn) -> tuple[Parameter, ...]:
-    """The recipe's parameters, or all constants of the material."""
-    return recipe.to_core().parameters or MATERIAL_PARAMETERS
+def parameters_of(recipe: RecipeIn, body: Body) -> tuple[Parameter, ...]:
+    """The parameters of a joint update: the recipe's, or all constants of the material or of the sets."""
+    usual = default_parameters(body) if isinstance(body, Structure) else MATERIAL_PARAMETERS
+    return recipe.to_core().parameters or usual
+
+
+def joint_body(
+    session: Session, structure: StructureIn, number: int, boundary: str, recipe: RecipeIn
+) -> Specimen | LayeredSpecimen | Structure:
+    """What a joint update makes of a campaign's structure, by the recipe of all; `number` is that of the campaign's job.
+
+    Raises:
+        InputError: the structure lacks what a model needs.
+    """
+    if is_in_space(structure):
+        model = None if structure.model is None else load_model(session, structure.model)
+        return body_of(structure, boundary, recipe, (), model)
+    require_no_choice_of_joints(recipe)
+    return nominal_specimen(of_its_material(structure, number), boundary)
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
@@ -271,14 +295,15 @@ def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[st
 def _campaign(
     session: Session,
     number: int,
-    job: BatchJobIn,
+    request: UpdateBatchIn,
     campaign: MeasuredCampaign,
     names: tuple[str, str],
-    material: OrthotropicMaterial,
-    recipe: RecipeIn,
+    first: StructureIn,
 ) -> JointCampaign:
-    """One campaign of a joint update; `names` are its own and its specimen's."""
-    at = f"jobs.{number}"
+    """One campaign of a joint update; `names` are its own and its specimen's, `first` the first campaign's structure."""
+    at, job = f"jobs.{number}", request.jobs[number]
+    common = request.recipe or RecipeIn.model_validate({})
+    recipe = job.recipe or common
     if not campaign.frf_sets and recipe.mode_set is None:
         raise InputError(f"{at}.campaign_id", "has no FRFs; import some, or name a mode set in this job's recipe")
     if roving_mass(campaign) and recipe.mode_set is None:
@@ -286,17 +311,21 @@ def _campaign(
             f"{at}.campaign_id",
             "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe",
         )
-    frame_of(campaign_of(session, campaign.campaign_id)).require_square()
-    plain = specimen_of(replace(campaign, structure=of_its_material(campaign.structure, number)))
-    _, own_angle = material_of(campaign.structure, number)
-    angle = own_angle if job.angle_deg is None else job.angle_deg
+    body = joint_body(session, campaign.structure, number, campaign.boundary, common)
+    masses, angle = carried_masses(campaign), None
+    if isinstance(body, Structure):
+        body = replace(body, masses=(*body.masses, *(mass.on_surface() for mass in masses)))
+    elif isinstance(body, Specimen):
+        angle = material_of(campaign.structure, number)[1] if job.angle_deg is None else job.angle_deg
+        body = oriented(replace(body, masses=masses), material_of(first, 0)[0], angle)
     used, modes, inputs = _measured(session, campaign, recipe)
+    axes = frame_of(campaign_of(session, campaign.campaign_id)).point_axes(campaign.points)
     frfs = None if used is None else used.frfs
     return JointCampaign(
         name=names[0],
         specimen=job.specimen or names[1],
-        body=oriented(plain, material, angle),
-        measurement=Measurement(frfs, campaign.points, modes, 0.0, inputs.to_core()),
+        body=body,
+        measurement=Measurement(frfs, campaign.points, modes, 0.0, inputs.to_core(), axes),
         recipe=recipe.to_core(),
         provenance={
             "campaign_id": str(campaign.campaign_id),
@@ -309,11 +338,11 @@ def _campaign(
     )
 
 
-def _coupons(session: Session, request: UpdateBatchIn, *, scatter: bool) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
+def _coupons(
+    session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], *, scatter: bool
+) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
     """Each batch's constants that are updated: the mean of its panel, or of one more piece where pieces are all alike."""
-    wanted = {
-        p.name for p in parameters_of(request.recipe or RecipeIn.model_validate({})) if not p.fixed and not p.tied_to
-    }
+    wanted = {p.name for p in parameters if not p.fixed and not p.tied_to}
     found, warnings = [], []
     for key in request.coupon_batches:
         summary: Any = batch_prior(session, key)

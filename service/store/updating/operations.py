@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from fecore.errors import InputError
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User
+from service.access.demands import require_demanded
 from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
 from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
@@ -34,6 +35,8 @@ from service.store.updating.loading import body_for, load_joint, load_update
 from service.store.updating.result_schemas import CONSTANTS
 from service.store.updating.schemas import RecipeIn
 from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
+from service.web import shown_as
+from service.web.bodies import Labels
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -240,10 +243,36 @@ def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
+    return up_to_date(_result(session, row).document)
+
+
+def result_labels(session: Session, row: UpdateJob) -> Labels:
+    """Tags and metadata of a result.
+
+    Raises:
+        Conflict: the job has none, yet or ever; the message says which.
+    """
+    return shown_as(Labels, _result(session, row))
+
+
+def label_result(session: Session, user: User, row: UpdateJob, labels: Labels) -> None:
+    """Give a result these tags and metadata in place of its own.
+
+    Raises:
+        Conflict: the job has no result.
+        Invalid: they are not what the project demands.
+    """
+    result, stated = _result(session, row), labels.model_dump()
+    require_demanded(session, row.project_id, "result", stated)
+    result.tags, result.meta = labels.tags, labels.meta
+    update_job_for.note(session, user, row, "label", **stated)
+
+
+def _result(session: Session, row: UpdateJob) -> UpdateResult:
     result = session.get(UpdateResult, row.id)
     if result is None:
         raise UPDATES.no_result(session, row)
-    return up_to_date(result.document)
+    return result
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
@@ -268,6 +297,13 @@ def result_documents(session: Session, keys: Sequence[UUID]) -> dict[UUID, dict[
     """Results by update job; jobs without one are left out."""
     query = select(UpdateResult.id, UpdateResult.document).where(UpdateResult.id.in_(keys))
     return {key: up_to_date(document) for key, document in session.execute(query)}
+
+
+def labelled_results(session: Session, campaign_id: UUID) -> Iterator[tuple[UUID, dict[str, Any], dict[str, Any]]]:
+    """The results of a campaign, oldest first: key of the update job, document, tags and metadata."""
+    query = select(UpdateResult).where(UpdateResult.campaign_id == campaign_id).order_by(UpdateResult.id)
+    for row in session.scalars(query):
+        yield row.id, up_to_date(row.document), {"tags": row.tags, "meta": row.meta}
 
 
 def result_parts(session: Session, keys: Sequence[UUID], parts: Sequence[str]) -> dict[UUID, dict[str, Any]]:

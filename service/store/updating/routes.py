@@ -7,7 +7,7 @@ from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import Header, Query, Response
+from fastapi import Header, Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -24,7 +24,21 @@ from service.store.updating.document import LARGE_PARTS, slim
 from service.store.updating.result_schemas import JointResultOut, ResultOut
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
 from service.store.updating.tables import JointUpdate, UpdateJob
-from service.web import Confirm, Cursor, Limit, Page, Text, api_router, paged, require_usual, shown_as
+from service.web import (
+    IF_MATCH,
+    Confirm,
+    Cursor,
+    Limit,
+    Page,
+    Text,
+    api_router,
+    etag_of,
+    paged,
+    require_match,
+    require_usual,
+    shown_as,
+)
+from service.web.bodies import Labels
 
 router = api_router(tags=["update jobs"])
 
@@ -143,6 +157,26 @@ def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: In
         raise Invalid("include", f"names {', '.join(sorted(unknown))}; there are {', '.join(LARGE_PARTS)}")
     document = operations.result_document(session, operations.update_job_for(session, user, job_id))
     return slim(document, leave_out=set(LARGE_PARTS) - named)
+
+
+@router.get("/update-jobs/{job_id}/labels")
+def get_result_labels(job_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> Labels:
+    """Tags and metadata of a result."""
+    labels = operations.result_labels(session, operations.update_job_for(session, user, job_id))
+    response.headers["ETag"] = etag_of(labels)
+    return labels
+
+
+@router.put("/update-jobs/{job_id}/labels", openapi_extra=IF_MATCH)
+def label_result(
+    job_id: UUID, labels: Labels, session: SessionDep, user: CurrentUser, request: Request, response: Response
+) -> Labels:
+    """Give a result tags and metadata in place of its own; the result itself stays as it is."""
+    row = operations.update_job_for(session, user, job_id, "editor", lock=True)
+    require_match(request, etag_of(operations.result_labels(session, row)))
+    operations.label_result(session, user, row, labels)
+    response.headers["ETag"] = etag_of(labels)
+    return labels
 
 
 joint.listing("list_joint_updates", "Joint updates of a project, newest first.")

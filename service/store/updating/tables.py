@@ -9,7 +9,7 @@ from uuid import UUID
 from sqlalchemy import JSON, Float, ForeignKey, Index, LargeBinary, func
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.db.base import Base
+from service.db.base import Base, Labelled, label_indexes
 from service.store.updating.result_schemas import CONSTANTS
 
 
@@ -44,7 +44,7 @@ class JointUpdate(Base):
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
-class UpdateResult(Base):
+class UpdateResult(Labelled, Base):
     """The result of a job, as the contract shows it, and its predicted FRFs as npz.
 
     Results are found by their campaign, which is the job's, by their verdict, and by `CONSTANTS`: the estimate of each, such
@@ -52,6 +52,7 @@ class UpdateResult(Base):
     """
 
     __tablename__ = "update_results"
+    __table_args__ = label_indexes("update_results")
 
     id: Mapped[UUID] = mapped_column(ForeignKey("update_jobs.id", ondelete="CASCADE"), primary_key=True)
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), index=True)

@@ -163,11 +163,13 @@ def test_a_series_is_drawn_before_its_baseline_and_before_it_is_judged() -> None
 
 
 def test_a_shape_without_measured_points_or_with_one_has_no_line() -> None:
-    places = np.array([[0.0, 0.0], [1.0, 0.5]])  # no two in a row of the grid
+    places = np.array([[0.0, 0.0], [1.0, 0.5]])  # in no row of a grid
     for measured in (np.zeros(0), np.array([1.0])):
         figure = screen(shapes_figure([ShapePair(1, "m", "u", measured + 0j, np.array([1.0, -1.0]))], [7, 8], places))
-        assert {trace["mode"] for trace in figure["data"]} == {"markers"}
-        assert [trace["customdata"] for trace in figure["data"]] == ([[7], [7, 8]] if measured.size else [[7, 8]])
+        of_mode = {mode: [trace for trace in figure["data"] if trace["mode"] == mode] for mode in ("lines", "markers")}
+        assert len(of_mode["lines"]) == 2  # of the model's two points, at rest and moved
+        assert all(len(trace["x"]) == 3 for trace in of_mode["lines"])
+        assert [trace["customdata"] for trace in of_mode["markers"]] == ([[7], [7, 8]] if measured.size else [[7, 8]])
 
 
 def many_modes(count: int) -> UpdateFigures:

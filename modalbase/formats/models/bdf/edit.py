@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from textwrap import wrap
 
 from modalbase.formats.models.bdf.card import Card, number
 
@@ -71,7 +72,7 @@ class Edits:
 
     def remark(self, card: Card, text: str) -> None:
         """Put a comment before a card."""
-        self._before.setdefault(card.line, []).append(f"$ {text}"[:_REMARK])
+        self._before.setdefault(card.line, []).extend(f"$ {row}" for row in wrap(text, _REMARK))
 
     def _width(self, card: Card, index: int) -> int:
         row = max((row for row in card.rows if row.start <= index), key=lambda row: row.start)

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.inp.changes import ISOTROPIC, Changes, changes_of
+from modalbase.formats.models.changes import ISOTROPIC, Changes, changes_of
 from modalbase.formats.models.inp.lines import Card, folded, read_cards
 from modalbase.formats.models.inp.materials import ENGINEERING, SUBORDINATE
 from modalbase.formats.models.model import FiniteElementModel, Material, Place
@@ -119,15 +119,17 @@ class _Writing:
     def material(self, material: Material, changes: Changes) -> None:
         """Write a material's constants, and copies of it for sets whose constants differ from those that keep it."""
         groups = changes.groups(material)
+        for values, sets in groups:
+            _require_places(material, values, sets[0])
         for values, sets in groups[1:]:
-            self._copy(material, dict(values), sets, changes)
+            self._copy(material, values, sets, changes)
         values, sets = groups[0]
         if values:
             lines = self._files[material.file]
-            for line, edits in self._edits(material, dict(values)).items():
+            for line, edits in self._edits(material, values).items():
                 lines.edits.setdefault(line, []).extend(edits)
             first = min(material.places[constant].line for constant in material.places)
-            for constant, value in values:
+            for constant, value in values.items():
                 line = material.places[constant].line if constant in material.places else first
                 lines.comments.setdefault(line, []).append(changes.comment(sets, constant, material, value))
 
@@ -235,6 +237,15 @@ class _Writing:
             number += 1
         lines.edits.setdefault(number, []).append((match.start(2), match.end(2), _quoted(new)))
         lines.comments.setdefault(card.line, []).append(comment)
+
+
+def _require_places(material: Material, values: Mapping[str, float], set_name: str) -> None:
+    for constant in values:
+        if constant in material.constants and constant not in material.places:
+            raise FormatError(
+                f"{set_name}.{constant}",
+                f"does not stand as a number of its own in {material.name} of line {material.line}",
+            )
 
 
 def fitted(value: float, width: int) -> str:

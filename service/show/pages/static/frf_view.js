@@ -322,7 +322,7 @@ function openViewer(box) {
   part("other")?.addEventListener("change", async () => { try { await addCampaign(part("other").value); list.focus(); } catch (error) { note.textContent = error.message; } part("other").value = ""; });
   new ResizeObserver(() => { if (panels.length && panels[0].plot.width !== place.clientWidth) build(); }).observe(place);
   /* A point that is chosen elsewhere on the page, in a drawing or in space. */
-  document.addEventListener("choose-point", ({ detail: { point, more } }) => {
+  document.addEventListener("point-chosen", ({ detail: { point, more } }) => {
     const mine = rows.filter((row) => row.points.includes(Number(point)));
     if (!mine.length) return;
     const next = (mine.findIndex((row) => row.option.selected) + 1) % mine.length;
@@ -348,5 +348,5 @@ function openViewer(box) {
 for (const box of document.querySelectorAll("[data-frf-viewer]")) openViewer(box);
 for (const point of document.querySelectorAll("[data-point]")) point.addEventListener("click", (event) => {
   event.preventDefault();
-  document.dispatchEvent(new CustomEvent("choose-point", { detail: { point: point.dataset.point, more: event.ctrlKey || event.metaKey || event.shiftKey } }));
+  document.dispatchEvent(new CustomEvent("point-chosen", { detail: { point: point.dataset.point, more: event.ctrlKey || event.metaKey || event.shiftKey } }));
 });

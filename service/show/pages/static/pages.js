@@ -22,6 +22,15 @@ async function send(method, path, value, headers = {}) {
     return json(path + "?confirm=true");
   }
 }
+/* What differs from what the form began with: a part is sent whole, as a patch takes it. */
+function changesOf(form) {
+  const parts = new Map();
+  for (const input of form.elements) if (input.name) {
+    const part = input.name.split("/")[0];
+    parts.set(part, parts.get(part) || input.value !== input.defaultValue);
+  }
+  return Object.fromEntries(Object.entries(bodyOf(form)).filter(([part]) => parts.get(part)));
+}
 const say = (text) => { document.getElementById("say").textContent = text; };
 
 /* The value of an input: in SI, with the digits that were typed; undefined where nothing was said. */
@@ -121,6 +130,17 @@ document.addEventListener("submit", (event) => {
       else if ("showSecret" in form.dataset) form.querySelector("output").textContent = `${made.secret} – the secret is shown once; keep it now.`;
       else goOn(form.dataset.then, made);
     });
+  } else if (form.dataset.patch) {
+    event.preventDefault();
+    submitted(form, async () => {
+      const changes = changesOf(form);
+      if (!Object.keys(changes).length) throw { detail: "Nothing was changed." };
+      await send("PATCH", form.dataset.patch, changes, { "If-Match": form.dataset.match });
+      goOn("reload");
+    });
+  } else if ("deck" in form.dataset) {
+    event.preventDefault();
+    submitted(form, () => sendDeck(form));
   } else if (form.dataset.delete) {
     event.preventDefault();
     if (confirm(form.dataset.confirm)) submitted(form, async () => { await call("DELETE", form.dataset.delete); goOn(form.dataset.then); });
@@ -172,6 +192,16 @@ const upload = (path, file, form) => {
   const query = new URLSearchParams([["filename", file.name.slice(0, 200)], ...stated.filter(([, value]) => value)]);
   return call("POST", `${path}?${query}`, file, { "Content-Type": "application/octet-stream" });
 };
+
+/* A deck with its units; its reading is waited for on the structure's page. */
+async function sendDeck(form) {
+  const { file, units, accept } = form.elements;
+  const query = new URLSearchParams([["filename", file.files[0].name.slice(0, 200)]]);
+  if (units.value.trim()) query.set("units", units.value.trim());
+  for (const card of accept.value.split(/[,;]+/)) if (card.trim()) query.append("accept", card.trim());
+  await call("POST", `${form.dataset.deck}?${query}`, file.files[0], { "Content-Type": "application/octet-stream" });
+  location.reload();
+}
 
 /* When all files of a campaign are read, its page is loaded anew: it has FRFs that it did not have. */
 let sending = 0, stale = document.querySelector("#uploaded [hx-get]") !== null;

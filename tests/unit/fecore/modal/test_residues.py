@@ -87,6 +87,28 @@ def test_two_references_with_missing_pairs_fit_one_shape() -> None:
     assert np.allclose(np.diag(mac(modes.shapes, shapes)), 1, atol=1e-9)
 
 
+def test_a_dof_that_only_a_reference_at_a_node_sees_is_unknown_and_not_the_largest() -> None:
+    shape = np.append(np.linspace(-1.0, 0.9, 20), [0.5, 0.7, 1e-6])  # the last dof lies at a node
+    seen_from_both = [(i, j) for i in range(20) for j in (0, 22)]
+    pairs = [*seen_from_both, (20, 22), (21, 22), (22, 22)]
+    hz, zeta = 100.0, 0.01
+    frequency = np.linspace(80, 120, 400)
+    omega, own = 2 * np.pi * frequency, 2 * np.pi * hz
+    receptances = 1 / (own**2 - omega**2 + 2j * zeta * own * omega)
+    values = np.array([shape[i] * shape[j] for i, j in pairs])[:, None] * receptances
+    rng = np.random.default_rng(5)
+    noise = 1e-3 * np.abs(receptances).max()
+    values += noise * (rng.standard_normal(values.shape) + 1j * rng.standard_normal(values.shape))
+    responses, references = (tuple(Dof(pair[side] + 1, 3) for pair in pairs) for side in (1, 0))
+    frfs = FrfSet(frequency, values, responses, references, "receptance")
+    modes, shapes = shapes_at_poles(frfs, np.array([hz]), np.array([zeta]), exponents=())
+    order = [dof.point - 1 for dof in modes.dofs]
+    assert order[int(np.argmax(np.abs(shapes.real[0])))] == 0
+    assert mac(shapes.real, shape[order])[0, 0] > 0.9
+    unknown = [order.index(20), order.index(21)]
+    assert np.all(shapes.sd[0, unknown] > 5 * np.median(shapes.sd[0]))
+
+
 def test_gaps_are_left_out_of_the_fit() -> None:
     frfs = paper_frfs(0.0)
     values = frfs.values.copy()

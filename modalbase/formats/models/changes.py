@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isclose, isfinite
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import BeamSection, FiniteElementModel, Material, Place, ShellSection
 
 _SECTION = ("area", "I1", "I2", "J")
+_ROUNDING = 1e-9
+"""Relative; numbers nearer than this are one."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number of a section: where it stands, its new value, and what a comment says of it."""
+    """A number of a set's section: where it stands, its new value, and what a comment says of it."""
 
+    set: str
     place: Place
     value: float
     comment: str
@@ -34,14 +38,17 @@ class Changes:
     sections: list[Number]
     materials: dict[tuple[str, str], dict[str, float]]
 
-    def groups(self, material: Material) -> list[tuple[tuple[tuple[str, float], ...], list[str]]]:
+    def groups(self, material: Material) -> list[tuple[dict[str, float], list[str]]]:
         """New constants and the sets that have them; the first keep the material, those that do not change before others."""
-        found: dict[tuple[tuple[str, float], ...], list[str]] = {}
+        found: list[tuple[dict[str, float], list[str]]] = []
         for name in self.model.sets:
             if material.name in self.model.sections[name].materials:
-                values = tuple(self.materials.get((name, material.name), {}).items())
-                found.setdefault(tuple(sorted(values)), []).append(name)
-        return sorted(found.items(), key=lambda each: bool(each[0]))
+                values = self.materials.get((name, material.name), {})
+                own = next((sets for other, sets in found if _all_same(values, other)), None)
+                if own is None:
+                    found.append((values, own := []))
+                own.append(name)
+        return sorted(found, key=lambda each: bool(each[0]))
 
     def comment(self, sets: Sequence[str], constant: str, material: Material, value: float) -> str:
         """What is said of a new constant."""
@@ -58,13 +65,16 @@ def changes_of(model: FiniteElementModel, updated: Mapping[tuple[str, str], floa
     """What numbers by set and constant change.
 
     Raises:
-        FormatError: a set or constant is none of the deck's, or does not stand there as a number of its own.
+        FormatError: a set or constant is none of the deck's, a value is no number, or a section's does not stand in the deck
+            as a number of its own.
     """
     found = Changes(model, [], {})
     by_set: dict[str, dict[str, float]] = {}
     for (name, constant), value in updated.items():
         if name not in model.sections:
             raise FormatError(f"{name}.{constant}", f"there is no set {name!r}; there are {', '.join(model.sets)}")
+        if not isfinite(value):
+            raise FormatError(f"{name}.{constant}", f"is {value}, expected a number")
         by_set.setdefault(name, {})[constant] = value
     for name, values in by_set.items():
         _of_set(found, name, values)
@@ -80,8 +90,7 @@ def _of_set(found: Changes, name: str, values: Mapping[str, float]) -> None:
         found.sections.extend(_beam(name, section, {key: rest.pop(key) for key in _SECTION if key in rest}))
     factor = rest.pop("factor", 1.0)
     alike = _alike(found.model, name)
-    mean = _mean_density(found.model, name)
-    share = rest.pop("density") / mean if "density" in rest else 1.0
+    share = rest.pop("density") / _mean_density(found.model, name) if "density" in rest else 1.0
     for number, materials in enumerate(alike, start=1):
         suffix = "" if number == 1 else f"_{number}"
         own = {key.removesuffix(suffix): rest.pop(key) for key in list(rest) if _numbered(key) == number}
@@ -111,23 +120,31 @@ def _alike(model: FiniteElementModel, name: str) -> list[list[str]]:
 
 def _mean_density(model: FiniteElementModel, name: str) -> float:
     section = model.sections[name]
-    if isinstance(section, BeamSection):
-        return model.materials[section.material].constants["density"]
-    mass = sum(ply.thickness * model.materials[ply.material].constants["density"] for ply in section.plies)
-    return mass / sum(ply.thickness for ply in section.plies)
+    plies = [(section.material, 1.0)] if isinstance(section, BeamSection) else _plies(section)
+    mass = sum(t * model.materials[material].constants.get("density", 0.0) for material, t in plies)
+    if not mass > 0:
+        raise FormatError(f"{name}.density", "cannot be written: the materials of the set state none")
+    return mass / sum(t for _, t in plies)
+
+
+def _plies(section: ShellSection) -> list[tuple[str, float]]:
+    """Material and thickness of each."""
+    return [(ply.material, ply.thickness) for ply in section.plies]
 
 
 def _thickness(model: FiniteElementModel, name: str, section: ShellSection, t: float) -> Iterable[Number]:
     """Plies scaled to a whole thickness."""
     if any(block.thickness is not None for block in model.elements if block.set == name):
-        raise FormatError(f"{name}.t", "cannot be written: the deck states the thickness at nodes, by *NODAL THICKNESS")
+        raise FormatError(
+            f"{name}.t", "cannot be written: the deck states thicknesses element by element or node by node"
+        )
     share = t / sum(ply.thickness for ply in section.plies)
     for place, ply in {ply.place: ply for ply in section.plies}.items():
         if place is None:
             raise FormatError(f"{name}.t", "does not stand in the deck as a number")
         value = ply.thickness * share
-        if value != ply.thickness:
-            yield Number(place, value, said(f"thickness of {name}", ply.thickness, value))
+        if not _same(value, ply.thickness):
+            yield Number(name, place, value, said(f"thickness of {name}", ply.thickness, value))
 
 
 def _beam(name: str, section: BeamSection, values: Mapping[str, float]) -> Iterable[Number]:
@@ -136,10 +153,10 @@ def _beam(name: str, section: BeamSection, values: Mapping[str, float]) -> Itera
         if constant not in section.places:
             raise FormatError(
                 f"{name}.{constant}",
-                f"does not stand in the deck, which gives the section of line {section.line} by dimensions",
+                f"does not stand in the deck, which gives the section of line {section.line} in another way",
             )
-        if value != stated[constant]:
-            yield Number(section.places[constant], value, said(f"{constant} of {name}", stated[constant], value))
+        if not _same(value, stated[constant]):
+            yield Number(name, section.places[constant], value, said(f"{constant} of {name}", stated[constant], value))
 
 
 ISOTROPIC = {"E1": "E", "E2": "E", "G12": "G", "G13": "G", "G23": "G", "nu12": "nu"}
@@ -173,14 +190,17 @@ def _as_stated(
         )
         now = {**(stated or material.constants), **{_ORTHOTROPIC.get(key, key): value for key, value in values.items()}}
     now |= {key: value * factor for key, value in now.items() if key[0] in "EG"}
-    now["density"] = material.constants["density"] * share
-    changed = {key: value for key, value in now.items() if value != material.constants.get(key)}
-    for key in changed:
-        if key not in material.places and key in material.constants:
-            raise FormatError(
-                f"{name}.{key}", f"does not stand as a number of its own in {material.name} of line {material.line}"
-            )
-    return changed
+    if "density" in material.constants:
+        now["density"] = material.constants["density"] * share
+    return {key: value for key, value in now.items() if not _same(value, material.constants.get(key))}
+
+
+def _all_same(one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+    return one.keys() == other.keys() and all(_same(value, other[key]) for key, value in one.items())
+
+
+def _same(one: float, other: float | None) -> bool:
+    return other is not None and isclose(one, other, rel_tol=_ROUNDING)
 
 
 def _isotropic(material: Material, values: Mapping[str, float]) -> dict[str, float] | None:

@@ -1,0 +1,186 @@
+"""Campaigns of one material or body, and how their unknowns are laid out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from fecore.arrays import FloatArray
+from fecore.body.constants import Body, kind_of
+from fecore.body.specimen import OrientedSpecimen
+from fecore.body.structure import Structure
+from fecore.errors import InputError
+from fecore.frf import along_z
+from fecore.modes import MeasuredModes
+from fecore.updating.discretisation import AnyBody
+from fecore.updating.excursions import excursions
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs, tolerance_of
+from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Layout, Unknown, with_common
+from fecore.updating.parameters import Parameter, Parametrisation, parametrise
+
+MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
+"""Constants that belong to the material."""
+
+
+MATERIAL_PARAMETERS = (*(Parameter(name) for name in MATERIAL[:-1]), Parameter("nu_xy", prior_sd=0.1))
+"""What several campaigns update together by default: all constants of the material, each by itself."""
+
+
+_CLAMP_LOG_SD = 1.2  # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
+
+
+_HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
+
+
+_ALIKE = 1e-9  # relative, of nominal constants that are one
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """One test of one specimen of the material.
+
+    Attributes:
+        name: of the campaign, in results.
+        specimen: name of the specimen; campaigns of one specimen share its dimensions.
+        body: as it stood in this campaign: a specimen of the shared material in the material's axes, or a body in space, whose
+            sets' constants all campaigns share.
+        modes: measured modes, with shapes at `dofs` where there are any.
+        points: coordinates (x, y, z) in m of the shapes' points.
+        inputs: how well the laboratory knows what it hands in.
+        fixed_points: points at which a sensor stood through the test, if its mass was not stated.
+        axes: (3, 3) directions 1, 2 and 3, as rows, of points where they are not the body's axes.
+    """
+
+    name: str
+    specimen: str
+    body: Body
+    modes: MeasuredModes
+    points: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
+    inputs: Inputs = field(default_factory=Inputs)
+    fixed_points: tuple[int, ...] = ()
+    axes: Mapping[int, FloatArray] = field(default_factory=dict)
+
+
+def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, scatter: bool) -> Layout:
+    """Lay out the unknowns of some campaigns.
+
+    Args:
+        campaigns: at least one; names are all different.
+        parameters: the material's, with their priors.
+        scatter: give every specimen deviations of its own in each free modulus, where there is more than one specimen.
+
+    Raises:
+        InputError: two campaigns have one name, a parameter is not the material's, the parameters contradict themselves, or
+            campaigns begin with different values of one.
+    """
+    _check(campaigns, parameters)
+    forwards = [_forward(campaign, parameters) for campaign in campaigns]
+    first = forwards[0].parametrisation
+    shared = first.reported
+    _check_priors(campaigns, forwards)
+    deviations, common = with_common(first)
+    places: dict[tuple[str, str | None], Unknown] = {
+        (name, None): Unknown(name, None, float(sd)) for name, sd in zip(shared, deviations, strict=False)
+    }
+    specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
+    if scatter and len(specimens) > 1:
+        moduli = [name for name in shared if kind_of(name) not in ("nu_xy", "nu12")]
+        places |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
+    keys = []
+    for campaign, forward in zip(campaigns, forwards, strict=True):
+        prior = forward.parametrisation
+        keys.append([_key(name, campaign, shared) for name in prior.names])
+        for key, name, deviation in zip(keys[-1], prior.names, prior.xi_sd, strict=True):
+            places.setdefault(key, Unknown(name, key[1], float(deviation)))
+    number = {key: place for place, key in enumerate(places)}
+    models = []
+    for campaign, forward, own_keys in zip(campaigns, forwards, keys, strict=True):
+        pick = np.zeros((len(own_keys), len(places)))
+        for row, (name, owner) in enumerate(own_keys):
+            pick[row, number[name, owner]] = 1.0
+            if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
+                pick[row, number[name, campaign.specimen]] = 1.0
+        seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
+        models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
+    coupling = None
+    if common is not None:
+        coupling = np.zeros((len(places),) * 2)
+        coupling[: len(shared), : len(shared)] = common[: len(shared), : len(shared)]
+    return Layout(tuple(models), tuple(places.values()), coupling)
+
+
+def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel]) -> None:
+    """All campaigns deviate from the same values of what they share."""
+    first = forwards[0].parametrisation
+    for campaign, forward in zip(campaigns, forwards, strict=True):
+        for name, here, there in zip(
+            first.reported, forward.parametrisation.prior_mean, first.prior_mean, strict=False
+        ):
+            if not np.isclose(here, there, rtol=_ALIKE, atol=0.0):
+                raise InputError(
+                    "parameters",
+                    f"{name} is {here:.6g} in campaign {campaign.name} and {there:.6g} in {campaigns[0].name}; "
+                    "state its prior_mean in the recipe",
+                )
+
+
+def clamped(body: AnyBody, inputs: Inputs) -> AnyBody:
+    """The body with a clamp that may yield as far as the inputs say; as it is where none is modelled."""
+    scale = inputs.standard_deviation("clamp_compliance")
+    if not isinstance(body, OrientedSpecimen) or body.boundary != "cantilever" or body.clamp_compliance or not scale:
+        return body
+    return replace(body, clamp_compliance=_HALF_NORMAL_MEDIAN * scale)
+
+
+def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> None:
+    names = [campaign.name for campaign in campaigns]
+    if not names:
+        raise InputError("campaigns", "is empty, expected at least one")
+    if len(set(names)) < len(names):
+        raise InputError("campaigns", "two have the same name; the result needs names that differ")
+    check_material(campaigns[0].body, parameters)
+
+
+def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
+    """Make sure that parameters of specimens are their material's; sets of a body in space have constants of their own.
+
+    Raises:
+        InputError: one is not.
+    """
+    if isinstance(body, Structure):
+        return
+    for index, parameter in enumerate(parameters):
+        if parameter.name not in MATERIAL:
+            expected = f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}"
+            raise InputError(f"parameters.{index}.name", expected)
+
+
+def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, str | None]:
+    """The key of an unknown: its name, and to whom it belongs."""
+    if name in shared:
+        return name, None
+    return name, f"campaign {campaign.name}" if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"
+
+
+def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardModel:
+    parametrisation, modes = _with_own(parametrise(campaign.body, parameters), campaign), campaign.modes
+    dofs = modes.dofs if modes.shapes is not None else ()
+    rows = tuple(dict.fromkeys([*dofs, *along_z(campaign.fixed_points)]))
+    highest = float(modes.frequency_hz[-1])
+    return ForwardModel.of_dofs(parametrisation, rows, campaign.points, highest, len(modes), axes=campaign.axes)
+
+
+def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:
+    """The parameters, and the body's own constants as far as they are not known exactly."""
+    body, inputs = campaign.body, campaign.inputs
+    nominal = body.nominal
+    own = nominal if isinstance(body, Structure) else (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])
+    known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
+    sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
+    if isinstance(body, OrientedSpecimen) and body.clamp_compliance:
+        sds["clamp_compliance"] = body.clamp_compliance * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
+    return parametrisation.with_inputs(sds)

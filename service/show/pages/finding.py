@@ -1,0 +1,237 @@
+"""The page of searches: one box, facets, columns to choose, what was found with units and digits, files, saved searches."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import Query, Request
+from fastapi.responses import HTMLResponse
+
+from service.access import CurrentUser, SessionDep
+from service.access import routes as access
+from service.errors import Invalid
+from service.show.pages.look import Visit
+from service.show.pages.numbers import NOTHING, in_unit, moment, unit_of, words
+from service.store.search.fields import Field, Noun
+from service.store.search.nouns import NOUNS, SEARCHED, lineage
+from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
+from service.store.search.saved import list_saved
+from service.store.search.writing import as_text
+from service.web.routing import page_router
+
+router = page_router()
+ROWS = 50
+FILTER = re.compile(r"[=<>(]|\b(?:LIKE|BETWEEN|IN|IS|AND|OR|NOT)\b", re.IGNORECASE)
+"""What a filter has and words have not."""
+
+PAGES = {
+    "structure.id": "structures",
+    "campaign.id": "campaigns",
+    "result.id": "update-jobs",
+    "batch.id": "coupon-batches",
+    "monitor.id": "monitors",
+    "project.id": "projects",
+}
+"""Fields that name something which has a page, and where that is."""
+
+
+@dataclass(frozen=True)
+class Head:
+    """A column of the table: name, heading, unit, whether it has numbers, and the address that sorts by it."""
+
+    name: str
+    words: str
+    unit: str
+    numeric: bool
+    sort: str
+    sorted: str
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the address of the page says.
+
+    Attributes:
+        noun: what is searched.
+        text: of the box, a filter or words.
+        sort: field, `-` in front for descending.
+        fields: columns; the noun's own where there are none.
+    """
+
+    noun: str
+    text: str
+    sort: str
+    fields: tuple[str, ...]
+
+    def query(self) -> dict[str, str]:
+        """Parameters of `GET /search/{noun}`."""
+        words_or_filter = {"filter" if FILTER.search(self.text) else "q": self.text.strip()}
+        return {k: v for k, v in (words_or_filter | {"sort": self.sort, "fields": ",".join(self.fields)}).items() if v}
+
+    def address(self, **changed: Any) -> str:
+        """The page's query with some of it changed."""
+        said = {"noun": self.noun, "for": self.text, "sort": self.sort, "fields": self.fields} | changed
+        return "?" + urlencode({name: value for name, value in said.items() if value}, doseq=True)
+
+
+@router.get("/search")
+def get_search(
+    request: Request,
+    session: SessionDep,
+    user: CurrentUser,
+    noun: Annotated[str, Query(max_length=20)] = "campaigns",
+    text: Annotated[str, Query(alias="for", max_length=2000)] = "",
+    sort: Annotated[str, Query(max_length=100)] = "",
+    fields: Annotated[list[str] | None, Query(max_length=100)] = None,
+    cursor: Annotated[str | None, Query(max_length=4000)] = None,
+) -> HTMLResponse:
+    """What a filter or words find, over all projects of the visitor; the address has the whole search."""
+    if noun not in SEARCHED:
+        raise Invalid("noun", f"expected one of {', '.join(SEARCHED)}")
+    visit, asked = Visit(request, session, user), Asked(noun, text, sort, tuple(fields or ()))
+    found: dict[str, Any] = {"fault": ""}
+    try:
+        found |= _found(visit, asked, cursor)
+    except Invalid as error:
+        found["fault"] = "; ".join(fault.detail for fault in error.faults)
+    projects = access.list_projects(session, user, limit=200).items
+    shown = visit.show(
+        "find.html",
+        asked=asked,
+        nouns=list(SEARCHED),
+        columns=_choice(SEARCHED[noun], asked),
+        hints=[_hint(one, field, SEARCHED[noun]) for one in NOUNS.values() for field in one.fields],
+        saved=[(kept, _address_of(kept.noun, kept.query)) for kept in list_saved(session, user, None, 200).items],
+        projects=[project for project in projects if project.archived_at is None],
+        **found,
+    )
+    shown.status_code = 422 if found["fault"] else 200
+    return shown
+
+
+def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
+    """Rows, counts and facets of a search.
+
+    Raises:
+        Invalid: it cannot be read, or takes too long.
+    """
+    noun, query = SEARCHED[asked.noun], asked.query()
+    names = asked.fields or tuple(name for name in noun.shown if not name.endswith(("id", "_low", "_high")))
+    beside = [*_links(noun), *_deviations(noun, names)]
+    fields = tuple(dict.fromkeys([*names, *beside]))
+    facets = (*noun.facets, *(["tag"] if any(field.name == "tag" for field in noun.fields) else []))
+    search = Search(visit.user, noun, Wanted(query.get("filter"), query.get("q"), asked.sort, fields, facets))
+    with bounded(visit.session):
+        rows, following = search.page(visit.session, cursor, ROWS)
+        count, counted = search.counts(visit.session)
+    shown = [column for column in search.columns if column.name in {_shown_as(noun, name) for name in names}]
+    values = [dict(zip((column.name for column in search.columns), row, strict=True)) for row in rows]
+    shown = [one for one in shown if asked.fields or not _is_empty(one, values)]
+    return {
+        "heads": [_head(column, asked) for column in shown],
+        "rows": [[_cell(noun, column, row) for column in shown] for row in values],
+        "links": [_link(noun, row) for row in values],
+        "count": f"{MOST_COUNTED:,}+" if count > MOST_COUNTED else f"{count:,}",
+        "facets": {name: list(_narrower(asked, name, times)) for name, times in counted.items() if len(times) > 1},
+        "following": asked.address(cursor=following) if following else None,
+        "query": urlencode(query),
+        "saving": query,
+    }
+
+
+def _is_empty(column: Column, rows: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether no row has a constant that results may have."""
+    return bool(column.field.sd) and bool(rows) and all(row[column.name] is None for row in rows)
+
+
+def _shown_as(noun: Noun, name: str) -> str:
+    return name.removeprefix(f"{noun.name}.")
+
+
+def _links(noun: Noun) -> list[str]:
+    """Fields that name what has a page, the nearest first."""
+    return [name for one in lineage(noun) if (name := f"{one.name}.id") in PAGES]
+
+
+def _deviations(noun: Noun, names: Sequence[str]) -> Iterator[str]:
+    """The standard deviation of each field that has one."""
+    for field in noun.fields:
+        if field.sd and field.name in {_shown_as(noun, name) for name in names}:
+            yield field.sd
+
+
+def _link(noun: Noun, row: Mapping[str, Any]) -> str:
+    name = _links(noun)[0]
+    return f"ui/{PAGES[name]}/{row[_shown_as(noun, name)]}"
+
+
+def _head(column: Column, asked: Asked) -> Head:
+    name, field = column.name, column.field
+    now = asked.sort.removeprefix("-") == name and ((asked.sort.startswith("-") and "descending") or "ascending")
+    following = f"-{name}" if now == "ascending" else name
+    sort = "" if field.kind in ("tags", "json") else asked.address(sort=following)
+    return Head(name, _heading(name), unit_of(field.unit), field.kind in ("number", "whole"), sort, now or "none")
+
+
+def _heading(name: str) -> str:
+    """A field's name as words: `campaign.temperature_c` is "campaign temperature"."""
+    return re.sub(r"_(hz|c|percent|Pa)$", "", name).replace(".", " ").replace("_", " ")
+
+
+def _cell(noun: Noun, column: Column, row: Mapping[str, Any]) -> tuple[str, str]:
+    """A value as a laboratory writes it, and its standard deviation where it has one."""
+    value, field = row[column.name], column.field
+    if value is None or value == [] or value == {}:
+        return NOTHING, ""
+    if isinstance(value, datetime):
+        return moment(value), ""
+    if field.kind == "number":
+        sd = row.get(field.sd) if any(one is field for one in noun.fields) else None
+        if sd:
+            return in_unit(value, field.unit, sd), in_unit(sd, field.unit, sd)
+        return _without_zeros(in_unit(value, field.unit)), ""
+    if isinstance(value, bool):
+        return "yes" if value else "no", ""
+    return words(value) if field.name in ("verdict", "boundary", "state") else str(as_text(value)), ""
+
+
+def _without_zeros(text: str) -> str:
+    """A number that nobody said how well is known: what was typed."""
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
+
+
+def _narrower(asked: Asked, name: str, times: Mapping[str, int]) -> Iterator[tuple[str, int, str]]:
+    """Values of a facet, how often each is there, and the address that finds these alone."""
+    for value, count in times.items():
+        condition = f"{name} IS NULL" if value == "" else f"{name} = '{value.replace(chr(39), chr(39) * 2)}'"
+        before = asked.query().get("filter")
+        text = (
+            f"({before}) AND {condition}"
+            if before and re.search(r"\bOR\b", before, re.IGNORECASE)
+            else (f"{before} AND {condition}" if before else condition)
+        )
+        yield words(value) or "not known", count, asked.address(**{"for": text})
+
+
+def _choice(noun: Noun, asked: Asked) -> list[tuple[str, bool]]:
+    """All columns of a noun and of what it belongs to, and whether each is chosen."""
+    names = [field.name if one is noun else f"{one.name}.{field.name}" for one in lineage(noun) for field in one.fields]
+    members = [name for name in asked.fields if name not in names]
+    chosen = asked.fields or noun.shown
+    return [(name, name in chosen) for name in [*names, *members] if name != "meta"]
+
+
+def _hint(one: Noun, field: Field, here: Noun) -> dict[str, str]:
+    """What the box suggests of a field."""
+    name = field.name if one is here else f"{one.name}.{field.name}"
+    return {"name": name, "kind": field.kind, "means": field.meaning + (f", {field.unit}" if field.unit else "")}
+
+
+def _address_of(noun: str, query: Mapping[str, str]) -> str:
+    fields = tuple(name for name in query.get("fields", "").split(",") if name)
+    return Asked(noun, query.get("filter") or query.get("q", ""), query.get("sort", ""), fields).address()

@@ -1,0 +1,69 @@
+"""Routes of archives: of a project, a campaign, or what a search found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from uuid import UUID
+
+from fastapi.responses import FileResponse
+from sqlalchemy.orm import Session
+
+from service.access import CurrentUser, SessionDep, User, project_for
+from service.errors import Invalid, NotFound
+from service.store.archives.writing import write_archive
+from service.store.campaigns.operations import campaign_for, present_campaigns
+from service.store.search.nouns import NOUNS
+from service.store.search.operations import Search, bounded
+from service.store.search.routes import WantedDep
+from service.store.structures.operations import structures_in
+from service.web import api_router
+from service.web.downloads import spooled
+
+router = api_router(tags=["archives"])
+MEDIA_TYPE = "application/zip"
+MOST_CAMPAIGNS = 5_000
+"""Of an archive."""
+FILES = {200: {"content": {MEDIA_TYPE: {}}, "description": "The archive."}}
+
+
+@router.get("/projects/{project_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_project_archive(project_id: UUID, session: SessionDep, user: CurrentUser) -> FileResponse:
+    """All campaigns of a project with their structures, modes and results as one zip of UFF, CSV and JSON."""
+    project = project_for(session, user, project_id)
+    return _archive(session, user, project.name, present_campaigns(session, structures_in([project.id])))
+
+
+@router.get("/campaigns/{campaign_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_campaign_archive(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> FileResponse:
+    """A campaign with its structure, modes and results as one zip of UFF, CSV and JSON."""
+    campaign = campaign_for(session, user, campaign_id)
+    return _archive(session, user, campaign.name, [campaign.id])
+
+
+@router.get("/search/campaigns/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_found_archive(wanted: WantedDep, session: SessionDep, user: CurrentUser) -> FileResponse:
+    """All campaigns that a search finds, over all projects, as one zip of UFF, CSV and JSON."""
+    with bounded(session):
+        keys = Search(user, NOUNS["campaign"], wanted).keys(session, MOST_CAMPAIGNS + 1)
+    if not keys:
+        raise NotFound("campaign that the search finds")
+    return _archive(session, user, wanted.filter or wanted.words or "all campaigns", keys)
+
+
+def _archive(session: Session, user: User, title: str, keys: Sequence[UUID]) -> FileResponse:
+    if len(keys) > MOST_CAMPAIGNS:
+        raise Invalid("filter", f"finds more than {MOST_CAMPAIGNS:,} campaigns, which is as many as an archive has")
+    with _standing_still(session):
+        return spooled(lambda file: write_archive(session, user, title, keys, file), MEDIA_TYPE, "archive.zip", {})
+
+
+@contextmanager
+def _standing_still(session: Session) -> Iterator[None]:
+    """Many files are written of one moment."""
+    connection = session.connection()
+    connection.exec_driver_sql("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY")
+    try:
+        yield
+    finally:
+        connection.exec_driver_sql("ROLLBACK")

@@ -1,0 +1,99 @@
+"""The mesh that a structure is: of the model that was sent, or of the strip or shape that is described."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy.orm import Session
+
+from fecore.body.generators import strip
+from fecore.body.mesh import Block, Mesh
+from fecore.body.supports import of_boundary
+from service.compute.models.bodies import AS_MODELLED
+from service.errors import Conflict
+from service.store.structures.models import load_model
+from service.store.structures.operations import StructureVersion, describe_version
+
+if TYPE_CHECKING:
+    from modalbase.formats.models.model import FiniteElementModel
+
+
+def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -> dict[str, Any]:
+    """Nodes and elements of a structure, with what holds and loads it, for a page that draws it.
+
+    Args:
+        session: of the request.
+        version: what the structure is.
+        boundary: how it is held; of a model its own supports where none is stated.
+
+    Raises:
+        Conflict: nothing is said of the structure that has a mesh.
+        InputError: the boundary is of models, and this is none.
+    """
+    if version.model is not None:
+        return _of_model(load_model(session, version.model), held=boundary in (None, AS_MODELLED))
+    mesh = described_mesh(version)
+    supports = () if boundary is None else of_boundary(boundary)  # type: ignore[arg-type]
+    held = [{"nodes": mesh.select(each.where).tolist(), "dofs": [dof + 1 for dof in each.dofs]} for each in supports]
+    numbers = list(range(1, len(mesh.nodes) + 1))
+    return {
+        "nodes": {"numbers": numbers, **columns(mesh)},
+        "blocks": [_block(block, first) for block, first in zip(mesh.blocks, _first_numbers(mesh), strict=True)],
+        "supports": held,
+        "masses": [],
+    }
+
+
+def described_mesh(version: StructureVersion) -> Mesh:
+    """The mesh of a strip, a plate or a shape.
+
+    Raises:
+        Conflict: the structure states no dimensions.
+    """
+    structure = describe_version(version, "")
+    if structure.shape is not None:
+        return structure.shape.mesh()
+    g = structure.geometry
+    if g is None:
+        raise Conflict("the structure states neither a geometry nor a shape, and is no model, so it has no mesh")
+    pieces = [piece.to_core() for piece in structure.pieces or ()]
+    return strip(g.length_m, g.width_m, pieces=pieces, thickness=g.thickness_m)
+
+
+def columns(mesh: Mesh) -> dict[str, list[float]]:
+    """Coordinates of the nodes by axis, m."""
+    return {f"{axis}_m": mesh.nodes[:, k].tolist() for k, axis in enumerate("xyz")}
+
+
+def _first_numbers(mesh: Mesh) -> Iterable[int]:
+    return accumulate((len(block.nodes) for block in mesh.blocks[:-1]), initial=1)
+
+
+def _block(block: Block, first: int) -> dict[str, Any]:
+    numbers = list(range(first, first + len(block.nodes)))
+    return {"set": block.set, "kind": block.kind, "numbers": numbers, "nodes": block.nodes.tolist()}
+
+
+def _of_model(model: FiniteElementModel, *, held: bool) -> dict[str, Any]:
+    return {
+        "nodes": {
+            "numbers": model.numbers.tolist(),
+            **{f"{axis}_m": model.nodes[:, k].tolist() for k, axis in enumerate("xyz")},
+        },
+        "blocks": [
+            {
+                "set": block.set,
+                "kind": block.kind,
+                "numbers": block.numbers.tolist(),
+                "nodes": block.nodes.tolist(),
+            }
+            for block in model.elements
+        ],
+        "supports": [
+            {"nodes": each.nodes.tolist(), "dofs": [dof + 1 for dof in each.dofs]}
+            for each in (model.supports if held else ())
+        ],
+        "masses": sorted({int(each.node) for each in model.masses}),
+    }

@@ -1,0 +1,265 @@
+"""Archives as others meet them: read with pandas and pyuff alone, brought into another service, damaged in every way."""
+
+import io
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
+
+import httpx
+import pandas as pd
+import psycopg
+import pytest
+
+import modalbase
+from modalbase.client.errors import ClientError
+from modalbase.objects.archives import ArchiveFile
+from service.app.demo import paper
+from service.app.supervisor import LocalService
+from service.db.engine import psycopg_url
+from tests.support.furnished import MODES, frfs
+from tests.support.rest import ok
+
+SCRIPT = """
+import json, sys, zipfile
+from hashlib import sha256
+from pathlib import Path
+import pandas as pd
+import pyuff
+
+with zipfile.ZipFile(sys.argv[1]) as archive:
+    archive.extractall(sys.argv[2])
+folder = Path(sys.argv[2])
+files = json.loads((folder / "manifest.json").read_text())["files"]
+assert all(sha256((folder / name).read_bytes()).hexdigest() == entry["sha256"] for name, entry in files.items())
+crate = {one["@id"]: one for one in json.loads((folder / "ro-crate-metadata.json").read_text())["@graph"]}
+assert crate["ro-crate-metadata.json"]["about"] == {"@id": "./"} and crate["./"]["@type"] == "Dataset"
+assert all(crate[name]["sha256"] == entry["sha256"] for name, entry in files.items() if name[:8] != "ro-crate")
+(campaign,) = (folder / "campaigns").iterdir()
+rows = pd.read_csv(campaign / "frfs.csv")
+sets = [one for one in pyuff.UFF(str(campaign / "frfs.uff")).read_sets() if one["type"] == 58 and one["func_type"] == 4]
+assert len(sets) == len(rows)
+assert [one["rsp_node"] for one in sets] == rows["response_point"].tolist()
+results = pd.read_csv(folder / "results.csv")
+modes = pd.read_csv(campaign / "modes.csv")
+print(json.dumps({
+    "frfs": len(rows), "first": [sets[0]["data"][1].real, sets[0]["data"][1].imag], "Ex": results["Ex"].tolist(),
+    "verdict": results["verdict"].tolist(), "f": modes["frequency_hz"].tolist(),
+    "points": len(pd.read_csv(campaign / "grid-points.csv")),
+}))
+"""
+RESULT = {
+    "verdict": {"level": "usable", "sentence": "", "reasons": []},
+    "parameters": [{"name": "Ex", "estimate": 3.1e10, "standard_deviation": 2e8, "interval_95": [3.06e10, 3.14e10]}],
+    "version": 3,
+}
+
+
+@pytest.fixture
+def measured(api: httpx.Client, service: LocalService, project: str) -> dict[str, str]:
+    """A campaign with labels, points, FRFs, modes and a result."""
+    body = {**paper.STRUCTURE, "name": "bar", "tags": ["pultruded"]}
+    structure = ok(api.post(f"projects/{project}/structures", json=body), 201)["id"]
+    body = {**paper.CAMPAIGN, "name": "cold", "temperature_c": -3.0, "meta": {"client": "ACME"}, "notes": "œ"}
+    campaign = ok(api.post(f"structures/{structure}/campaigns", json=body), 201)["id"]
+    points = [{"label": n, "x_m": 0.1 * n, "y_m": 0, "z_m": 0} for n in (1, 2, 11, 12)]
+    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}), 200)
+    for first in (11, 12):
+        ok(api.post(f"campaigns/{campaign}/frfs", json=frfs(first)), 201)
+    labels = {"tags": ["second hammer"], "meta": {"tip": "steel"}}
+    ok(api.put(f"campaigns/{campaign}/frfs/labels", json=labels, params={"point": 12}), 200)
+    ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": MODES}), 201)
+    job = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 202)["id"]
+    row = "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, %s, '')"
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        connection.execute(row, [job, campaign, json.dumps(RESULT)])
+    return {"project": project, "structure": structure, "campaign": campaign, "job": job}
+
+
+def key_of(api: httpx.Client) -> str:
+    return api.headers["Authorization"].removeprefix("Bearer ")
+
+
+def test_others_read_an_archive_with_pandas_and_pyuff(
+    service: LocalService, api: httpx.Client, measured: dict[str, str], tmp_path: Path
+) -> None:
+    (tmp_path / "script.py").write_text(SCRIPT)
+    with modalbase.connect(service.url, key_of(api)) as lab:
+        found = lab.find("campaigns", f"meta.client = 'ACME' AND project.id = '{measured['project']}'")
+        files = [
+            lab.project(measured["project"]).archive(tmp_path / "project.zip"),
+            lab.campaign(measured["campaign"]).archive(tmp_path / "campaign.zip"),
+            found.archive(tmp_path / "found.zip"),
+        ]
+        with pytest.raises(ClientError, match="search for those whose modes"):
+            lab.find("modes", "frequency_hz > 0").archive(tmp_path / "modes.zip")
+        with pytest.raises(ClientError, match="campaign that the search finds"):
+            lab.find("campaigns", "temperature_c > 900").archive(tmp_path / "nothing.zip")
+    for file in files:
+        command = [sys.executable, str(tmp_path / "script.py"), str(file), str(tmp_path / file.stem)]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=False)
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout) == {
+            "frfs": 2, "first": [2.0, 0.5], "Ex": [3.1e10], "verdict": ["usable"], "points": 4,
+            "f": [mode["frequency_hz"] for mode in MODES],
+        }  # fmt: skip
+    document = next((tmp_path / "project").glob("campaigns/*/results/*.json"))
+    assert json.loads(document.read_text())["labels"] == {"tags": [], "meta": {}}
+
+
+def test_another_service_has_what_was_measured_under_new_ids(
+    service: LocalService,
+    new_service: Callable[..., LocalService],
+    api: httpx.Client,
+    measured: dict[str, str],
+    tmp_path: Path,
+) -> None:
+    with modalbase.connect(service.url, key_of(api)) as lab:
+        file = lab.project(measured["project"]).archive(tmp_path / "project.zip")
+        before = lab.campaign(measured["campaign"])
+        spectra = before.frfs()
+    with new_service() as other, modalbase.connect(other.url, other.new_key("heir")) as lab:
+        project = lab.new_project("heirloom")
+        done = project.import_archive(file)
+        assert len(done.ids) == 3
+        assert done.results == [f"campaigns/{measured['campaign']}/results/{measured['job']}.json"]
+        structure = lab.structure(done.ids[measured["structure"]])
+        assert (structure.name, structure.tags, structure.meta["archive"]["id"]) == (
+            "bar", ["pultruded"], measured["structure"],
+        )  # fmt: skip
+        campaign = lab.campaign(done.ids[measured["campaign"]])
+        assert campaign.fields["structure_id"] == structure.id
+        for name in ("name", "boundary", "temperature_c", "performed_at", "instruments", "frame", "inputs", "notes"):
+            assert campaign.fields[name] == before.fields[name], name
+        assert campaign.meta == {"client": "ACME", "archive": campaign.meta["archive"]}
+        assert (campaign.frfs().values == spectra.values).all()
+        labelled = list(lab.find("frfs", "tag = 'second hammer' AND meta.tip = 'steel'"))
+        assert [row["response_point"] for row in labelled] == [12]
+        found = list(lab.find("campaigns", f"meta.archive.id = '{measured['campaign']}'"))
+        assert [row["id"] for row in found] == [campaign.id]
+        assert len(list(lab.find("modes", "frequency_hz > 0"))) == len(MODES)
+        again = campaign.archive(tmp_path / "again.zip")
+        assert frequencies(again) == frequencies(file)
+
+
+def frequencies(path: Path) -> list[float]:
+    with ZipFile(path) as archive:
+        name = next(name for name in archive.namelist() if name.endswith("/modes.csv"))
+        table: list[float] = pd.read_csv(io.BytesIO(archive.read(name)))["frequency_hz"].tolist()
+        return table
+
+
+Members = dict[str, bytes]
+
+
+def without(members: Members, end: str) -> Members:
+    return {name: content for name, content in members.items() if not name.endswith(end)}
+
+
+def restated(members: Members, **changed: Any) -> Members:
+    manifest = json.loads(members["manifest.json"]) | changed
+    return members | {"manifest.json": json.dumps(manifest).encode()}
+
+
+def grown(members: Members) -> Members:
+    files = json.loads(members["manifest.json"])["files"] | {"a.json": {"bytes": 10**8, "sha256": "0" * 64}}
+    return restated(members, files=files) | {"a.json": bytes(10**8)}
+
+
+def elsewhere(members: Members) -> Members:
+    return members | {"../../evil": b"x"}
+
+
+DAMAGES: list[tuple[str, Callable[[Members], Members], str]] = [
+    ("a member is gone", lambda m: without(m, "/frfs.uff"), "other members than its manifest: .*frfs.uff"),
+    ("a member is added", elsewhere, "other members than its manifest: .*evil"),
+    ("the manifest is gone", lambda m: without(m, "manifest.json"), "is no archive of modalbase"),
+    ("the manifest is no JSON", lambda m: m | {"manifest.json": b"{"}, "is no archive of modalbase"),
+    ("the manifest is a list", lambda m: m | {"manifest.json": b"[]"}, "is no archive of modalbase"),
+    ("the manifest's files are none", lambda m: restated(m, files={"x": 3}), "is no archive of modalbase"),
+    ("a later format", lambda m: restated(m, format=2), "of format 2; this version reads 1"),
+    ("it would grow", grown, "would grow to .* bytes"),
+    (
+        "another content",
+        lambda m: {name: content.replace(b"cold", b"warm") for name, content in m.items()},
+        "campaign.json is not what the manifest says",
+    ),
+]
+
+
+def test_a_damaged_archive_is_refused_before_anything_is_sent(
+    service: LocalService, api: httpx.Client, measured: dict[str, str], tmp_path: Path
+) -> None:
+    with modalbase.connect(service.url, key_of(api)) as lab:
+        file = lab.project(measured["project"]).archive(tmp_path / "good.zip")
+        project = lab.new_project("untouched")
+        with ZipFile(file) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+        bad = tmp_path / "bad.zip"
+        for what, damage, said in DAMAGES:
+            with ZipFile(bad, "w", ZIP_DEFLATED) as archive:
+                for name, content in damage(members).items():
+                    archive.writestr(name, content)
+            with pytest.raises(ClientError, match=said):
+                project.import_archive(bad)
+            assert project.structures() == [], what
+        whole = file.read_bytes()
+        for cut in range(0, len(whole), len(whole) // 40):
+            bad.write_bytes(whole[:cut])
+            with pytest.raises(ClientError):
+                project.import_archive(bad)
+        for place in range(10, len(whole), len(whole) // 60):
+            bad.write_bytes(whole[:place] + bytes([whole[place] ^ 0x41]) + whole[place + 1 :])
+            refused_or_harmless(bad)
+        assert project.structures() == []
+
+
+def refused_or_harmless(path: Path) -> None:
+    """A flipped bit is refused, or lies where a zip says something of itself that nobody reads."""
+    try:
+        with ArchiveFile(path) as archive:
+            archive.check()
+    except ClientError:
+        return
+    with ZipFile(path) as found:
+        assert found.testzip() is None
+
+
+def test_an_archive_that_contradicts_itself_is_refused(
+    service: LocalService, api: httpx.Client, measured: dict[str, str], tmp_path: Path
+) -> None:
+    """Its digests are right; what it says is not: a campaign of a structure of somebody else."""
+    with modalbase.connect(service.url, key_of(api)) as lab:
+        file = lab.project(measured["project"]).archive(tmp_path / "good.zip")
+        with ZipFile(file) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+        folder = f"campaigns/{measured['campaign']}"
+        campaign = json.loads(members[f"{folder}/campaign.json"])
+        foreign = json.dumps(campaign | {"structure_id": measured["job"]}).encode()
+        strange = members[f"{folder}/frfs.csv"].replace(b'"[""second hammer""]"', b"[")
+        for name, content, said in (
+            (f"{folder}/campaign.json", foreign, "a structure that the archive does not have"),
+            (f"{folder}/campaign.json", b"[]", "something in the archive|is not as an archive is"),
+            (f"{folder}/frfs.csv", strange, "is not as an archive is: JSONDecodeError"),
+        ):
+            files = json.loads(members["manifest.json"])["files"]
+            files[name] = {"bytes": len(content), "sha256": sha256(content).hexdigest()}
+            with ZipFile(file, "w", ZIP_DEFLATED) as archive:
+                for path, kept in (restated(members, files=files) | {name: content}).items():
+                    archive.writestr(path, kept)
+            with pytest.raises(ClientError, match=said):
+                lab.new_project(said).import_archive(file)
+
+
+def test_an_archive_has_nothing_of_others(measured: dict[str, str], new_client: Callable[[], httpx.Client]) -> None:
+    stranger = new_client()
+    for path in (f"projects/{measured['project']}/archive", f"campaigns/{measured['campaign']}/archive"):
+        assert stranger.get(path).status_code == 404
+    assert stranger.get("search/campaigns/archive").status_code == 404
+    own = ok(stranger.post("projects", json={"name": "own"}), 201)["id"]
+    with ZipFile(io.BytesIO(stranger.get(f"projects/{own}/archive").content)) as archive:
+        assert sorted(archive.namelist()) == ["manifest.json", "results.csv", "ro-crate-metadata.json"]

@@ -1,0 +1,232 @@
+"""The structure in space, in the system's Chromium: what is drawn, turned, zoomed and chosen, by mouse and by keyboard, on a
+desk and on a phone; and the still picture of a browser without WebGL.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import pytest
+
+from service.app.supervisor import LocalService
+from tests.acceptance.test_browser import overflow, signed_in
+from tests.support.browser import Watched, browser, chromium, hindrances, watched_page
+from tests.support.profiles import deck, points
+from tests.support.rest import client_at, finished, ok, posted
+from tests.support.waiting import until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+READY = "[data-space][data-ready=webgl]"
+NO_WEBGL = """
+    const get = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+        return kind.startsWith("webgl") ? null : get.call(this, kind, ...more);
+    };
+"""
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    chromium()
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture
+def bracket(service: LocalService) -> dict[str, str]:
+    """A key, and the addresses of a deck and of a test of it with FRFs at two points and one measured shape."""
+    key = service.new_key("space")
+    with client_at(service.url, key) as api:
+        project = posted(api, "projects", {"name": "in space"})["id"]
+        structure = posted(api, f"projects/{project}/structures", {"name": "bracket"})["id"]
+        query = {"filename": "angle.inp", "units": "m-N-kg"}
+        sent = api.post(f"structures/{structure}/model", params=query, content=deck())
+        finished(api, ok(sent, 202) and sent.headers["Location"])
+        return {"key": key, "structure": f"/ui/structures/{structure}", "campaign": measured(api, structure)}
+
+
+def measured(api: httpx.Client, structure: str) -> str:
+    campaign = posted(api, f"structures/{structure}/campaigns", {"name": "hung", "boundary": "as_modelled"})["id"]
+    places = {**points(), 90: (0.2, 0.0, 0.0)}  # the last lies in the air
+    items = [{"label": n, "x_m": x, "y_m": y, "z_m": z} for n, (x, y, z) in places.items()]
+    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": items}, headers={"If-Match": "*"}))
+    spectrum = {"real": [1.0, 2.0, 3.0], "imag": [0.0, 0.5, 1.0]}
+    rows = [
+        {"response_point": point, "response_direction": 3, "reference_point": 1, "reference_direction": -2, **spectrum}
+        for point in (1, 2)
+    ]
+    ok(
+        api.post(
+            f"campaigns/{campaign}/frfs",
+            json={"quantity": "accelerance", "frequency_hz": [1.0, 2.0, 3.0], "frfs": rows},
+        ),
+        201,
+    )
+    shape = [{"point": n, "direction": 3, "real": 0.1 * n, "imag": 0.0} for n in places]
+    modes = {"name": "typed in", "modes": [{"frequency_hz": 25.0, "shape": shape}]}
+    posted(api, f"campaigns/{campaign}/mode-sets", modes)
+    return f"/ui/campaigns/{campaign}"
+
+
+def picture(page: Page) -> bytes:
+    """What the canvas shows."""
+    return page.locator("[data-space-canvas]").screenshot()
+
+
+def opened(seen: Watched, path: str) -> Page:
+    seen.visit(path)
+    seen.page.locator("[data-space]").scroll_into_view_if_needed()
+    seen.page.wait_for_selector(READY)
+    return seen.page
+
+
+@pytest.mark.parametrize(("width", "height", "dark"), [(1400, 900, False), (390, 844, True)])
+def test_a_structure_is_turned_zoomed_and_its_points_chosen(
+    running: Browser, service: LocalService, bracket: dict[str, str], width: int, height: int, dark: bool
+) -> None:
+    with watched_page(running, service.url, width=width, height=height, dark=dark) as seen:
+        signed_in(seen, bracket["key"], "/ui/")
+        page = opened(seen, bracket["structure"])
+        legend = page.inner_text("[data-space-legend]")
+        assert all(
+            words in legend for words in ("flange, 60 elements", "web, 80 elements", "held: 15 nodes", "junctions")
+        )
+        assert "GFRP" in page.inner_text("[aria-label=Sets]")
+        views_differ(page)
+        assert (hindrances(page), overflow(seen)) == ([], 0)
+        page = opened(seen, bracket["campaign"])
+        a_point_is_chosen(page)
+        a_shape_moves(page)
+        page.click("[data-space-distances]")
+        until(lambda: "1 point further than an update takes: 90" in said(page), "the distances of the points")
+        assert "points off the structure" in page.inner_text("[data-space-legend]")
+        assert (hindrances(page), overflow(seen)) == ([], 0)
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def said(page: Page) -> str:
+    return page.inner_text("[data-space-said]")
+
+
+def views_differ(page: Page) -> None:
+    """Each key and each way of the mouse shows another view; Home is the first one again."""
+    page.focus("[data-space-canvas]")
+    page.keyboard.press("Home")
+    first, views = picture(page), set()
+    for key in ("ArrowLeft", "ArrowUp", "+", "Shift+ArrowLeft"):
+        page.keyboard.press(key)
+        views.add(picture(page))
+    box: Any = page.locator("[data-space-canvas]").bounding_box()
+    page.mouse.move(box["x"] + 100, box["y"] + 100)
+    page.mouse.wheel(0, -200)
+    views.add(picture(page))
+    page.mouse.down()
+    page.mouse.move(box["x"] + 160, box["y"] + 130, steps=4)
+    page.mouse.up()
+    views.add(picture(page))
+    assert len(views) == 6
+    assert first not in views
+    page.keyboard.press("Home")
+    assert picture(page) == first
+
+
+def a_point_is_chosen(page: Page) -> None:
+    """From the list and by key it is marked, named in the address, and its FRF is shown."""
+    before = picture(page)
+    page.select_option(
+        "[data-space-point]",
+        label=next(o for o in page.locator("[data-space-point] option").all_inner_texts() if o.startswith("2:")),
+    )
+    assert said(page).startswith("Point 2: ")
+    assert "1 FRF" in said(page)
+    assert "point=2" in page.url
+    assert page.inner_text("[data-frfs] option:checked").startswith("2+z/1−y")
+    assert picture(page) != before
+    page.focus("[data-space-canvas]")
+    page.keyboard.press("p")
+    assert said(page).startswith("Point 1: ")
+    box: Any = page.locator("[data-space-labels] span:text-is('5')").bounding_box()
+    page.mouse.click(box["x"] - 5, box["y"] - 4)  # a label stands beside its point
+    assert said(page).startswith("Point 5: ")
+
+
+def a_shape_moves(page: Page) -> None:
+    """Who prefers stillness sees it at its largest; the phase turns it over; Move moves it."""
+    page.click("[data-shape]")
+    until(lambda: "typed in, mode 1: 25 Hz" in said(page), "the shape of the mode set")
+    assert page.inner_text("[data-space-run]") == "Move"
+    largest = picture(page)
+    page.locator("[data-space-phase]").fill("180")
+    assert picture(page) != largest
+    page.click("[data-space-run]")
+    assert page.inner_text("[data-space-run]") == "Stop"
+    one = picture(page)
+    until(lambda: picture(page) != one, "the shape in motion")
+    page.click("[data-space-run]")
+
+
+def test_a_structure_is_corrected_and_a_deck_sent_deleted_and_restored(running: Browser, service: LocalService) -> None:
+    key = service.new_key("correcting")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        project = posted(api, "projects", {"name": "corrected"})["id"]
+        size = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01012}
+        body = {"name": "strip", "geometry": size, "density_kg_m3": 2012}
+        structure = posted(api, f"projects/{project}/structures", body)["id"]
+        page = signed_in(seen, key, f"/ui/structures/{structure}")
+        page.click("summary:text('Correct or delete')")
+        page.click("button:text('Store the changes')")
+        page.wait_for_selector("form[data-patch] .faults:text('Nothing was changed')")
+        page.fill("[name='geometry/thickness_m']", "10.2")
+        with page.expect_navigation():
+            page.click("button:text('Store the changes')")
+        found = ok(api.get(f"structures/{structure}"))
+        assert (found["version"], found["geometry"]) == (2, {**size, "thickness_m": 0.0102})
+        assert found["density_kg_m3"] == 2012
+        a_deck_is_sent(page)
+        assert ok(api.get(f"structures/{structure}"))["version"] == 3
+        page.click("summary:text('Correct or delete')")
+        page.once("dialog", lambda dialog: dialog.accept())
+        page.click("button:text('Delete the structure')")
+        page.wait_for_url(f"**/ui/projects/{project}")
+        page.click("summary:text('1 deleted structure')")
+        page.click("[aria-label='Restore strip']")
+        page.wait_for_url(f"**/ui/structures/{structure}")
+        assert hindrances(page) == []
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def a_deck_is_sent(page: Page) -> None:
+    """Without its units the report says which fit; with them the structure is the model."""
+    page.click("summary:text('A model of your own')")
+    page.set_input_files(
+        "[data-deck] [name=file]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
+    )
+    page.click("button:text('Send the model')")
+    page.wait_for_selector("#progress .faults:has-text('units=mm-N-t?')")
+    page.fill("[data-deck] [name=units]", "mm-N-t")
+    page.set_input_files(
+        "[data-deck] [name=file]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
+    )
+    page.click("button:text('Send the model')")
+    page.wait_for_selector("[aria-label=Sets] :text('flange')")
+
+
+def test_a_browser_without_webgl_has_a_still_picture(
+    running: Browser, service: LocalService, bracket: dict[str, str]
+) -> None:
+    with watched_page(running, service.url) as seen:
+        seen.page.context.add_init_script(NO_WEBGL)
+        signed_in(seen, bracket["key"], bracket["structure"])
+        page = seen.page
+        page.locator("[data-space]").scroll_into_view_if_needed()
+        page.wait_for_selector("[data-space][data-ready=still] svg path")
+        assert page.locator("[data-space-canvas]").is_hidden()
+        seen.visit(bracket["campaign"])
+        seen.page.wait_for_selector("[data-space][data-ready=still] svg.grid")
+        seen.page.click("[data-shape]")
+        seen.page.wait_for_selector("[data-space-picture] svg:not(.grid) circle")
+        assert seen.complaints == []
