@@ -39,7 +39,7 @@ _PASSING, _ENDING, _CORNER = 1.7, 3.0, 2.0
 _DEEPEST = 0.4  # share of the wall over which its nodes make room for where it begins
 _PARALLEL = 0.17  # sine of 10°
 _FLAT = float(np.tan(np.radians(TURN)))
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # relative, by which places that are one may differ
 _GAUSS = np.polynomial.legendre.leggauss(3)
 
 

@@ -41,7 +41,7 @@ REMEDIES: dict[str, tuple[str, str]] = {
     "rival_pairing": (CAMPAIGN, ""),
     "partners_swing": (CAMPAIGN, ""),
     "frequencies_missed": (MODEL, ""),
-    "far_from_prior": (RECIPE, "Check this prior, the geometry and the boundary."),
+    "sources_conflict": (RECIPE, ""),
     "confounded": (RECIPE, ""),
     "samples_differ": (RECIPE, ""),
     "frfs_unlike": (CAMPAIGN, ""),
@@ -63,7 +63,7 @@ REMEDIES: dict[str, tuple[str, str]] = {
 }
 """What to do about each kind of finding, and where; the advice is that of the finding's own row where nothing is said here."""
 
-NOTES = ("measurement", "pairing", "without_joints", "sources_conflict", "campaign_missed", "campaign_modes_alone")
+NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
 """Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose page names the campaign."""
 
 
