@@ -17,7 +17,7 @@ from tests.support.waiting import until
 
 LOOKS = [(*size, dark) for size in (("desk", 1400, 900), ("phone", 390, 844)) for dark in (False, True)]
 LISTS = ("", "new", "projects", "update-jobs", "monitors", "keys", "nowhere")
-DRAWN = ".main-svg, .wait:not(:text('Drawing …'))"  # or says why not
+DRAWN = ".main-svg, .uplot, .wait:not(:text('Drawing …'))"  # or says why not
 WATCH = {"name": "stringer", "recipe": {}, "parameters": [{"name": "Ex"}], "baseline": {"campaigns": 4}}
 
 
@@ -60,7 +60,7 @@ def main(folder: Path) -> None:
                     signed_in(seen, key, "/ui/")
                     for number, path in enumerate(pages):
                         seen.visit(path)
-                        for figure in seen.page.locator("figure[data-figure], [data-frf-viewer]").all():
+                        for figure in seen.page.locator("figure[data-figure]:visible, [data-frf-viewer]").all():
                             figure.scroll_into_view_if_needed()
                             figure.locator(DRAWN).first.wait_for(state="attached")
                         for place in seen.page.locator("[data-space]").all():

@@ -200,7 +200,7 @@ def _lines(edges: Sequence[Edge]) -> list[list[Edge]]:
             here = stack.pop()
             for node in edges[here].nodes[:2]:
                 for other in by_node[node]:
-                    if other in left and _alike(edges[here], edges[other]):
+                    if other in left and are_alike(edges[here], edges[other]):
                         left.discard(other)
                         group.append(other)
                         stack.append(other)
@@ -208,7 +208,8 @@ def _lines(edges: Sequence[Edge]) -> list[list[Edge]]:
     return lines
 
 
-def _alike(one: Edge, other: Edge) -> bool:
+def are_alike(one: Edge, other: Edge) -> bool:
+    """Whether two edges have the same direction, and the same walls in the same directions."""
     if len(one.walls) != len(other.walls) or abs(one.tangent @ other.tangent) < 1 - _SAME:
         return False
     return all(

@@ -140,18 +140,21 @@ class ShellSection:
         return np.stack([*parts, DRILLING_INERTIA * parts[0] * t**2 / 12])
 
     def along(self, constants: Mapping[str, FloatArray], angle: float) -> FloatArray:
-        """(4, …) E and G in the plane along a line at an angle from axis 1 (rad), G across it, and density: a wall's as a
-        beam.
+        """(6, …) of a wall as a beam along a line at an angle from axis 1 (rad).
+
+        E and G in the plane, G across it, Pa; and EA, ES, EI per width, on the stretch and the curvature of the middle, of a
+        wall that is free across the line.
         """
-        A, _, _, S = self.stiffness(constants)
+        A, B, D, S = self.stiffness(constants)
         t = constants["t"]
         c, s = np.cos(angle), np.sin(angle)
         strain = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
-        turned = strain @ A @ strain.T
-        give = np.linalg.inv(turned)
+        A, B, D = (strain @ each @ strain.T for each in (A, B, D))
         across = c * c * S[..., 0, 0] + s * s * S[..., 1, 1] + 2 * c * s * S[..., 0, 1]
-        E, G = 1 / (give[..., 0, 0] * t), turned[..., 2, 2] / t
-        return np.stack([E, G, across / (SHEAR_CORRECTION * t), constants["density"] + 0 * t])
+        E = 1 / (np.linalg.inv(A)[..., 0, 0] * t)
+        free = np.linalg.inv(np.linalg.inv(np.block([[A, B], [B, D]]))[..., ::3, ::3])
+        strip = free[..., 0, 0], free[..., 0, 1], free[..., 1, 1]
+        return np.stack([E, A[..., 2, 2] / t, across / (SHEAR_CORRECTION * t), *strip])
 
     def _levels(self, t: FloatArray) -> FloatArray:
         """(n + 1, …) heights of the plies' faces."""

@@ -19,9 +19,10 @@ from fecore.body.constants import SIGNED, kind_of
 from fecore.body.joints import Joints
 from fecore.body.junctions import Junction, encloses, find_junctions
 from fecore.body.locate import TOLERANCE, Surfaces
-from fecore.body.mesh import Mesh
+from fecore.body.mesh import Block, Mesh
 from fecore.body.model import Model, Part, assemble, unresisted
-from fecore.body.operators import beam_operators, shell_operators
+from fecore.body.operators import Operators, beam_operators, shell_operators
+from fecore.body.overlaps import Overlap, given_up, kept
 from fecore.body.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
 from fecore.body.supports import Clamp, Link, Mass, NodeSpring, Spring, Support, free_dofs, rigid_motions
 from fecore.errors import InputError
@@ -166,7 +167,7 @@ class Structure:
 
     def _walls(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
         """Stiffness and mass of each block."""
-        for block, shift in zip(self.mesh.blocks, joints.shifts, strict=True):
+        for block, shift, overlaps in zip(self.mesh.blocks, joints.shifts, joints.overlaps, strict=True):
             section = self.sections[block.set]
             if isinstance(section, ShellSection):
                 strains, motions, drilling = shell_operators(
@@ -174,6 +175,8 @@ class Structure:
                 )
                 one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
                 stiffness = [] if drilling is None else [Part(drilling, *one)]
+                stiffness += [self._given_up(strains, block, overlap) for overlap in overlaps]
+                motions = kept(motions, block, overlaps)
                 motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
             else:
                 arm = shift + np.array(section.offset)
@@ -185,16 +188,24 @@ class Structure:
             stiffness.insert(0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks))
             yield stiffness, motion
 
+    def _given_up(self, strains: Operators, block: Block, overlap: Overlap) -> Part:
+        """What is taken from the stiffness of a block's elements where another wall is."""
+        rows = given_up(strains, block, self.mesh.nodes, overlap, np.array(self.sections[block.set].axis))
+        names = _named(_joint(block.set, overlap.angle), _STRIP)
+        return Part(rows, -_STRIP_MATRICES, names, (np.array([[0, 1], [1, 2]]),))
+
     def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
         """Stiffness and mass of the joints' beads, set by set."""
         for bead in joints.beads:
             kind = f"beam{bead.nodes.shape[1]}"
             strains, motions = beam_operators(bead.nodes, kind, self.mesh.nodes, bead.axis)
+            along, *across = _DENSITIES
+            densities = (along, *(across if abs(bead.axis[1]) > abs(bead.axis[2]) else across[::-1]))
             for (name, angle), stiffness, mass in zip(bead.walls, bead.stiffness, bead.mass, strict=True):
                 prefix = _joint(name, angle)
                 yield (
                     [Part(strains, stiffness, _named(prefix, ("E", "G", "Gt")), _THREE)],
-                    Part(motions, _by_motion(mass), _named(prefix, ("density_1", "density")), _TWO),
+                    Part(motions, mass, _named(prefix, densities), _THREE),
                 )
 
     def _linked(self, parts: list[Part]) -> list[Part]:
@@ -229,7 +240,7 @@ class Structure:
                 values |= dict(zip(_named(name, section.terms), section.coefficients(of[name]), strict=True))
         for name, angle in self._joint_walls:
             along = self._shell(name).along(of[name], angle)
-            values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt")), along[:3], strict=True))
+            values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True))
         values |= {clamp.name: clamp.stiffness / of[""][clamp.name] for clamp in self.clamps}
         names = self.model.stiffness.names
         return self._stretched(names[: len(names) - len(self.springs)], values, of.get("", {}))
@@ -246,7 +257,7 @@ class Structure:
             else:
                 values |= dict(zip(_named(name, section.motions), section.inertias(of[name]), strict=True))
         for name, angle in self._joint_walls:
-            values |= dict.fromkeys(_named(_joint(name, angle), ("density_1", "density")), of[name]["density"])
+            values |= dict.fromkeys(_named(_joint(name, angle), _DENSITIES), of[name]["density"])
         return self._stretched(self.model.mass.names, values, of.get("", {}))
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
@@ -285,7 +296,9 @@ class Structure:
         for name in names:
             set_name, _, last = name.rpartition(".")
             row = values[name]
-            for axis, power in zip(self._axes.get(set_name, (0, 1, 2)), _powers(last), strict=True):
+            for axis, power in zip(
+                self._axes.get(set_name.removesuffix(".joint"), (0, 1, 2)), _powers(last), strict=True
+            ):
                 if power and axis < len(ratios):
                     row = row * ratios[axis] ** power
             rows.append(row)
@@ -321,6 +334,13 @@ def _powers(name: str) -> tuple[int, int, int]:
     return _OTHERS.get(name, (0, 0, 0))
 
 
+_STRIP = ("A11", "B11", "D11")
+_STRIP_MATRICES = np.array([[[1.0, 0], [0, 0]], [[0, 1], [1, 0]], [[0, 0], [0, 1]]])
+"""Coefficients of a wall as a beam along a line, on stretch and curvature."""
+
+_DENSITIES = ("density_x", "density_y", "density_z")
+"""Coefficients of a bead's mass, of which each has motion along one axis."""
+
 _PLANE = {"11": (-3, 1), "12": (-1, -1), "22": (1, -3), "66": (-1, -1), "16": (-2, 0), "26": (0, -2)}
 _OTHERS = {
     "S55": (-1, 1, -2),
@@ -328,18 +348,18 @@ _OTHERS = {
     "S45": (0, 0, -2),
     "drilling": (-1, -1, 0),
     **{f"I{n}_{axis}": (*power, -n) for n in (0, 1, 2) for axis, power in ((1, (-1, 1)), (2, (1, -1)))},
+    **dict(zip(_DENSITIES, ((-1, 0, 0), (1, -2, 0), (1, 0, -2)), strict=True)),
     **{f"I{n}_3": (1, 1, -2) for n in (0, 1, 2)},
 }
 _ALONG = {
     **dict.fromkeys(("E", "EA", "EI1", "EI2", "EI12"), -3),
-    **dict.fromkeys(("G", "Gt", "density_1", "GA1", "GA2", "GJ", "m_1", "mI1", "mI2", "mI12"), -1),
-    **dict.fromkeys(("density", "m", "mJ"), 1),
+    **dict.fromkeys(("G", "Gt", "GA1", "GA2", "GJ", "m_1", "mI1", "mI2", "mI12"), -1),
+    **dict.fromkeys(("m", "mJ"), 1),
 }
 
 _DRILLING = 5  # a flat body whose nodes do not turn about z has no drilling
 _ONE = (np.array([[0]]),)
-_TWO = (*_ONE, np.array([[1]]))
-_THREE = (*_TWO, np.array([[2]]))
+_THREE = (*_ONE, np.array([[1]]), np.array([[2]]))
 
 
 def _named(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -349,11 +369,3 @@ def _named(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
 def _joint(name: str, angle: float) -> str:
     """Prefix of the coefficients of a set in joints along lines at an angle from its axis 1."""
     return f"{name}.joint" if not angle else f"{name}.joint at {np.degrees(angle):.1f}°"
-
-
-def _by_motion(mass: FloatArray) -> FloatArray:
-    """(2, 6, 6) the part of a beam's mass that moves along it, and the rest."""
-    found = np.zeros((2, 6, 6))
-    for part, rows in zip(found, ([0, 4, 5], [1, 2, 3]), strict=True):
-        part[np.ix_(rows, rows)] = mass[np.ix_(rows, rows)]
-    return found

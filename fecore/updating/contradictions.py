@@ -279,7 +279,7 @@ class _Sources:
         spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
         p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
-        return Check(source.kind, source.name, p, float(evidence), source.owner, said, slip)
+        return Check(source.kind, source.name, p, float(evidence), source.owner, said=said, slip=slip)
 
     def _of_campaign(self, number: int) -> Check:
         kept = self.problem.weights[self.elastic.rows[number]] > 0

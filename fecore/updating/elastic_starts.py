@@ -32,7 +32,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import kind_of
-from fecore.errors import ModelError, UpdatingError
+from fecore.errors import UpdatingError
 from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_belief
@@ -271,10 +271,7 @@ def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> l
         x[:free] = _REACH * (2 * draw - 1) * sd[:free]
         if not layout.are_believable(x):
             continue
-        try:
-            states = layout.solved(x)
-        except ModelError:  # far from the start a model of joints may have no definite stiffness
-            continue
+        states = layout.solved(x)
         key: list[object] = []
         pairings = [pair_with(campaign.modes, state) for campaign, state in zip(layout.campaigns, states, strict=True)]
         alone, misses = sum(len(pairing.unpaired_measured) for pairing in pairings), []

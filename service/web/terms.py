@@ -302,6 +302,7 @@ TAGS: list[tuple[str, str]] = [
     ("update jobs", "The model updated to a campaign: start with `{}`, ask until it has succeeded, read the result."),
     ("monitoring", "The same recipe as a structure ages: series, limits, alarms."),
     ("search", "Questions to all projects at once, as CQL2 text and words: rows as JSON, CSV or Arrow."),
+    ("archives", "Projects, campaigns and what a search finds as one zip that others read."),
     ("webhooks", "Messages of jobs and alarms to other systems, signed."),
     ("keys", "Keys, sessions of browsers, and who did what."),
     ("purge", "Remove for good what was deleted before."),

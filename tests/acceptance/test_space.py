@@ -144,7 +144,7 @@ def a_point_is_chosen(page: Page) -> None:
     assert said(page).startswith("Point 2: ")
     assert "1 FRF" in said(page)
     assert "point=2" in page.url
-    assert page.inner_text("#frf option:checked").startswith("2+z / 1−y")
+    assert page.inner_text("[data-frfs] option:checked").startswith("2+z/1−y")
     assert picture(page) != before
     page.focus("[data-space-canvas]")
     page.keyboard.press("p")

@@ -139,4 +139,4 @@ def hindrances(page: Page) -> list[str]:
 def drawn(page: Page, figure: str) -> None:
     """Wait until a figure is drawn, or says why it is not."""
     page.locator(figure).scroll_into_view_if_needed()
-    page.wait_for_selector(f"{figure} .main-svg, {figure}.quiet", state="attached")
+    page.wait_for_selector(f"{figure} .main-svg, {figure} .uplot, {figure}.quiet", state="attached")

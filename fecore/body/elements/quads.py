@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.elements.shells import bent_sides, displacement_strains, surface, with_middles
+from fecore.body.elements.shells import Rule, bent_sides, displacement_strains, surface, with_middles
 
 _CORNERS: FloatArray = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
 
@@ -35,7 +35,12 @@ class Quad8:
     sides: tuple[tuple[int, ...], ...] = ((0, 1, 4), (1, 2, 5), (2, 3, 6), (3, 0, 7))
 
     @property
-    def mass_rule(self) -> tuple[FloatArray, FloatArray]:
+    def strain_rule(self) -> Rule:
+        """2 × 2 points."""
+        return gauss(2)
+
+    @property
+    def mass_rule(self) -> Rule:
         """3 × 3 points."""
         return gauss(3)
 
@@ -64,7 +69,7 @@ class Quad8:
 
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """All at 2 × 2 points."""
-        return displacement_strains(self, x, axis, gauss(2))
+        return displacement_strains(self, x, axis)
 
 
 class Quad4:
@@ -74,7 +79,12 @@ class Quad4:
     sides: tuple[tuple[int, ...], ...] = ((0, 1), (1, 2), (2, 3), (3, 0))
 
     @property
-    def mass_rule(self) -> tuple[FloatArray, FloatArray]:
+    def strain_rule(self) -> Rule:
+        """2 × 2 points."""
+        return gauss(2)
+
+    @property
+    def mass_rule(self) -> Rule:
         """2 × 2 points."""
         return gauss(2)
 
@@ -94,7 +104,7 @@ class Quad4:
 
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Membrane with bent sides, bending, assumed shears, at 2 × 2 points."""
-        natural, weights = gauss(2)
+        natural, weights = self.strain_rule
         own = surface(self, x, natural, axis)
         full = surface(_QUAD8, with_middles(self, x), natural, axis)
         membrane = bent_sides(self, full.membrane(), own, x)

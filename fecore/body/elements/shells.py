@@ -13,6 +13,9 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.elements.surface import Surface, normals
 
+Rule = tuple[FloatArray, FloatArray]
+"""(p, 2) points in natural coordinates and their (p,) weights."""
+
 
 class Shell(Protocol):
     """A shell element; natural coordinates are (p, 2)."""
@@ -28,7 +31,12 @@ class Shell(Protocol):
         ...
 
     @property
-    def mass_rule(self) -> tuple[FloatArray, FloatArray]:
+    def strain_rule(self) -> Rule:
+        """Points and weights of the strains."""
+        ...
+
+    @property
+    def mass_rule(self) -> Rule:
         """Points and weights that integrate products of two shape functions."""
         ...
 
@@ -72,11 +80,9 @@ def drilling(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray,
     return own.drilling(), own.area * weights, own.N
 
 
-def displacement_strains(
-    shell: Shell, x: FloatArray, axis: FloatArray, rule: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Strains of the interpolated motion itself, with no assumption, at the points of a rule."""
-    natural, weights = rule
+def displacement_strains(shell: Shell, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Strains of the interpolated motion itself, with no assumption."""
+    natural, weights = shell.strain_rule
     found = surface(shell, x, natural, axis)
     return np.concatenate([found.membrane(), found.curvature(), found.shear()], axis=2), found.area * weights, found.N
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.elements.shells import displacement_strains, surface
+from fecore.body.elements.shells import Rule, displacement_strains, surface
 
 _CORNERS = np.array([[0.0, 0], [1, 0], [0, 1]])
 _THREE = np.array([[1, 1], [4, 1], [1, 4]]) / 6, np.full(3, 1 / 6)  # exact to the second degree
@@ -35,7 +35,12 @@ class Tri6:
     sides: tuple[tuple[int, ...], ...] = ((0, 1, 3), (1, 2, 4), (2, 0, 5))
 
     @property
-    def mass_rule(self) -> tuple[FloatArray, FloatArray]:
+    def strain_rule(self) -> Rule:
+        """Three points."""
+        return _THREE
+
+    @property
+    def mass_rule(self) -> Rule:
         """Six points."""
         return _SIX
 
@@ -59,7 +64,7 @@ class Tri6:
 
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """All at three points."""
-        return displacement_strains(self, x, axis, _THREE)
+        return displacement_strains(self, x, axis)
 
 
 class Tri3:
@@ -69,7 +74,12 @@ class Tri3:
     sides: tuple[tuple[int, ...], ...] = ((0, 1), (1, 2), (2, 0))
 
     @property
-    def mass_rule(self) -> tuple[FloatArray, FloatArray]:
+    def strain_rule(self) -> Rule:
+        """Three points."""
+        return _THREE
+
+    @property
+    def mass_rule(self) -> Rule:
         """Three points."""
         return _THREE
 
@@ -87,7 +97,7 @@ class Tri3:
 
     def strains(self, x: FloatArray, axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Membrane, bending, assumed shears, at three points."""
-        natural, weights = _THREE
+        natural, weights = self.strain_rule
         own = surface(self, x, natural, axis)
         tied = surface(self, x, _TRI6.corners[3:], axis).natural_shear()
         r, s = natural[:, 0, None, None], natural[:, 1, None, None]

@@ -14,9 +14,9 @@ MOST = 3
 """Findings that a result opens with; a reader does not act on a longer list."""
 CAMPAIGN, MODES, MODEL, RECIPE, FRFS, DAMPING = "campaign", "modes", "structure", "update", "frfs", "damping"
 PLACES = {
-    CAMPAIGN: ("ui/campaigns/{campaign}#edit", "Edit the campaign"),
+    CAMPAIGN: ("ui/edit/campaigns/{campaign}", "Edit the campaign"),
     MODES: ("ui/campaigns/{campaign}#modes", "Go to the mode sets"),
-    MODEL: ("ui/structures/{structure}#edit", "Edit the structure"),
+    MODEL: ("ui/edit/structures/{structure}", "Edit the structure"),
     RECIPE: ("ui/campaigns/{campaign}/update?like={job}", "Change the recipe"),
     FRFS: ("#frfs", "Look at the FRFs"),
     DAMPING: ("#damping", "Compare the damping laws"),
@@ -41,7 +41,7 @@ REMEDIES: dict[str, tuple[str, str]] = {
     "rival_pairing": (CAMPAIGN, ""),
     "partners_swing": (CAMPAIGN, ""),
     "frequencies_missed": (MODEL, ""),
-    "far_from_prior": (RECIPE, "Check this prior, the geometry and the boundary."),
+    "sources_conflict": (RECIPE, ""),
     "confounded": (RECIPE, ""),
     "samples_differ": (RECIPE, ""),
     "frfs_unlike": (CAMPAIGN, ""),
@@ -63,7 +63,7 @@ REMEDIES: dict[str, tuple[str, str]] = {
 }
 """What to do about each kind of finding, and where; the advice is that of the finding's own row where nothing is said here."""
 
-NOTES = ("measurement", "pairing", "without_joints", "sources_conflict", "campaign_missed", "campaign_modes_alone")
+NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
 """Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose page names the campaign."""
 
 
@@ -139,7 +139,7 @@ def bar(row: Mapping[str, Any]) -> Bar | None:
         return None
     low, high = interval
     prior = None
-    if row["prior_sd"]:
+    if row.get("prior_sd"):
         prior = row["prior_mean"] - 1.96 * row["prior_sd"], row["prior_mean"] + 1.96 * row["prior_sd"]
     ends = [low, high, row["estimate"], *(prior or ()), *([row["initial"]] if row["initial"] is not None else [])]
     first, last = min(ends), max(ends)

@@ -14,9 +14,10 @@ from service.monitoring import routes as monitoring
 from service.show.hits import AXES
 from service.show.pages.grid import draw_grid
 from service.show.pages.joint import joint_updates_of
-from service.show.pages.look import VisitDep
+from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import NamedJob, name_jobs, over_time
 from service.show.pages.space import has_mesh, points_in_space
+from service.show.pages.viewer import marked, viewer_of
 from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaign_for, frame_of, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
@@ -29,7 +30,7 @@ from service.store.imports import routes as imports
 from service.store.imports.operations import trace_lines_of
 from service.store.modes import routes as modes
 from service.store.records import routes as records
-from service.store.records.schemas import RecordOut
+from service.store.records.schemas import HitDecisionOut, RecordOut
 from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
 from service.web.parameters import etag_of
@@ -114,10 +115,12 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     blocks = records.list_records(campaign_id, visit.session, visit.user, limit=MOST).items
     processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
     done = next((row.result for row in processings if row.result is not None), None)
+    mode_sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items
     return visit.show(
         "campaign.html",
         **context,
         frfs=listed.items,
+        viewer=viewer_of(visit, context["campaign"], listed.items, map(marked, mode_sets)),
         more_frfs=listed.next_cursor is not None,
         grid=draw_grid(points, context["structure"].geometry, counts),
         space=points_in_space(
@@ -126,15 +129,24 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         has_mesh=has_mesh(context["structure"]),
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
-        mode_sets=modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items,
+        mode_sets=mode_sets,
         identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
         records=blocks,
         hit_places=_hit_places(blocks),
         processings=processings,
+        decided=_decided(visit, campaign_id),
         judged=[] if done is None else done["hits"],
         jobs=name_jobs(visit, jobs),
         joint=joint_updates_of(visit, context["project"].id, campaign_id),
     )
+
+
+def _decided(visit: Visit, campaign_id: UUID) -> dict[tuple[int, int, int], HitDecisionOut]:
+    """What stands by hand of each hit: of several decisions the newest, which the list has first."""
+    made: dict[tuple[int, int, int], HitDecisionOut] = {}
+    for row in records.list_hit_decisions(campaign_id, visit.session, visit.user, limit=MOST).items:
+        made.setdefault((row.point, row.direction, row.hit), row)
+    return made
 
 
 def _measured_points(rows: Sequence[FrfOut]) -> dict[int, int]:

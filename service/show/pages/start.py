@@ -50,7 +50,8 @@ def get_start(visit: VisitDep) -> HTMLResponse:
 def get_projects(visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
     """All projects."""
     listed = access.list_projects(visit.session, visit.user, cursor=cursor, limit=MOST)
-    return visit.show("projects.html", projects=listed.items, following=listed.next_cursor)
+    gone = access.list_projects(visit.session, visit.user, limit=MOST, deleted=True).items
+    return visit.show("projects.html", projects=listed.items, following=listed.next_cursor, gone=gone)
 
 
 @router.get("/projects/{project_id}")

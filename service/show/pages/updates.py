@@ -16,8 +16,10 @@ from service.show.pages.forms import fields_of
 from service.show.pages.found import opening
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import name_jobs, over_time
+from service.show.pages.viewer import viewer_of
 from service.show.results import routes as shown
 from service.store.campaigns.operations import campaigns_of
+from service.store.campaigns.schemas import CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
 from service.store.frfs.operations import FrfFilter
@@ -99,13 +101,12 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
         return visit.show("job.html", **common, ended=job.status in ENDED, kind="update-jobs")
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
     figures = shown.list_figures(job_id, visit.session, visit.user).items
-    points = [] if common["campaign"].deleted_at is not None else _points(visit, job.campaign_id, result)
     steps, notes = opening(result)
     return visit.show(
         "result.html",
         **common,
         result=result,
-        points=points,
+        viewer=_viewer(visit, common["campaign"], job_id, result),
         figures=figures,
         steps=steps,
         notes=notes,
@@ -123,11 +124,16 @@ def _chosen(value: Any, name: str = "") -> list[tuple[str, str]]:
     return [(name, ", ".join(map(str, value)) if isinstance(value, list) else str(value))]
 
 
-def _points(visit: Visit, campaign_id: UUID, result: dict[str, Any]) -> list[tuple[int, int]]:
-    """Response and reference point of each FRF that was used and is still there, once each."""
+def _viewer(visit: Visit, campaign: CampaignOut, job_id: UUID, result: dict[str, Any]) -> dict[str, Any] | None:
+    """The viewer with the FRFs that were used and are still there, and the result's model; None where there is none."""
+    if campaign.deleted_at is not None:
+        return None
     used = {frf["id"] for frf in result["provenance"].get("frfs", [])}
-    rows = frfs.list_frfs(campaign_id, FrfFilter(), visit.session, visit.user, limit=1000).items
-    return sorted({(row.response_point, row.reference_point) for row in rows if str(row.id) in used})
+    rows = frfs.list_frfs(campaign.id, FrfFilter(), visit.session, visit.user, limit=1000).items
+    kept = [row for row in rows if str(row.id) in used]
+    modes = [(m["number"], m["measured_hz"], m["measured_damping"]) for m in result["modes"]]
+    measured = {"id": "measured", "name": "measured modes", "modes": modes}
+    return viewer_of(visit, campaign, kept, [measured], job_id) if kept else None
 
 
 @router.get("/compare")

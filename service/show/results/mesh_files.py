@@ -32,18 +32,26 @@ def file_of_result(data: UpdateFigures, at: At) -> MeshFile:
     damping = {mode["number"]: mode.get("measured_damping") for mode in data.document["modes"]}
     expanded = ", expanded" if at == "nodes" else ""
     shapes = [
-        _mode(model_shape(data, mode.number), at, f"model mode {mode.number}", mode.number, mode.frequency_hz, numbers)
+        _mode(
+            model_shape(data, mode.number),
+            at,
+            f"model mode {mode.number}",
+            mode.number,
+            mode.frequency_hz,
+            points=numbers,
+        )
         for mode in found.model
     ]
     for mode in found.measured:
         label = f"measured mode {mode.number}{expanded}"
         shape = measured_shape(data, mode.number)
-        shapes.append(_mode(shape, at, label, mode.number, mode.frequency_hz, numbers, damping.get(mode.number)))
+        zeta = damping.get(mode.number)
+        shapes.append(_mode(shape, at, label, mode.number, mode.frequency_hz, points=numbers, damping=zeta))
     return MeshFile(numbers, nodes, cells, shapes)
 
 
 def _mode(
-    shape: ShapeOut, at: At, label: str, number: int, hz: float, points: np.ndarray, damping: float | None = None
+    shape: ShapeOut, at: At, label: str, number: int, hz: float, *, points: np.ndarray, damping: float | None = None
 ) -> ModeShape:
     motion: MotionOut = getattr(shape, at)
     values = np.array(motion.real).reshape(-1, 3) + 1j * np.array(motion.imag).reshape(-1, 3)

@@ -114,7 +114,7 @@ def test_a_deck_of_one_isotropic_material_is_written_by_its_modulus(content: byt
     constants = dict.fromkeys((f"{plate}.E1", f"{plate}.E2"), E) | dict.fromkeys(
         (f"{plate}.G12", f"{plate}.G13", f"{plate}.G23"), E / 2.6
     )
-    order = DeckOrder(content, name, "m-N-kg", "free", constants, 3, ("a remark",))
+    order = DeckOrder(content, name, "m-N-kg", "free", constants, 3, with_joints=True, remarks=("a remark",))
     written = read(updated_deck(order))
     (material,) = written.sections[plate].materials
     assert written.materials[material].constants["E"] == pytest.approx(E)

@@ -32,7 +32,7 @@ def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> Non
         MISSED,
         TURNED,
         WINDOW,
-        found("far_from_prior", name="Ex", away=2.3, side="below", value="1 GPa", mean="2 GPa"),
+        found("samples_differ", name="Ex", ratio=1.4),
     ]
     steps, notes = opening(document(*many, notes=("coupons: a mean",)))
     assert len(steps) == MOST

@@ -122,31 +122,20 @@ for (const list of document.querySelectorAll("select[data-part-of]")) {
   list.addEventListener("change", () => { choose(); keep({ [key]: list.value }); show(figure); });
 }
 
-/* The FRF of a result: chosen by point, zoomed by a mode. */
-const choice = document.querySelector("[data-frf-choice]");
-const overlay = choice && figureOf("frf");
-function frfQuery() {
-  const said = new URLSearchParams(choice.selectedOptions[0]?.dataset.query ?? "");
-  const [hz, half] = (shown.get("hz") ?? "").split("~").map(Number);
-  if (hz && half) { said.set("fmin", Math.max(0, hz - half).toFixed(3)); said.set("fmax", (hz + half).toFixed(3)); }
-  overlay.dataset.query = said.toString();
-}
-if (overlay) {
-  const redraw = () => { frfQuery(); show(overlay); };
-  const named = [...choice.options].find((option) => option.value === shown.get("frf"));
-  if (named) choice.value = named.value;
-  frfQuery();
-  choice.addEventListener("change", () => { keep({ frf: choice.value }); redraw(); });
-  document.querySelector("[data-unzoom]").addEventListener("click", () => { keep({ hz: null }); redraw(); });
-  for (const row of document.querySelectorAll("[data-zoom]")) row.addEventListener("click", (event) => {
-    event.preventDefault();
-    const [hz, damping] = [Number(row.dataset.zoom), Number(row.dataset.damping)];
-    keep({ hz: `${Number(hz.toPrecision(7))}~${Number(Math.max(0.25 * hz, 12 * damping * hz).toPrecision(4))}` });
-    redraw();
-    goTo(document.getElementById("frfs"));
-  });
-  if (shown.has("hz")) { show(overlay); goTo(document.getElementById("frfs")); }
-}
+/* The FRF of a result with the model's interval is the one that the viewer shows; a row of the table of modes zooms the viewer. */
+const overlay = figureOf("frf");
+document.addEventListener("chosen", ({ detail: [first, ...more] }) => {
+  if (!overlay || !first || more.length) return;
+  overlay.dataset.query = new URLSearchParams({ point: first.points[0], reference: first.points[1] }).toString();
+  if (overlay.closest("details")?.open) show(overlay);
+});
+for (const row of document.querySelectorAll("[data-zoom]")) row.addEventListener("click", (event) => {
+  event.preventDefault();
+  const [hz, damping] = [Number(row.dataset.zoom), Number(row.dataset.damping)];
+  const half = Math.max(0.25 * hz, 12 * damping * hz);
+  document.dispatchEvent(new CustomEvent("zoom-frfs", { detail: { low: Math.max(0, hz - half), high: hz + half } }));
+  goTo(document.getElementById("frfs"));
+});
 
 /* A pair of shapes: chosen in two lists, or by a cell of the MAC. */
 const shapes = figureOf("shapes");
@@ -170,54 +159,6 @@ if (shapes && measured) {
     goTo(shapes, "center");
   }));
 }
-/* Measured FRFs of a campaign. */
-const select = document.getElementById("frf");
-const viewer = document.querySelector("[data-frf-viewer]");
-const AFTER = { accelerance: "(m/s²)/N", mobility: "(m/s)/N", receptance: "m/N" };
-async function view(id) {
-  const place = viewer.querySelector(".draw");
-  const option = [...select.options].find((o) => o.value === id);
-  for (const point of document.querySelectorAll("[data-point]")) point.classList.toggle("chosen", [option.dataset.response, option.dataset.reference].includes(point.dataset.point));
-  for (const format of ["csv", "uff"]) document.getElementById(`frf-${format}`).href = document.documentElement.dataset.root + `api/v1/frfs/${id}/data?format=${format}`;
-  let table;
-  try { table = await get(`frfs/${id}/data?format=json`); } catch (error) { place.textContent = error.message; return; }
-  const [frf] = table.frfs;
-  const color = css("--measured");
-  const line = (y, yaxis, name) => ({ type: "scatter", mode: "lines", x: table.frequency_hz, y, yaxis, name, line: { color, width: 1.5 }, showlegend: false });
-  const magnitude = frf.real.map((re, i) => Math.hypot(re, frf.imag[i]) || null);
-  const angle = frf.real.map((re, i) => (Math.atan2(frf.imag[i], re) * 180) / Math.PI);
-  const phase = line([], "y2", "phase");
-  phase.x = angle.flatMap((value, i) => (Math.abs(value - angle[i - 1]) > 180 ? [table.frequency_hz[i], table.frequency_hz[i]] : [table.frequency_hz[i]]));
-  phase.y = angle.flatMap((value, i) => (Math.abs(value - angle[i - 1]) > 180 ? [null, value] : [value])); // a gap where it wraps
-  const sizes = magnitude.filter((value) => value);
-  const data = [line(magnitude, "y", "magnitude"), phase];
-  const coherence = frf.coherence !== null;
-  if (coherence) data.push(line(frf.coherence, "y3", "coherence"));
-  const layout = plain({
-    xaxis: { title: { text: "frequency [Hz]" }, anchor: coherence ? "y3" : "y2" },
-    yaxis: { type: "log", title: { text: `${table.quantity} [${AFTER[table.quantity]}]` }, domain: coherence ? [0.48, 1] : [0.38, 1], exponentformat: "power", ...(Math.max(...sizes) > 100 * Math.min(...sizes) ? { dtick: 1 } : {}) },
-    yaxis2: { title: { text: "phase [°]" }, domain: coherence ? [0.2, 0.43] : [0, 0.32], tickvals: [-180, -90, 0, 90, 180], range: [-190, 190] },
-    ...(coherence ? { yaxis3: { title: { text: "γ²" }, domain: [0, 0.14], range: [0, 1.05] } } : {}),
-  });
-  await draw(place, { data, layout });
-}
-if (select && viewer) {
-  const choose = (id) => { select.value = id; keep({ frf: id }); view(id); };
-  select.addEventListener("change", () => choose(select.value));
-  /* A point that was chosen in space or on the grid: its FRFs, one after the other. */
-  const showPoint = (point) => {
-    const mine = [...select.options].filter((o) => o.dataset.response === point || o.dataset.reference === point);
-    if (mine.length) choose(mine[(mine.findIndex((o) => o.value === select.value) + 1) % mine.length].value);
-  };
-  document.addEventListener("point-chosen", ({ detail }) => showPoint(String(detail.point)));
-  for (const point of document.querySelectorAll("[data-point]")) point.addEventListener("click", (event) => { event.preventDefault(); showPoint(point.dataset.point); });
-  const named = shown.get("frf");
-  const first = [...select.options].find((o) => o.value === named || o.dataset.response === named) ?? select.options[0];
-  select.value = first.value;
-  const once = new IntersectionObserver((entries) => { if (entries.some((e) => e.isIntersecting)) { once.disconnect(); view(select.value); } }, { rootMargin: "300px" });
-  once.observe(viewer);
-}
-
 /* Parameters over time, or of results side by side. */
 const UNITS = { Pa: [1e-9, "GPa"], s: [1e6, "µs"], m: [1e3, "mm"] };
 for (const box of document.querySelectorAll("[data-over-time]")) {

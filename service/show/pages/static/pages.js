@@ -36,13 +36,36 @@ const say = (text) => { document.getElementById("say").textContent = text; };
 /* The value of an input: in SI, with the digits that were typed; undefined where nothing was said. */
 function valueOf(input) {
   if (input.type === "checkbox") return input.checked || undefined;
+  if ("truth" in input.dataset) return { true: true, false: false, null: null }[input.value];
   const text = input.value.trim();
   if (text === "") return undefined;
-  if (input.type === "number") return Number((Number(text) * Number(input.dataset.scale ?? 1)).toPrecision(15));
+  if ("pairs" in input.dataset) return Object.fromEntries(text.split("\n").filter((row) => row.trim()).map((row) => { const [key, ...rest] = row.split(":"); return [key.trim(), rest.join(":").trim()]; }));
+  if ("scale" in input.dataset) return inSI(input, text);
+  if (input.type === "number") return Number(text);
   if (input.type === "datetime-local") return new Date(text).toISOString();
   if ("numbers" in input.dataset) return text.split(/[\s,;]+/).map(Number);
   return text;
 }
+/* A number in the unit of its field, or with a unit of its own, such as "0.5 m" in a field of mm; NaN of what is neither. */
+const UNIT_FACTORS = { m: 1, mm: 1e-3, cm: 1e-2, in: 0.0254, Pa: 1, kPa: 1e3, MPa: 1e6, GPa: 1e9, kg: 1, g: 1e-3 };
+const LIKE = [["m", "mm", "cm", "in"], ["Pa", "kPa", "MPa", "GPa"], ["kg", "g"]];
+const unitOf = (input) => /\[([^\]]+)\]/.exec(input.closest("label")?.firstChild?.textContent ?? "")?.[1];
+function inSI(input, text) {
+  const [, value, unit] = /^([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([a-zA-Z]*)$/.exec(text.replace(",", ".")) ?? [];
+  const like = LIKE.find((units) => units.includes(unitOf(input)));
+  if (value === undefined || (unit && !like?.includes(unit))) return NaN;
+  return Number((Number(value) * (unit ? UNIT_FACTORS[unit] : Number(input.dataset.scale))).toPrecision(15));
+}
+document.addEventListener("input", ({ target }) => {
+  if (!target.dataset?.scale) return;
+  const value = inSI(target, target.value.trim());
+  target.setCustomValidity(target.value.trim() && Number.isNaN(value) ? `A number in ${unitOf(target)}, or with another unit of the same kind.` : "");
+});
+document.addEventListener("change", ({ target }) => { // what was typed with another unit stands in the field's own
+  if (!target.dataset?.scale || !/[a-zA-Z]$/.test(target.value)) return;
+  const value = inSI(target, target.value.trim());
+  if (!Number.isNaN(value)) target.value = Number((value / Number(target.dataset.scale)).toPrecision(12));
+});
 function put(target, pointer, value) {
   const steps = pointer.split("/");
   let node = target;
@@ -99,8 +122,12 @@ document.addEventListener("submit", (event) => {
   if (form.dataset.post) {
     event.preventDefault();
     submitted(form, async () => {
-      const made = "empty" in form.dataset && !form.dataset.post.endsWith("/runs") ? await call("POST", form.dataset.post) : await send("POST", form.dataset.post, bodyOf(form));
+      const path = form.dataset.post.replace(/\{(\w+)\}/g, (_, name) => encodeURIComponent(form.elements[name].value.trim()));
+      const body = bodyOf(form);
+      for (const [, name] of form.dataset.post.matchAll(/\{(\w+)\}/g)) delete body[name];
+      const made = "empty" in form.dataset && !form.dataset.post.endsWith("/runs") ? await call("POST", path) : await send(form.dataset.method ?? "POST", path, body);
       if ("showKey" in form.dataset) form.querySelector("output").textContent = `${made.key} – this is shown once; keep it now.`;
+      else if ("showSecret" in form.dataset) form.querySelector("output").textContent = `${made.secret} – the secret is shown once; keep it now.`;
       else goOn(form.dataset.then, made);
     });
   } else if (form.dataset.patch) {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
+from fecore.dynamics.eigen import normal_modes
 from fecore.errors import InputError
 from tests.support.shells import grid, isotropic
 
@@ -65,6 +67,73 @@ def test_moments_of_inertia_are_the_solids() -> None:
     # The drilling inertia is a little more than none.
     assert with_joints == pytest.approx(exact, rel=3e-4)
     assert abs(without / exact - 1) > 5e-3
+
+
+SHAPES = ("i", "box", "channel", "angle", "panel")
+
+
+def short_body(shape: str, size: float, flange: float, web: float, height: float, length: float) -> Structure:
+    """A body of elements of a size in m, of GFRP."""
+    if shape == "panel":
+        ribs = (-0.2 * height, 0.2 * height)
+        mesh = panel(length, height, 0.6 * height, flange, web, ribs, round(height / size))
+        return Structure(mesh, {"plate": wall(flange), "rib": wall(web)})
+    mesh = profile(shape, length, height, 0.8 * height, flange, web, round(height / size))
+    return Structure(mesh, {"flange": wall(flange), "web": wall(web)})
+
+
+def matrices(structure: Structure) -> tuple[scipy.sparse.csc_array, scipy.sparse.csc_array]:
+    q = np.array(list(structure.nominal.values()))
+    model = structure.model
+    return model.stiffness.at(structure.stiffness_coefficients(q)), model.mass.at(structure.mass_coefficients(q))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(
+    ("walls", "other", "height", "length"),
+    [(0.5, 1.0, 5, 1), (0.5, 2.0, 5, 1), (1, 2.0, 7, 2), (1.67, 1.0, 8, 4), (8, 2.0, 24, 24)],
+)
+def test_elements_of_any_size_have_definite_matrices(shape, walls, other, height, length) -> None:
+    t = 0.01
+    structure = short_body(shape, walls * t, other * t, t, height * t, length * t)
+    K, M = matrices(structure)
+    lowest = []
+    for A in (K, M):
+        scale = scipy.sparse.diags_array(1 / np.sqrt(A.diagonal()))
+        lowest.append(np.linalg.eigvalsh((scale @ A @ scale).toarray())[:7])
+    assert lowest[0][0] > -1e-13  # six rigid motions, and nothing below them
+    assert lowest[0][6] > 1e-6
+    assert lowest[1][0] > 1e-6
+
+
+def test_frequencies_converge_as_elements_become_smaller_than_walls() -> None:
+    t, found = 0.01, []
+    for walls in (2, 1, 0.5):
+        structure = short_body("angle", walls * t, 2 * t, t, 6 * t, 4 * t)
+        found.append(normal_modes(*matrices(structure), 10, structure.model.rigid_modes).frequency_hz[6:])
+    coarse, fine = (np.abs(a / b - 1).max() for a, b in pairwise(found))
+    assert coarse > 2.5 * fine
+    assert fine < 2e-3
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_energies_of_shapes_have_exact_derivatives(shape) -> None:
+    """By every constant: a complex step of the coefficients with forms from strains, against the matrices' differences."""
+    structure = short_body(shape, 0.02, 0.012, 0.01, 0.08, 0.06)
+    q = np.array(list(structure.nominal.values()))
+    shapes = np.random.default_rng(5).standard_normal((structure.model.stiffness.size, 2))
+    for matrix, of in (
+        (structure.model.stiffness, structure.stiffness_coefficients),
+        (structure.model.mass, structure.mass_coefficients),
+    ):
+        forms = matrix.project(shapes, shapes)
+        for k, value in enumerate(q):
+            step = np.zeros(len(q))
+            step[k] = 1e-4 * value
+            by_step = np.tensordot(of(q + 1e-30j * step).imag / 1e-30, forms, 1)
+            ahead, behind = (shapes.T @ (matrix.at(of(q + sign * step)) @ shapes) for sign in (1, -1))
+            whole = np.abs(shapes.T @ (matrix.at(of(q)) @ shapes)).max()
+            np.testing.assert_allclose(by_step, (ahead - behind) / 2, atol=3e-11 * whole)
 
 
 def test_ribs_end_at_the_plate() -> None:

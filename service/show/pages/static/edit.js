@@ -1,0 +1,73 @@
+"use strict";
+/* Correcting: a form that names what it edits is filled from REST, and sends back what differs, with the tag of what was read, so
+   that nobody's change is lost. Only whole members are sent, as PATCH takes them. */
+const EDITED = new Map(); // form -> what was read, and its tag
+
+async function readInto(form) {
+  const answer = await fetch(rest(form.dataset.edit), { credentials: "same-origin", headers: { Accept: "application/json" } });
+  const value = await answer.json();
+  if (!answer.ok) throw value;
+  EDITED.set(form, { value, tag: answer.headers.get("ETag") });
+  for (const input of fieldsOf(form)) {
+    const found = input.name.split("/").reduce((node, step) => node?.[step], value);
+    if (found === null || found === undefined) continue;
+    input.value = shownIn(input, found);
+  }
+}
+const fieldsOf = (form) => [...form.elements].filter((input) => input.name && input.type !== "submit" && input.type !== "hidden");
+const fixedOf = (form) => [...form.elements].filter((input) => input.name && input.type === "hidden"); // what a button means
+function shownIn(input, value) {
+  if ("pairs" in input.dataset) return Object.entries(value).map(([key, item]) => `${key}: ${typeof item === "string" ? item : JSON.stringify(item)}`).join("\n");
+  if (input.type === "datetime-local") { const at = new Date(value); return new Date(at - at.getTimezoneOffset() * 60000).toISOString().slice(0, 16); }
+  return input.dataset.scale ? Number((value / Number(input.dataset.scale)).toPrecision(12)) : value;
+}
+/* Members of which a field was changed, each whole; null where a field was emptied. */
+function changesOf(form) {
+  const { value } = EDITED.get(form);
+  const next = structuredClone(value);
+  for (const input of fieldsOf(form)) {
+    const before = input.name.split("/").reduce((node, step) => node?.[step], value);
+    if (String(before === null || before === undefined ? "" : shownIn(input, before)) === input.value) continue; // as it was, to the last digit
+    put(next, input.name, "text" in input.dataset ? input.value.trim() : valueOf(input) ?? ("pairs" in input.dataset ? {} : null));
+  }
+  const members = new Set(fieldsOf(form).map((input) => input.name.split("/")[0]));
+  for (const input of fixedOf(form)) { put(next, input.name, valueOf(input) ?? null); members.add(input.name); }
+  return Object.fromEntries([...members].filter((name) => JSON.stringify(next[name]) !== JSON.stringify(value[name])).map((name) => [name, next[name]]));
+}
+async function sendChanges(form) {
+  const changes = changesOf(form);
+  if (!Object.keys(changes).length) throw { detail: "Nothing was changed." };
+  await send("PATCH", form.dataset.edit, changes, { "If-Match": EDITED.get(form).tag });
+  goOn(form.dataset.then);
+}
+for (const form of document.querySelectorAll("form[data-edit]")) {
+  const button = form.querySelector("button[type=submit]");
+  button.disabled = true;
+  readInto(form).then(() => { button.disabled = false; }, (problem) => showFaults(form, problem));
+  form.addEventListener("submit", (event) => { event.preventDefault(); submitted(form, () => sendChanges(form)); });
+}
+
+/* Poles that are kept or dropped: the form of a mode set shows itself when its boxes differ from the set, and sends the difference. */
+const polesOf = (form) => [...form.elements].filter((input) => input.dataset.pole);
+for (const form of document.querySelectorAll("form[data-poles]")) {
+  const changed = () => polesOf(form).filter((box) => box.checked !== box.defaultChecked);
+  for (const box of polesOf(form)) box.addEventListener("change", () => { form.hidden = !changed().length; });
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    const reason = form.elements.reason.value.trim();
+    const decisions = changed().map((box) => ({ frequency_hz: Number(box.dataset.pole), keep: box.checked, reason }));
+    submitted(form, async () => goOn(form.dataset.then, await send("POST", form.dataset.poles, { name: form.elements.name.value.trim(), decisions })));
+  });
+}
+/* A click on a pole of a stabilisation diagram turns the box of the mode that is nearest, within two per cent. */
+for (const figure of document.querySelectorAll("figure[data-figure$='/figures/stabilisation']")) figure.addEventListener("drawn", () => {
+  const set = document.querySelector(`[data-set-of="${figure.dataset.figure.split("/")[1]}"]`);
+  if (set) figure.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [point] }) => {
+    const off = (box) => Math.abs(Number(box.dataset.pole) / point.x - 1);
+    const [box] = [...set.querySelectorAll("[data-pole]")].sort((a, b) => off(a) - off(b));
+    if (!box || off(box) > 0.02) return say(`No mode of the set lies near ${Number(point.x.toPrecision(5))} Hz.`);
+    box.click();
+    set.open = true;
+    return say(`${Number(Number(box.dataset.pole).toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`);
+  });
+});
