@@ -51,7 +51,7 @@ VOLATILE_HEADERS = {"content-length", "date", "etag", "server", "x-request-id", 
 _ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
 _TIME = re.compile(r"20\d\d-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?( UTC|Z|[+-]\d\d:\d\d)?")
 _DATE = re.compile(r"[A-Z][a-z]{2}, \d\d [A-Z][a-z]{2} 20\d\d \d\d:\d\d:\d\d GMT")  # in headers
-_HEX = re.compile(r"(?<![\w.])(mb_)?(?=[a-f]*\d)(?=\d*[a-f])[0-9a-f]{12,64}(?!\w)")
+_HEX = re.compile(r"(?<![\w.])(mb_[0-9a-f]{12,64}|(?=[a-f]*\d)(?=\d*[a-f])[0-9a-f]{12,64})(?!\w)")
 _NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 DEVIATIONS = {
     "frequency_hz": "frequency_sd_hz",

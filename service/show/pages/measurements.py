@@ -33,7 +33,6 @@ from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, RecordOut
 from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
-from service.web.parameters import etag_of
 from service.web.routing import page_router
 
 router = page_router()
@@ -61,7 +60,6 @@ def get_structure(
     return visit.show(
         "structure.html",
         **context,
-        etag=etag_of(context["structure"]),
         has_mesh=has_mesh(context["structure"]),
         model=models.get_model(structure_id, visit.session, visit.user) if context["structure"].model else None,
         sent=sent[0] if sent else None,

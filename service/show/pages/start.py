@@ -65,7 +65,6 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
         "project.html",
         **visit.in_project(project_id),
         structures=listed.items,
-        deleted=structures.list_structures(project_id, visit.session, visit.user, limit=MOST, deleted=True).items,
         following=listed.next_cursor,
         members=people,
         stored=stored,

@@ -22,15 +22,6 @@ async function send(method, path, value, headers = {}) {
     return json(path + "?confirm=true");
   }
 }
-/* What differs from what the form began with: a part is sent whole, as a patch takes it. */
-function changesOf(form) {
-  const parts = new Map();
-  for (const input of form.elements) if (input.name) {
-    const part = input.name.split("/")[0];
-    parts.set(part, parts.get(part) || input.value !== input.defaultValue);
-  }
-  return Object.fromEntries(Object.entries(bodyOf(form)).filter(([part]) => parts.get(part)));
-}
 const say = (text) => { document.getElementById("say").textContent = text; };
 
 /* The value of an input: in SI, with the digits that were typed; undefined where nothing was said. */
@@ -129,14 +120,6 @@ document.addEventListener("submit", (event) => {
       if ("showKey" in form.dataset) form.querySelector("output").textContent = `${made.key} – this is shown once; keep it now.`;
       else if ("showSecret" in form.dataset) form.querySelector("output").textContent = `${made.secret} – the secret is shown once; keep it now.`;
       else goOn(form.dataset.then, made);
-    });
-  } else if (form.dataset.patch) {
-    event.preventDefault();
-    submitted(form, async () => {
-      const changes = changesOf(form);
-      if (!Object.keys(changes).length) throw { detail: "Nothing was changed." };
-      await send("PATCH", form.dataset.patch, changes, { "If-Match": form.dataset.match });
-      goOn("reload");
     });
   } else if ("deck" in form.dataset) {
     event.preventDefault();
