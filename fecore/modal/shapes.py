@@ -133,17 +133,14 @@ def _rank_one(
             factor[column] = np.vdot(known, other) / np.sum(shared**2) if np.any(shared) else 0.0
     vector = np.zeros(p, dtype=complex)
     information: FloatArray = np.ones(p)
-    for _ in range(_ITERATIONS if m > 1 else 1):
-        information = _add_up(i, weight * np.abs(factor[j]) ** 2, p)
-        vector = _scatter(i, weight * factor[j].conj() * entries, p) / np.maximum(information, 1e-300)
-        if m == 1:
-            break
+    for _ in range(_ITERATIONS):
+        information = np.maximum(_add_up(i, weight * np.abs(factor[j]) ** 2, p), 1e-300)
+        vector = _scatter(i, weight * factor[j].conj() * entries, p) / information
+        if m == 1:  # it sees all dofs alike
+            return vector, 1 / np.sqrt(information), factor
         own = _add_up(j, weight * np.abs(vector[i]) ** 2, m)
         factor = _scatter(j, weight * vector[i].conj() * entries, m) / np.maximum(own, 1e-300)
         factor /= np.max(np.abs(factor))
-    information = np.maximum(information, 1e-300)
-    if m == 1:  # it sees all dofs alike
-        return vector, 1 / np.sqrt(information), factor
     return *_shrunk(vector, information), factor
 
 

@@ -25,17 +25,11 @@ from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
 """Constants that belong to the material."""
 
-
 MATERIAL_PARAMETERS = (*(Parameter(name) for name in MATERIAL[:-1]), Parameter("nu_xy", prior_sd=0.1))
 """What several campaigns update together by default: all constants of the material, each by itself."""
 
-
 _CLAMP_LOG_SD = 1.2  # of a clamp's compliance: its logarithm covers a half-normal's mass from a tenth to five scales
-
-
 _HALF_NORMAL_MEDIAN = 0.6745  # of |z|, z ~ N(0, 1)
-
-
 _ALIKE = 1e-9  # relative, of nominal constants that are one
 
 

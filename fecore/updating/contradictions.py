@@ -20,7 +20,6 @@ cleared.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -132,14 +131,12 @@ def compare_sources(
 
 
 def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
-    checks, found = sources.checks(), list[Conflict]()
-    while against := sources.contradicting(checks):
-        cause, *rivals = sources.explanations(checks, against)
-        sources = sources.allowing(cause)
-        checks = sources.checks()
-        left = {each.name for each in sources.contradicting(checks)}
+    found = list[Conflict]()
+    while against := sources.contradicting:
+        (cause, sources), *rivals = sources.explanations()
+        left = {each.name for each in sources.contradicting}
         cleared = tuple(each.name for each in against if each.name not in {cause.name, *left})
-        found.append(Conflict(cause, tuple(rivals), cleared, sources.moved))
+        found.append(Conflict(cause, tuple(rival for rival, _ in rivals), cleared, sources.moved))
     return tuple(found)
 
 
@@ -201,21 +198,24 @@ class _Sources:
     def posterior(self) -> Mixture:
         return self.problem.at_scatter(self.scatter)
 
-    def contradicting(self, checks: Sequence[Check]) -> list[Check]:
-        """Those of some checks that are too improbable to be chance."""
-        return [each for each in checks if each.p < FALSE_ALARMS / self.count]
+    @cached_property
+    def contradicting(self) -> list[Check]:
+        """The checks that are too improbable to be chance."""
+        return [each for each in self.checks if each.p < FALSE_ALARMS / self.count]
 
-    def explanations(self, checks: Sequence[Check], against: Sequence[Check]) -> list[Check]:
-        """Which sources explain what contradicts, the likeliest first; where none does, what contradicts most."""
-        found, names = list[Check](), {each.name for each in against}
-        for each in sorted(checks, key=lambda each: -each.evidence):
-            if each.evidence <= (found[0].evidence - RIVAL if found else 0.0):
+    def explanations(self) -> list[tuple[Check, _Sources]]:
+        """Which sources explain what contradicts, the likeliest first, each with all sources where it may be off by a slip;
+        where none does, what contradicts most.
+        """
+        found, names = list[tuple[Check, _Sources]](), {each.name for each in self.contradicting}
+        for each in sorted(self.checks, key=lambda each: -each.evidence):
+            if each.evidence <= (found[0][0].evidence - RIVAL if found else 0.0):
                 break
             allowed = self.allowing(each)
-            left = {other.name for other in allowed.contradicting(allowed.checks())}
-            if names - left:
-                found.append(each)
-        return found or [min(against, key=lambda each: each.p)]
+            if names - {other.name for other in allowed.contradicting}:
+                found.append((each, allowed))
+        most = min(self.contradicting, key=lambda each: each.p)
+        return found or [(most, self.allowing(most))]
 
     @property
     def moved(self) -> float:
@@ -223,6 +223,7 @@ class _Sources:
         off = self.posterior.weight @ self.posterior.shift[:, : len(self.elastic.layout.shared)]
         return float(np.max(np.abs(off) / np.sqrt(np.diag(self.elastic.mixture.total))[: off.size]))
 
+    @cached_property
     def checks(self) -> list[Check]:
         """Each source that is not allowed a slip beside all others."""
         return [*map(self._of_statement, self.statements), *map(self._of_campaign, self.campaigns), *self.of_scatter]

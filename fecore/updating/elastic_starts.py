@@ -136,7 +136,7 @@ def _first(layout: Layout, run: Callable[[Layout, FloatArray | None, float, floa
 
 
 def _alone_at_most(found: Found) -> float:
-    """How many modes may stay alone at a start that is worth it: fewer than in a result that only this makes doubtful."""
+    """How many modes may stay alone at a start that is fitted: fewer than in a result that only this makes doubtful."""
     if isinstance(found, UpdatingError) or not found.layout.by_shapes or _is_far(found):
         return np.inf
     return sum(len(pairing.unpaired_measured) for pairing in found.pairings) - 1

@@ -93,13 +93,10 @@ class FrfMisfit:
         """(N, L) weights of the residuals; None where the model's FRFs are in them."""
         if self.weighting == "log":
             return None
-        with np.errstate(divide="ignore", invalid="ignore"):
-            weight = {
-                "noise": 1 / self.variance,
-                "relative": np.abs(self.frfs.values) ** -2.0,
-                "linear": np.ones(self.counted.shape),
-            }
-        return np.where(self.counted, weight[self.weighting], 0.0)
+        if self.weighting == "linear":
+            return self.counted.astype(float)
+        squares = self.variance if self.weighting == "noise" else np.abs(self.frfs.values) ** 2
+        return np.where(self.counted, 1 / np.where(self.counted, squares, 1.0), 0.0)
 
     def scatter(self, weight: FloatArray) -> FloatArray:
         """(N, L) w²v: the noise of weighted residuals."""

@@ -12,10 +12,11 @@ import json
 import tempfile
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 from zipfile import BadZipFile, ZipFile
 
@@ -128,11 +129,14 @@ class ArchiveFile:
         except (ValueError, csv.Error) as error:
             raise _broken(f"{name} cannot be read: {error}") from None
 
-    def unpack(self, name: str, target: IO[bytes]) -> None:
-        """Write a member to a file."""
-        for block in self._blocks(name):
-            target.write(block)
-        target.flush()
+    @contextmanager
+    def unpacked(self, name: str, called: str) -> Iterator[Path]:
+        """A member as a file of that name, while it is needed."""
+        with tempfile.TemporaryDirectory(prefix="modalbase-") as folder:
+            file = Path(folder, Path(called).name)
+            with file.open("wb") as target:
+                target.writelines(self._blocks(name))
+            yield file
 
     def _whole(self, name: str) -> bytes:
         if self._zip.getinfo(name).file_size > MOST_WHOLE:
@@ -202,10 +206,7 @@ def _structure(project: Project, archive: ArchiveFile, was: Mapping[str, Any]) -
     made = project.new_structure(**_stated(was), confirm=True)
     if archive.has(f"{folder}/deck"):
         deck = archive.json(f"{folder}/model.json")
-        with tempfile.TemporaryDirectory(prefix="modalbase-") as place:
-            file = Path(place, Path(str(deck["filename"])).name)
-            with file.open("wb") as target:
-                archive.unpack(f"{folder}/deck", target)
+        with archive.unpacked(f"{folder}/deck", str(deck["filename"])) as file:
             made.import_model(file, deck["units"], accept=deck["accepted"])
     return made
 
@@ -220,16 +221,13 @@ def _campaign(structure: Structure, archive: ArchiveFile, was: Mapping[str, Any]
 
 def _measurements(campaign: Campaign, archive: ArchiveFile, folder: str) -> dict[str, str]:
     """Send points, FRFs with their labels, and mode sets; ids of the mode sets as they were to as they are."""
-    with tempfile.TemporaryDirectory(prefix="modalbase-") as place:
-        if archive.has(f"{folder}/frfs.uff"):
-            file = Path(place, "frfs.uff")
-            with file.open("wb") as target:
-                archive.unpack(f"{folder}/frfs.uff", target)
+    if archive.has(f"{folder}/frfs.uff"):
+        with archive.unpacked(f"{folder}/frfs.uff", "frfs.uff") as file:
             sent = campaign.import_file(file)
-            _label(campaign, archive.rows(f"{folder}/frfs.csv"), sent.id)
-        elif points := archive.rows(f"{folder}/grid-points.csv"):
-            items = [{"label": int(row["label"]), **{f"{a}_m": float(row[f"{a}_m"]) for a in "xyz"}} for row in points]
-            campaign.lab.connection.call("PUT", f"{campaign.address}/grid-points", json={"items": items})
+        _label(campaign, archive.rows(f"{folder}/frfs.csv"), sent.id)
+    elif points := archive.rows(f"{folder}/grid-points.csv"):
+        items = [{"label": int(row["label"]), **{f"{a}_m": float(row[f"{a}_m"]) for a in "xyz"}} for row in points]
+        campaign.lab.connection.call("PUT", f"{campaign.address}/grid-points", json={"items": items})
     ids = {}
     for one in archive.json(f"{folder}/mode-sets.json"):
         modes = [{name: mode[name] for name in _MODE} for mode in one["modes"] if mode["frequency_hz"] > 0]

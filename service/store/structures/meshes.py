@@ -6,8 +6,10 @@ from collections.abc import Iterable
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from sqlalchemy.orm import Session
 
+from fecore.arrays import FloatArray, IntArray
 from fecore.body.generators import strip
 from fecore.body.mesh import Block, Mesh
 from fecore.body.supports import of_boundary
@@ -17,7 +19,7 @@ from service.store.structures.models import load_model
 from service.store.structures.operations import StructureVersion, describe_version
 
 if TYPE_CHECKING:
-    from modalbase.formats.models.model import FiniteElementModel
+    from modalbase.formats.models.model import Elements, FiniteElementModel
 
 
 def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -> dict[str, Any]:
@@ -36,12 +38,11 @@ def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -
         return _of_model(load_model(session, version.model), held=boundary in (None, AS_MODELLED))
     mesh = described_mesh(version)
     supports = () if boundary is None else of_boundary(boundary)  # type: ignore[arg-type]
-    held = [{"nodes": mesh.select(each.where).tolist(), "dofs": [dof + 1 for dof in each.dofs]} for each in supports]
-    numbers = list(range(1, len(mesh.nodes) + 1))
+    blocks = zip(mesh.blocks, _first_numbers(mesh), strict=True)
     return {
-        "nodes": {"numbers": numbers, **columns(mesh)},
-        "blocks": [_block(block, first) for block, first in zip(mesh.blocks, _first_numbers(mesh), strict=True)],
-        "supports": held,
+        "nodes": {"numbers": list(range(1, len(mesh.nodes) + 1)), **_columns(mesh.nodes)},
+        "blocks": [_block(block, np.arange(first, first + len(block.nodes))) for block, first in blocks],
+        "supports": [_held(mesh.select(each.where), each.dofs) for each in supports],
         "masses": [],
     }
 
@@ -62,38 +63,27 @@ def described_mesh(version: StructureVersion) -> Mesh:
     return strip(g.length_m, g.width_m, pieces=pieces, thickness=g.thickness_m)
 
 
-def columns(mesh: Mesh) -> dict[str, list[float]]:
+def _of_model(model: FiniteElementModel, *, held: bool) -> dict[str, Any]:
+    return {
+        "nodes": {"numbers": model.numbers.tolist(), **_columns(model.nodes)},
+        "blocks": [_block(block, block.numbers) for block in model.elements],
+        "supports": [_held(each.nodes, each.dofs) for each in (model.supports if held else ())],
+        "masses": sorted({int(each.node) for each in model.masses}),
+    }
+
+
+def _columns(nodes: FloatArray) -> dict[str, list[float]]:
     """Coordinates of the nodes by axis, m."""
-    return {f"{axis}_m": mesh.nodes[:, k].tolist() for k, axis in enumerate("xyz")}
+    return {f"{axis}_m": nodes[:, k].tolist() for k, axis in enumerate("xyz")}
 
 
 def _first_numbers(mesh: Mesh) -> Iterable[int]:
     return accumulate((len(block.nodes) for block in mesh.blocks[:-1]), initial=1)
 
 
-def _block(block: Block, first: int) -> dict[str, Any]:
-    numbers = list(range(first, first + len(block.nodes)))
-    return {"set": block.set, "kind": block.kind, "numbers": numbers, "nodes": block.nodes.tolist()}
+def _block(block: Block | Elements, numbers: IntArray) -> dict[str, Any]:
+    return {"set": block.set, "kind": block.kind, "numbers": numbers.tolist(), "nodes": block.nodes.tolist()}
 
 
-def _of_model(model: FiniteElementModel, *, held: bool) -> dict[str, Any]:
-    return {
-        "nodes": {
-            "numbers": model.numbers.tolist(),
-            **{f"{axis}_m": model.nodes[:, k].tolist() for k, axis in enumerate("xyz")},
-        },
-        "blocks": [
-            {
-                "set": block.set,
-                "kind": block.kind,
-                "numbers": block.numbers.tolist(),
-                "nodes": block.nodes.tolist(),
-            }
-            for block in model.elements
-        ],
-        "supports": [
-            {"nodes": each.nodes.tolist(), "dofs": [dof + 1 for dof in each.dofs]}
-            for each in (model.supports if held else ())
-        ],
-        "masses": sorted({int(each.node) for each in model.masses}),
-    }
+def _held(nodes: IntArray, dofs: Iterable[int]) -> dict[str, Any]:
+    return {"nodes": nodes.tolist(), "dofs": [dof + 1 for dof in dofs]}
