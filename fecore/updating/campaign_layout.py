@@ -11,7 +11,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body, kind_of
 from fecore.body.specimen import OrientedSpecimen
-from fecore.body.structure import Structure
+from fecore.body.structure import OWN_SD, Structure
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
@@ -19,7 +19,7 @@ from fecore.updating.discretisation import AnyBody
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs, tolerance_of
-from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Layout, Unknown, with_common
+from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 
 MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
@@ -59,13 +59,14 @@ class Campaign:
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
 
-def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, scatter: bool) -> Layout:
+def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scatter: float) -> Layout:
     """Lay out the unknowns of some campaigns.
 
     Args:
         campaigns: at least one; names are all different.
         parameters: the material's, with their priors.
-        scatter: give every specimen deviations of its own in each free modulus, where there is more than one specimen.
+        scatter: scale of the deviations of its own that every specimen has in each free modulus, where there is more than one
+            specimen; 0 for none.
 
     Raises:
         InputError: two campaigns have one name, a parameter is not the material's, the parameters contradict themselves, or
@@ -76,12 +77,12 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
     first = forwards[0].parametrisation
     shared = first.reported
     _check_priors(campaigns, forwards)
-    deviations, common = with_common(first)
     places: dict[tuple[str, str | None], Unknown] = {
-        (name, None): Unknown(name, None, float(sd)) for name, sd in zip(shared, deviations, strict=False)
+        (name, None): Unknown(name, None, float(sd)) for name, sd in zip(shared, first.xi_sd, strict=False)
     }
     specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
-    if scatter and len(specimens) > 1:
+    scatter = scatter if len(specimens) > 1 else 0.0
+    if scatter:
         moduli = [name for name in shared if kind_of(name) not in ("nu_xy", "nu12")]
         places |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
     keys = []
@@ -100,11 +101,8 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
                 pick[row, number[name, campaign.specimen]] = 1.0
         seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
         models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
-    coupling = None
-    if common is not None:
-        coupling = np.zeros((len(places),) * 2)
-        coupling[: len(shared), : len(shared)] = common[: len(shared), : len(shared)]
-    return Layout(tuple(models), tuple(places.values()), coupling)
+    scale = OWN_SD if first.common and not scatter else scatter
+    return Layout(tuple(models), tuple(places.values()), first.common, scale)
 
 
 def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel]) -> None:

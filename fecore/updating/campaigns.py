@@ -131,13 +131,12 @@ def update_campaigns(
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
     ready = [replace(each, body=meshed(clamped(each.body, each.inputs), _highest_hz(each))[0]) for each in campaigns]
-    scatter = recipe.scatter if len({campaign.specimen for campaign in ready}) > 1 else 0.0
-    layout = lay_out(ready, recipe.parameters, scatter=scatter > 0)
+    layout = lay_out(ready, recipe.parameters, recipe.scatter)
     elastic = update_from_several_starts(
-        layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons, scatter=scatter
+        layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons
     )
     progress("comparing the campaigns", 0.7)
-    against, alone = compare_sources(elastic, scatter)
+    against, alone = compare_sources(elastic)
     progress("making intervals", 0.9)
     parameters = tuple(constant_estimates(elastic, None))
     causes = {conflict.cause.owner for conflict in against} - {""}
@@ -156,7 +155,7 @@ def update_campaigns(
         campaigns=parts,
         odd_one_out=_odd_one_out(against, ready),
         discrepancy=elastic.discrepancy,
-        scatter=elastic.scatter if scatter else None,
+        scatter=elastic.scatter if layout.specimens_scatter else None,
         warnings=warnings(findings),
         findings=ordered(findings),
         conflicts=against,

@@ -118,15 +118,14 @@ class Agreement:
 
 
 def compare_sources(
-    elastic: ElasticResult, scatter_scale: float = 0.0
+    elastic: ElasticResult,
 ) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
     """Sources that contradict the others, each with its likeliest cause; and each campaign beside the others, in its order.
 
     Args:
         elastic: an update; of a single campaign its inputs and priors are the sources.
-        scatter_scale: scale of the prior of the scatter between specimens; 0 for none.
     """
-    sources = _Sources.of(elastic, scatter_scale)
+    sources = _Sources.of(elastic)
     return _conflicts(sources), tuple(_agreement(sources, number) for number in range(len(elastic.rows)))
 
 
@@ -165,7 +164,7 @@ class _Sources:
     may_scatter_more: bool = True
 
     @classmethod
-    def of(cls, elastic: ElasticResult, scatter_scale: float) -> _Sources:
+    def of(cls, elastic: ElasticResult) -> _Sources:
         layout = elastic.layout
         statements = [
             _Statement("input", _labelled(unknown), unknown.owner or "", (place,), np.zeros(1), np.array([unknown.sd]))
@@ -178,7 +177,7 @@ class _Sources:
             places, values, sds = zip(*own, strict=True)
             statements.append(_Statement("coupons", batch, "", places, np.array(values), np.array(sds)))
         campaigns = tuple(range(len(elastic.rows))) if len(elastic.rows) > 1 else ()
-        found = cls(elastic, elastic.problem, scatter_scale, tuple(statements), campaigns, 1.0)
+        found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), campaigns, 1.0)
         return replace(found, count=found.independent + 2 * len(campaigns))
 
     @property
@@ -240,7 +239,7 @@ class _Sources:
     @cached_property
     def of_scatter(self) -> tuple[Check, ...]:
         """That specimens scatter more than the prior's scale, where they may."""
-        if not self.scatter or not self.may_scatter_more:
+        if not (self.may_scatter_more and self.elastic.layout.specimens_scatter):
             return ()
         evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
         return (Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),)),)
@@ -302,7 +301,10 @@ class _Sources:
     def _by_material(self, number: int) -> FloatArray:
         """(n, n) covariance of a campaign's frequencies where its material is any that the priors allow."""
         q = len(self.elastic.layout.shared)
-        S = self.problem.sensitivity[self.elastic.rows[number], :q] * self.elastic.layout.sd(0.0)[:q]
+        S = (
+            self.problem.sensitivity[self.elastic.rows[number], :q]
+            * self.elastic.layout.sd(self.elastic.layout.scatter)[:q]
+        )
         covariance: FloatArray = S @ S.T
         return covariance
 
@@ -324,7 +326,7 @@ def _loosened(problem: LinearProblem, source: _Statement, slip: float) -> Linear
     places, size = list(source.places), problem.x.size
     if source.kind == "input":
         wider = np.where(np.isin(np.arange(size), places), slip, 1.0)
-        return replace(problem, sd=lambda scatter: wider * problem.sd(scatter))
+        return replace(problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider))
     less, off = np.zeros(size), np.zeros(size)
     less[places] = (1 - slip**-2) / source.sds**2
     off[places] = source.values - problem.x[places]

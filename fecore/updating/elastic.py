@@ -31,7 +31,7 @@ from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.posterior import COMMON, DISCREPANCY, LinearProblem
+from fecore.updating.posterior import DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
 
 SHAPE_DISCREPANCY = 0.01
@@ -77,7 +77,6 @@ def fit(
     progress: Callable[[float], None] = lambda _: None,
     *,
     coupons: Sequence[Coupon] = (),
-    scatter: float = 0.0,
     use_shapes: bool = False,
     start: FloatArray | None = None,
     likest: bool = False,
@@ -89,7 +88,6 @@ def fit(
         layout: the unknowns, and the campaigns with their models and modes.
         progress: called with the share of the stage that is done.
         coupons: what static tests say of the shared parameters.
-        scatter: scale of the moduli's relative deviations between specimens; 0 for none.
         use_shapes: fit realised shapes too; needs modes with shapes.
         start: (X,) x to start from, the prior means by default.
         likest: pair the likest shapes at the prior means, however unlike, and keep these pairs.
@@ -106,7 +104,9 @@ def fit(
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
     misfit = Misfit(layout, tuple(coupons), use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
-    first_scales = _Scales(DISCREPANCY, scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns))
+    first_scales = _Scales(
+        DISCREPANCY, layout.scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
+    )
     initial = misfit.paired(origin, first_scales)
     point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
@@ -116,7 +116,7 @@ def fit(
         found, first = minimise(point, misfit.move, stopping, path.visit), point
         point = misfit.at(found.point.x, found.point.states, misfit.pair(found.point.states), first.scales)
         path.note_partners(point)
-        fresh = misfit.fresh_scales(point, scatter, late=path.late)
+        fresh = misfit.fresh_scales(point, late=path.late)
         same = fresh.are_those_of(point.scales)
         same &= all(a.pairs == b.pairs for a, b in zip(found.point.pairings, point.pairings, strict=True))
         # Steps may zigzag about the minimum, as where modes veer; without shapes a fit creeps to a crossing.
@@ -124,7 +124,7 @@ def fit(
         rests = still or found.outcome in ("converged", "stuck")
         if same and rests:
             progress(1.0)
-            return misfit.result(point, initial, scatter, tuple(path.history))
+            return misfit.result(point, initial, tuple(path.history))
         point = misfit.at(point.x, point.states, point.pairings, fresh)
     raise path.without_rest(point)
 
@@ -242,9 +242,7 @@ class Misfit:
             others["coupons"][place, place] += sd**-2
             descent[place] += off / sd**2
             cost += (off / sd) ** 2
-        if (coupling := self.layout.coupling) is not None:
-            others[COMMON], descent, cost = coupling, descent - coupling @ x, cost + float(x @ (coupling @ x))
-        known = residual, noise, sensitivity, x, self.layout.sd, others
+        known = residual, noise, sensitivity, x, self.layout.precision, others
         return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
@@ -260,12 +258,12 @@ class Misfit:
                 return None  # a partner rose above the modes that were solved for
         return self.at(x, states, pairings, point.scales)
 
-    def fresh_scales(self, point: _Point, scatter_scale: float, *, late: bool) -> _Scales:
+    def fresh_scales(self, point: _Point, *, late: bool) -> _Scales:
         """Discrepancy, scatter and weights as they are at a point; late weights stay, so that the fit comes to rest."""
         problem, old = point.problem, point.scales
         spread, scatter = problem.discrepancy(old.spread, old.scatter), 0.0
-        if scatter_scale:
-            mixture, scatters = problem.mixture(scatter_scale)
+        if self.layout.scatter:
+            mixture, scatters = problem.mixture(self.layout.scatter)
             scatter = float(np.sqrt(mixture.weight @ scatters**2))
         if late:
             return _Scales(spread, scatter, old.weights)
@@ -278,12 +276,10 @@ class Misfit:
         """(n,) probability that each paired mode is one (`belief`)."""
         return weights_of(point.problem, *prior_belief(self.layout, point.pairings), point.scales.scatter)
 
-    def result(
-        self, point: _Point, initial: _Point, scatter_scale: float, history: tuple[ConvergenceStep, ...]
-    ) -> ElasticResult:
+    def result(self, point: _Point, initial: _Point, history: tuple[ConvergenceStep, ...]) -> ElasticResult:
         """The result at the point of rest."""
         campaigns = zip(self.layout.campaigns, point.states, strict=True)
-        given = point.problem.mixture(scatter_scale)[0]
+        given = point.problem.mixture(self.layout.scatter)[0]
         return ElasticResult(
             layout=self.layout,
             x=point.x,
@@ -295,7 +291,7 @@ class Misfit:
             discrepancy=point.scales.spread,
             scatter=point.scales.scatter,
             given=given,
-            mixture=over_sets(point.problem, self.belief(point), scatter_scale, given),
+            mixture=over_sets(point.problem, self.belief(point), self.layout.scatter, given),
             excursions=tuple(campaign.seek_excursions(state) for campaign, state in campaigns),
             history=history,
             held=self.held,

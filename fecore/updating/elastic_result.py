@@ -18,6 +18,7 @@ from fecore.updating.layout import CampaignModel, Coupon, Layout
 from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
+    COMMON,
     Identifiability,
     LinearProblem,
     Mixture,
@@ -134,6 +135,8 @@ class ElasticResult:
             parts[MODEL_OF_JOINTS] = [self.gain * missed]
         for name, information in self.problem.others.items():
             parts[name] = [self.inverse @ root(information)]
+        if self.layout.common:
+            parts[COMMON] = [self.inverse @ root(self.layout.coupling(self.scatter))]
         for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(self.scatter), strict=True)):
             parts.setdefault(unknown.source, []).append(self.inverse[:, [place]] / sd)
         return {name: np.hstack(columns) for name, columns in parts.items()}

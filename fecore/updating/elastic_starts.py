@@ -69,7 +69,6 @@ def update_from_several_starts(
     *,
     use_shapes: bool = False,
     coupons: Sequence[Coupon] = (),
-    scatter: float = 0.0,
     seed: int = 0,
 ) -> ElasticResult:
     """`fit`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
@@ -91,7 +90,6 @@ def update_from_several_starts(
                 lambda share: progress(first + (last - first) * share),
                 use_shapes=use_shapes,
                 coupons=coupons,
-                scatter=scatter,
                 start=start,
                 held=held,
             )
@@ -250,7 +248,9 @@ def evidence(result: ElasticResult) -> tuple[int, float]:
     if result.layout.by_shapes:
         each = zip(result.layout.campaigns, result.pairings, strict=True)
         return round(sum(float(c.probability(p.unpaired_measured).sum()) for c, p in each)), misfit
-    narrowed = np.log(result.layout.sd(result.scatter)).sum() - np.linalg.slogdet(result.inverse)[1] / 2
+    narrowed = (
+        -(np.linalg.slogdet(result.layout.precision(result.scatter))[1] + np.linalg.slogdet(result.inverse)[1]) / 2
+    )
     parts = zip(result.layout.campaigns, result.pairings, result.states, strict=True)
     missed = sum(
         missed_cost(p, probability_seen(c.modes, state), state.frequency_hz, alone_cost(c.modes))
@@ -264,7 +264,7 @@ def _other_starts(layout: Layout, seed: int, alone_at_most: float = np.inf) -> l
 
     Those that leave more than so many modes alone are left out.
     """
-    free, sd = len(layout.shared), layout.sd(0.0)
+    free, sd = len(layout.shared), layout.sd(layout.scatter)
     best: dict[tuple[object, ...], tuple[tuple[int, float], FloatArray]] = {}
     for draw in even_draws(free, _DRAWS, seed):
         x: FloatArray = np.zeros(sd.size)

@@ -13,18 +13,21 @@ campaign is the same problem with P = 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
+from fecore.body.structure import OWN_SD, CommonPrior
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.pairing import has_shapes
 from fecore.updating.parameters import Parametrisation, by_name
+from fecore.updating.posterior import prior_of_scatter
 
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
 """Constants that belong to a specimen, whatever its boundary; Poisson's ratio is the material's."""
@@ -151,12 +154,15 @@ class Layout:
     Attributes:
         campaigns: models whose parametrisations have the shared parameters first and the same.
         unknowns: entries of x, those that all campaigns share first.
-        coupling: (X, X) prior precision beside that of the unknowns by themselves: of what sets of one material have in common.
+        common: constants, among the shared ones, of sets that are made of one material.
+        scatter: prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs, else of a constant
+            between sets of one material; 0 where nothing scatters.
     """
 
     campaigns: tuple[CampaignModel, ...]
     unknowns: tuple[Unknown, ...]
-    coupling: FloatArray | None = None
+    common: tuple[CommonPrior, ...] = ()
+    scatter: float = 0.0
 
     @classmethod
     def of_one(
@@ -168,9 +174,9 @@ class Layout:
         """The unknowns of one campaign: its parameters and inputs."""
         prior = forward.parametrisation
         owners = [None if name in prior.reported else "" for name in prior.names]
-        sd, coupling = with_common(prior)
-        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, sd), strict=True))
-        return cls((CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),), unknowns, coupling)
+        unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, prior.xi_sd), strict=True))
+        campaigns = (CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),)
+        return cls(campaigns, unknowns, prior.common, OWN_SD if prior.common else 0.0)
 
     @property
     def shared(self) -> tuple[str, ...]:
@@ -205,16 +211,53 @@ class Layout:
         """Whether the bodies of all campaigns could have the parameters at x."""
         return all(campaign.is_believable(x) for campaign in self.campaigns)
 
+    @property
+    def specimens_scatter(self) -> bool:
+        """Whether specimens have deviations of their own from the material."""
+        return any(unknown.is_scatter for unknown in self.unknowns)
+
     def sd(self, scatter: float) -> FloatArray:
-        """(X,) prior standard deviations, where specimens scatter by so much."""
-        return np.array([scatter if unknown.is_scatter else unknown.sd for unknown in self.unknowns])
+        """(X,) prior standard deviations of the unknowns by themselves at a scatter τ, see `coupling`."""
+        sd = np.array([scatter if unknown.is_scatter else unknown.sd for unknown in self.unknowns])
+        for rows, shared, own in self._of_sets(scatter):
+            sd[rows] = np.sqrt(own + len(rows) * shared)
+        return sd
+
+    def coupling(self, scatter: float) -> FloatArray:
+        """(X, X) prior precision beside that: of what sets of one material have in common.
+
+        n constants that share a deviation of variance c² and have o² each of their own have the covariance c²11ᵀ + o²I. Its
+        inverse is that of independent ones of variance o² + nc², and k/o² (nI - 11ᵀ) with k = c²/(o² + nc²).
+        """
+        coupling = np.zeros((len(self.unknowns),) * 2)
+        for rows, shared, own in self._of_sets(scatter):
+            n = len(rows)
+            coupling[np.ix_(rows, rows)] = shared / (own + n * shared) / own * (n * np.eye(n) - 1)
+        return coupling
+
+    def _of_sets(self, scatter: float) -> Iterator[tuple[list[int], float, float]]:
+        """Places of constants with a common prior, with the variances of ξ that they share and of each by itself."""
+        for each in self.common:
+            spread = each.own if self.specimens_scatter else each.own * scatter / self.scatter
+            shared = np.log1p(each.common**2)
+            yield [self.shared.index(name) for name in each.constants], shared, np.log1p(spread**2)
+
+    def precision(self, scatter: float) -> FloatArray:
+        """(X, X) prior precision P(τ)."""
+        precision: FloatArray = np.diag(self.sd(scatter) ** -2) + self.coupling(scatter)
+        return precision
+
+    def log_prior(self, x: FloatArray) -> FloatArray:
+        """(n,) logarithm of the prior density of (n, q) shared unknowns, whatever the scatter is, up to a constant."""
+        q, (scatters, probability) = x.shape[1], prior_of_scatter(self.scatter)
+        inverse = [np.linalg.inv(np.linalg.inv(self.precision(float(each)))[:q, :q]) for each in scatters]
+        away = np.einsum("ni,tij,nj->tn", x, inverse, x)
+        each = np.log(probability)[:, None] + (np.linalg.slogdet(inverse)[1][:, None] - away) / 2
+        return np.asarray(scipy.special.logsumexp(each, axis=0))
 
     def marginal_sd(self, scatter: float) -> FloatArray:
-        """(X,) the same with what is known of several unknowns together."""
-        sd = self.sd(scatter)
-        if self.coupling is None:
-            return sd
-        return np.asarray(np.sqrt(np.diag(np.linalg.inv(np.diag(sd**-2.0) + self.coupling))))
+        """(X,) prior standard deviations of the unknowns, whatever the others are."""
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.precision(scatter)))))
 
     def material(self, x: FloatArray) -> FloatArray:
         """(q,) the shared parameters at x, without any specimen's scatter."""
@@ -255,20 +298,3 @@ class Layout:
         (only,) = self.campaigns
         parametrisation = replace(only.prior, prior_sd=np.asarray(sd))
         return Layout.of_one(replace(only.forward, parametrisation=parametrisation), only.modes, only.seek_excursions)
-
-
-def with_common(prior: Parametrisation) -> tuple[FloatArray, FloatArray | None]:
-    """(p,) standard deviations of ξ by themselves, and the precision that couples constants with a common prior.
-
-    n constants that share a deviation of variance c² and have o² each of their own have the covariance c²11ᵀ + o²I. Its inverse
-    is that of independent ones of variance o² + nc², and k/o² (nI - 11ᵀ) with k = c²/(o² + nc²).
-    """
-    sd, coupling = prior.xi_sd.copy(), np.zeros((len(prior.names),) * 2)
-    for each in prior.common:
-        rows = [prior.names.index(name) for name in each.constants]
-        n, whole = len(rows), np.log1p(each.common**2 + each.own**2)
-        shared = whole * each.common**2 / (each.common**2 + each.own**2)
-        own = whole - shared
-        sd[rows] = np.sqrt(own + n * shared)
-        coupling[np.ix_(rows, rows)] = shared / (own + n * shared) / own * (n * np.eye(n) - 1)
-    return sd, coupling if prior.common else None

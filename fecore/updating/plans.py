@@ -135,13 +135,12 @@ def plan_tests(
     """
     if not tests:
         raise InputError("tests", "is empty, expected at least one that could be made")
-    several = _are_several(campaigns)
-    scale = SCATTER if several else 0.0
-    fitted = fit(lay_out(campaigns, parameters, scatter=several), scatter=scale) if campaigns else None
+    fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
     simulated = [_Simulated.of(test, parameters, theta) for test in tests]
     known = _Known(tuple(campaigns), tuple(parameters), fitted)
-    now = known.standard_deviations(lay_out([*campaigns, simulated[0].campaign], parameters, scatter=several))
+    scatter = SCATTER if len({campaign.specimen for campaign in campaigns}) > 1 else 0.0
+    now = known.standard_deviations(lay_out([*campaigns, simulated[0].campaign], parameters, scatter))
     prior = simulated[0].prior
     slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
     found = [_forecast(each, known, slope, count=count) for each in simulated]
@@ -149,11 +148,6 @@ def plan_tests(
         by_name(prior.reported, now * slope),
         tuple(sorted(found, key=lambda each: -each.information)),
     )
-
-
-def _are_several(campaigns: Sequence[Campaign]) -> bool:
-    """Whether they are of more than one specimen, so that an update lets specimens scatter."""
-    return len({campaign.specimen for campaign in campaigns}) > 1
 
 
 @dataclass(frozen=True)
@@ -166,16 +160,13 @@ class _Known:
 
     def layout(self, campaign: Campaign) -> Layout:
         """The unknowns of an update with one more campaign, the last of the layout's."""
-        made = [*self.campaigns, campaign]
-        return lay_out(made, self.parameters, scatter=_are_several(made))
+        return lay_out([*self.campaigns, campaign], self.parameters, SCATTER)
 
-    def scatters(self, *, several: bool) -> tuple[FloatArray, FloatArray]:
+    def scatters(self, layout: Layout) -> tuple[FloatArray, FloatArray]:
         """(t,) values of the scatter and their probabilities: its prior's, or as far as the campaigns say more theirs."""
-        if not several:
-            return np.zeros(1), np.ones(1)
-        if self.fitted is None or not self.fitted.scatter:
-            return prior_of_scatter(SCATTER)
-        mixture, scatters = self.fitted.problem.mixture(SCATTER)
+        if self.fitted is None or self.fitted.layout.scatter != layout.scatter:
+            return prior_of_scatter(layout.scatter)
+        mixture, scatters = self.fitted.problem.mixture(layout.scatter)
         values = np.unique(scatters)
         return values, np.array([mixture.weight[scatters == value].sum() for value in values])
 
@@ -202,21 +193,16 @@ class _Known:
     def covariances(self, layout: Layout, more: FloatArray | float = 0.0) -> FloatArray:
         """(t, q, q) of the material's parameters at each scatter, (X, X) information `more` included."""
         information, shared = self.informed(layout) + more, len(layout.shared)
-        scatters = self.scatters(several=_scatters(layout))[0]
-        precisions = [np.diag(layout.sd(float(scatter)) ** -2) + information for scatter in scatters]
+        precisions = [layout.precision(float(scatter)) + information for scatter in self.scatters(layout)[0]]
         covariances: FloatArray = np.linalg.inv(precisions)[:, :shared, :shared]
         return covariances
 
     def standard_deviations(self, layout: Layout, more: FloatArray | float = 0.0) -> FloatArray:
         """(q,) of the material's parameters, whatever the scatter is."""
-        probabilities = self.scatters(several=_scatters(layout))[1]
+        probabilities = self.scatters(layout)[1]
         variances = np.diagonal(self.covariances(layout, more), axis1=1, axis2=2)
         deviations: FloatArray = np.sqrt(probabilities @ variances)
         return deviations
-
-
-def _scatters(layout: Layout) -> bool:
-    return any(unknown.is_scatter for unknown in layout.unknowns)
 
 
 @dataclass(frozen=True)
@@ -280,7 +266,7 @@ def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int 
     rows = min(len(campaign.modes), state.frequency_hz.size)  # each mode is taken for the model's of its number
     by = state.frequency_jacobian[:rows] / state.frequency_hz[:rows, None]
     S = by * campaign.prior.slope(state.theta) @ campaign.pick
-    probabilities = known.scatters(several=_scatters(layout))[1]
+    probabilities = known.scatters(layout)[1]
     base = np.linalg.slogdet(known.covariances(layout))[1]
 
     def brought(points: Sequence[int]) -> FloatArray:

@@ -2,8 +2,8 @@
 
 A body is never its model: each of its natural frequencies is off by a share ε ~ N(0, s²), and s is not known. Its prior is
 a scaled inverse χ² of ν₀ = 2 degrees of freedom about s₀ = 0.1 %: between what plate theory misses, 0.05 %, and what real
-laminates show, 0.2 %. The moduli of a specimen are off the material's by a share of standard deviation τ, with the same kind of
-prior about its own scale; one specimen has none (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
+laminates show, 0.2 %. The constants of a specimen, or of a set, are off the material's by a share of standard deviation τ, with
+the same kind of prior about its own scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
 
 With the residuals r = ln f_measured - ln f at the estimate, their derivative S by the unknowns, the noise N, prior precision
 P(τ) and the hessian A of what is no frequency (coupons, shapes), the posterior is a mixture over a grid of ln s and ln τ of
@@ -184,7 +184,7 @@ class LinearProblem:
         noise: (n, n) covariance of ln f_measured, and of what the model is known to miss.
         sensitivity: (n, X) derivative of ln f by x.
         x: (X,) the estimate; the prior's mean is 0.
-        sd: prior standard deviations (X,) for a scatter.
+        prior: precision P (X, X) for a scatter.
         others: by name, (X, X) information of what is no frequency: coupons, mode shapes.
         other_descent, other_cost: their descent (X,) and misfit.
         weight: (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes √w W_s √w.
@@ -194,7 +194,7 @@ class LinearProblem:
     noise: FloatArray
     sensitivity: FloatArray
     x: FloatArray
-    sd: Callable[[float], FloatArray]
+    prior: Callable[[float], FloatArray]
     others: Mapping[str, FloatArray]
     other_descent: FloatArray
     other_cost: float = 0.0
@@ -203,9 +203,9 @@ class LinearProblem:
     def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
         """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X, X)."""
         hessian, descent, (misfit,), _ = self._of_data(np.array([spread]))
-        precision = self.sd(scatter) ** -2
-        cost = (float(misfit) + float(self.x @ (precision * self.x))) / 2 + self.other_cost
-        return cost, descent[0] - precision * self.x, hessian[0] + np.diag(precision)
+        precision = self.prior(scatter)
+        pull = precision @ self.x
+        return (float(misfit) + float(self.x @ pull)) / 2 + self.other_cost, descent[0] - pull, hessian[0] + precision
 
     def solve(self, spread: float, scatter: float) -> tuple[FloatArray, FloatArray]:
         """(X,) step and (X, X) covariance at a discrepancy and a scatter."""
@@ -294,13 +294,13 @@ class LinearProblem:
     def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
         own, pull, misfit, logs = self._of_data(spreads)
-        precision = np.array([self.sd(float(scatter)) for scatter in scatters]) ** -2
-        hessian = own + precision[:, None, :, None] * np.eye(self.x.size)
-        descent = pull - (precision * self.x)[:, None]
+        precision = np.array([self.prior(float(scatter)) for scatter in scatters])
+        hessian = own + precision[:, None]
+        descent = pull - (precision @ self.x)[:, None]
         covariance = np.linalg.inv(hessian)
         step = (covariance @ descent[..., None])[..., 0]
-        gain = np.sum(descent * step, axis=-1) - misfit - ((precision * self.x) @ self.x)[:, None]
-        logs = np.sum(np.log(precision), axis=-1)[:, None] - np.linalg.slogdet(hessian)[1] - logs
+        gain = np.sum(descent * step, axis=-1) - misfit - (precision @ self.x @ self.x)[:, None]
+        logs = np.linalg.slogdet(precision)[1][:, None] - np.linalg.slogdet(hessian)[1] - logs
         return step, covariance, (gain + logs) / 2
 
     def _of_data(self, spreads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -317,7 +317,9 @@ class LinearProblem:
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
-    """(t,) values of the scatter between specimens and their prior probabilities."""
+    """(t,) values of the scatter and their prior probabilities; a scale of 0 has no scatter."""
+    if not scale:
+        return np.zeros(1), np.ones(1)
     scatters = scale * _SCATTERS
     return scatters, scipy.special.softmax(_log_prior(scatters, scale))
 

@@ -232,8 +232,7 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
         allowed = prior.are_believable(whole)
         if allowed.any():
             residual = measured_log - np.log(frequencies.at(prior.theta(whole[allowed]))[:, columns])
-            away = ((whole[allowed] - prior.xi_mean) / prior.xi_sd)[:, :free]
-            value[allowed] = likelihood(residual) - np.sum(away**2, axis=1) / 2
+            value[allowed] = likelihood(residual) + elastic.layout.log_prior((whole[allowed] - prior.xi_mean)[:, :free])
         return value
 
     return density

@@ -32,13 +32,19 @@ def problem() -> LinearProblem:
     sd, at = np.array([0.3, 0.2]), np.array([0.1, -0.2])
     noise = np.diag(RANDOM.uniform(1e-8, 1e-6, COUNT))
     nothing = np.zeros(SIZE)
-    return LinearProblem(residual, noise, RANDOM.standard_normal((COUNT, SIZE)), at, lambda _: sd, {}, nothing)
+    return LinearProblem(
+        residual, noise, RANDOM.standard_normal((COUNT, SIZE)), at, lambda _: np.diag(sd**-2), {}, nothing
+    )
 
 
 def likelihood(problem: LinearProblem, which: list[int], spread: float) -> float:
     """Of some frequencies, the unknowns integrated out."""
     S, r = problem.sensitivity[which], problem.residual[which] + problem.sensitivity[which] @ problem.x
-    V = problem.noise[np.ix_(which, which)] + spread**2 * np.eye(len(which)) + (S * problem.sd(0.0) ** 2) @ S.T
+    V = (
+        problem.noise[np.ix_(which, which)]
+        + spread**2 * np.eye(len(which))
+        + S @ np.linalg.solve(problem.prior(0.0), S.T)
+    )
     return float(np.exp(-(np.linalg.slogdet(2 * np.pi * V)[1] + r @ np.linalg.solve(V, r)) / 2))
 
 
@@ -68,7 +74,7 @@ def test_the_descent_is_the_derivative_of_the_weighted_misfit(problem: LinearPro
 
     def misfit(step: np.ndarray) -> complex:
         r, x = root * (problem.residual - problem.sensitivity @ step), problem.x + step
-        return complex(r @ np.linalg.solve(V, r) + x @ (x / problem.sd(0.0) ** 2)) / 2
+        return complex(r @ np.linalg.solve(V, r) + x @ problem.prior(0.0) @ x) / 2
 
     cost, descent, _ = weighted.at(0.002, 0.0)
     assert cost == pytest.approx(misfit(np.zeros(SIZE)).real, rel=1e-12)

@@ -24,6 +24,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.posterior import SCATTER
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
 
 
@@ -61,7 +62,7 @@ def test_a_clamp_that_hardly_yields_is_rigid_and_the_angle_is_a_constant() -> No
 def test_one_rule_says_what_is_shared(campaigns: list[Campaign]) -> None:
     held = replace(campaigns[0].body, boundary="cantilever", clamp_compliance=0.005)
     clamped = replace(campaigns[0], name="clamped", body=held)
-    layout = lay_out([*campaigns[:2], clamped], MATERIAL_PARAMETERS, scatter=True)
+    layout = lay_out([*campaigns[:2], clamped], MATERIAL_PARAMETERS, SCATTER)
     labels = set(layout.labels)
     assert set(layout.shared) == {"Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy"}
     assert {"thickness of specimen strip 0", "fibre_angle of specimen strip 90", "scatter of Ex of strip 0"} <= labels
@@ -158,14 +159,14 @@ def test_shapes_beyond_the_stated_width_are_told_of_their_campaign(campaigns: li
 
 
 def test_inputs_known_exactly_are_no_unknowns() -> None:
-    layout = lay_out([Campaign("a", "s", BODY, MODES, inputs=Inputs.exact())], MATERIAL_PARAMETERS, scatter=False)
+    layout = lay_out([Campaign("a", "s", BODY, MODES, inputs=Inputs.exact())], MATERIAL_PARAMETERS, 0.0)
     assert layout.labels == layout.shared
 
 
 def test_one_damping_law_of_the_material_explains_all_campaigns(campaigns: list[Campaign]) -> None:
     """Loss factors of tension and shear come back within 5 % from ratios with 1 % noise, and win against Rayleigh's law."""
     eta_E, eta_G, a0, random = 0.012, 0.035, 4.0, np.random.default_rng(5)
-    fitted = fit(lay_out(campaigns[1:3], MATERIAL_PARAMETERS, scatter=False))
+    fitted = fit(lay_out(campaigns[1:3], MATERIAL_PARAMETERS, 0.0))
     damped = []
     for campaign, state, pairing in zip(fitted.layout.campaigns, fitted.states, fitted.pairings, strict=True):
         ratio = np.full(len(campaign.modes), np.nan)

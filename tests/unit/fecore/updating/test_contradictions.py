@@ -34,8 +34,8 @@ def coupons(factor: float = 1.0) -> list[Coupon]:
 
 
 def found(campaigns: list[Campaign], batch: list[Coupon]) -> tuple[Conflict, ...]:
-    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, scatter=True), coupons=batch, scatter=SCATTER)
-    return compare_sources(elastic, SCATTER)[0]
+    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER), coupons=batch)
+    return compare_sources(elastic)[0]
 
 
 def shortened(campaign: Campaign, by: float) -> Campaign:
@@ -75,7 +75,7 @@ def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> N
 def test_a_check_agrees_with_a_fit_without_its_source() -> None:
     """What the rest says of the coupons is what a fit without them says, up to the model's curvature."""
     campaigns = strips(0)
-    layout = lay_out(campaigns, MATERIAL_PARAMETERS, scatter=False)
+    layout = lay_out(campaigns, MATERIAL_PARAMETERS, 0.0)
     (conflict,) = compare_sources(fit(layout, coupons=coupons(1.15)))[0]
     without = fit(layout)
     for said in conflict.cause.said:

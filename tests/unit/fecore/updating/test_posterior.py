@@ -45,7 +45,9 @@ def over(scales: np.ndarray, log_prior: np.ndarray, values: np.ndarray) -> np.nd
 
 def test_the_mixture_is_likelihood_times_prior() -> None:
     sd, rest = np.array([2.0, 3.0]), PRIOR - np.diag([1 / 4, 1 / 9])  # of the prior a part is coupons
-    problem = LinearProblem(RESIDUAL, NOISE, SENSITIVITY, np.zeros(2), lambda _: sd, {"coupons": rest}, DESCENT)
+    problem = LinearProblem(
+        RESIDUAL, NOISE, SENSITIVITY, np.zeros(2), lambda _: np.diag(sd**-2), {"coupons": rest}, DESCENT
+    )
     found, scatters = problem.mixture(0.0)
     assert not scatters.any()
     assert found.weight.sum() == pytest.approx(1)

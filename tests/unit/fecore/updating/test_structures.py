@@ -73,12 +73,12 @@ def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
     layout = Layout.of_one(
         ForwardModel(BEAM, prior, (), np.zeros((0, 3)), 3), MeasuredModes(np.ones(1), np.ones(1) / 9)
     )
-    covariance = np.linalg.inv(np.diag(layout.sd(0.0) ** -2) + layout.coupling)
-    whole = np.log1p(0.3**2 + 0.15**2)
-    shared = whole * 0.3**2 / (0.3**2 + 0.15**2)
-    alone = np.log1p(0.3**2)
-    np.testing.assert_allclose(covariance, [[whole, shared, 0], [shared, whole, 0], [0, 0, alone]], atol=1e-12)
-    np.testing.assert_allclose(layout.marginal_sd(0.0) ** 2, np.diag(covariance), rtol=1e-12)
+    for scatter in (0.15, 0.3):
+        covariance = np.linalg.inv(layout.precision(scatter))
+        shared = np.log1p(0.3**2)
+        whole = shared + np.log1p(scatter**2)
+        np.testing.assert_allclose(covariance, [[whole, shared, 0], [shared, whole, 0], [0, 0, shared]], atol=1e-12)
+        np.testing.assert_allclose(layout.marginal_sd(scatter) ** 2, np.diag(covariance), rtol=1e-12)
     stated = parametrise(BEAM, [Parameter("flange.E1", prior_sd=1e9), Parameter("web.E1")])
     assert stated.common == ()
 
