@@ -120,6 +120,8 @@ read    anyone  GET /searches
 read    anyone  GET /search/campaigns/archive
 read    viewer  GET /projects/{project_id}/archive, GET /campaigns/{campaign_id}/archive
 read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
+read    anyone  GET /search/results/trend, GET /search/results/trend/figure, GET /search/results/figure
+read    anyone  GET /search/modes/trend, GET /search/modes/trend/figure
 read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects
 jobs    anyone  POST /update-jobs
