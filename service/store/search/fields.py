@@ -53,6 +53,7 @@ class Noun:
     Attributes:
         name: in filters.
         table: its name.
+        made: makes the rows where they are in no table.
         owner: noun that it belongs to; empty of a project.
         key: columns that name a row.
         fields: all of them.
@@ -71,10 +72,11 @@ class Noun:
     facets: tuple[str, ...] = ()
     hidden: bool = False
     words: str = ""
+    made: Callable[[], FromClause] | None = None
 
     def rows(self) -> FromClause:
         """Its table, under a new name."""
-        return Base.metadata.tables[self.table].alias()
+        return self.made() if self.made else Base.metadata.tables[self.table].alias()
 
     def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
         """That one row belongs to another."""

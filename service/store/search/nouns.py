@@ -12,6 +12,7 @@ from sqlalchemy import ColumnElement, FromClause, and_, func
 
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.store.search.fields import Field, Noun
+from service.store.search.uses import used_instruments
 from service.store.structures.operations import WORDS as STRUCTURE_WORDS
 from service.store.updating.result_schemas import CONSTANTS
 
@@ -177,6 +178,21 @@ _ALL = (
             "created_at",
         ),
         facets=("verdict", "structure.name"),
+    ),
+    Noun(
+        "instrument",
+        "instruments",
+        owner="campaign",
+        fields=(
+            ID,
+            Field("kind", "text", "`hammer`, `sensor` or `analyser`"),
+            Field("serial", "text", "its number"),
+            Field("model", "text", "model of it"),
+            Field("calibrated_on", "time", "last calibration before the campaign", nullable=True),
+            Field("calibrated_until", "time", "last day on which that counts", nullable=True),
+            Field("calibration_expired", "truth", "whether the campaign came after that day", nullable=True),
+        ),
+        made=used_instruments,
     ),
     Noun("batch", "coupon_batches", owner="structure", fields=(ID, NAME, CREATED)),
     Noun(
