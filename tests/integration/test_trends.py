@@ -159,7 +159,7 @@ def test_a_constant_of_a_set_is_followed_over_results(
     trend = ok(api.get("search/results/trend", params={"filter": wanted, "value": "flange.E1"}), 200)
     (series,) = trend["series"]
     assert (trend["unit"], len(series["points"])) == ("Pa", MONTHS)
-    assert trend["notes"] == ["1 result left out, as the campaign has a newer one that was found too"]
+    assert trend["notes"] == ["1 left out, as the campaign has a newer one that is found"]
     low, high = series["lines"][1]["relative_interval_95"]
     assert low < LOSS / (1 + LOSS * YEARS / 2) < high
     (one,) = ok(api.get("search/results/trend", params={"filter": wanted}), 200)["series"]

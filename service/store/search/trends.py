@@ -5,10 +5,10 @@ Each structure has series of its own. A line is laid through each, with and with
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from itertools import groupby, islice
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 from uuid import UUID
 
 import numpy as np
@@ -23,11 +23,10 @@ from service.store.modes.operations import modes_of, shape_of
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, Wanted
 from service.store.updating.operations import result_parts
-from service.web import StrictModel
+from service.web import StrictModel, shown_as
 
-MOST_ROWS = 5000
-"""Results, or mode sets, of which a trend is made."""
-MOST_MODES = 50_000
+MOST_ROWS, MOST_MODES, MOST_SERIES = 2000, 10_000, 200
+"""Results, or modes, of which a trend is made, and its series."""
 Z_95 = 1.959964
 COVARIATES = ("temperature_c", "humidity_percent")
 Trending = Literal["results", "modes"]
@@ -92,212 +91,154 @@ class TrendOut(StrictModel):
     notes: list[str]
 
 
-class _Place(NamedTuple):
-    """Where a value was found; the names are those of `_FIELDS`."""
-
-    structure_id: UUID
-    structure_name: str
-    campaign_id: UUID
-    campaign_name: str
-    performed_at: datetime | None
-    temperature_c: float | None
-    humidity_percent: float | None
-
-
+Row = dict[str, Any]
+PLACE = ("campaign_id", "campaign_name", "performed_at", *COVARIATES)
+"""Members of a point that say where its value is from."""
 _FIELDS = (
-    "structure.id", "structure.name", "campaign.id", "campaign.name",
-    "campaign.performed_at", "campaign.temperature_c", "campaign.humidity_percent",
-)  # fmt: skip
-
-
-def trend_of_results(
-    session: Session, user: User, wanted: Wanted, value: str, covariates: Sequence[str] = COVARIATES[:1]
-) -> TrendOut:
-    """A constant of the newest result of each campaign among those that are found, such as `Ex` or `flange.E1`.
-
-    Raises:
-        Invalid: no result that is found has it, there are too many, or a covariate is none.
-    """
-    rows = _rows(session, user, "result", wanted, ("id",), MOST_ROWS)
-    newest = {row[0].campaign_id: row for row in rows}
-    found = result_parts(session, [key for _, key in newest.values()], ("parameters",))
-    rows_by_name = {key: {row["name"]: row for row in parts["parameters"]} for key, parts in found.items()}
-    names = sorted({name for constants in rows_by_name.values() for name in constants})
-    if names and value not in names:
-        raise Invalid("value", f"no result that was found has {value[:60]!r}; there is {', '.join(names[:40])}")
-    having = [(place, key, rows_by_name[key][value]) for place, key in newest.values() if value in rows_by_name[key]]
-    unit = next((row["unit"] for *_, row in having), None)
-    points = [
-        (place, value, _point(place, key, *_comparable(row), row["interval_95"]))
-        for place, key, row in having
-        if place.performed_at is not None
-    ]
-    notes = [*_undated(len(having) - len(points)), *_older(len(rows) - len(newest), "result")]
-    return TrendOut(value=value, unit=unit, series=list(_series(points, covariates)), notes=notes)
-
-
-def trend_of_modes(
-    session: Session, user: User, wanted: Wanted, value: str, covariates: Sequence[str] = COVARIATES[:1]
-) -> TrendOut:
-    """Frequency or damping of the modes of each campaign's newest mode set that is found, tracked by MAC and frequency.
-
-    Raises:
-        Invalid: a mode has no such value, there are too many, or a covariate is none.
-    """
-    if value not in MODE_VALUES:
-        raise Invalid("value", f"is {value[:60]!r}, expected one of {', '.join(MODE_VALUES)}")
-    unit, sd = MODE_VALUES[value]
-    rows = _rows(session, user, "mode", wanted, ("mode_set.id", "number", "frequency_hz", value, sd), MOST_MODES)
-    newest = {row[0].campaign_id: row[1] for row in rows}
-    if len(newest) > MOST_ROWS:
-        raise Invalid(
-            "filter", f"finds modes of more than {MOST_ROWS:,} campaigns, of which no trend is made; narrow it"
-        )
-    kept = [row for row in rows if newest[row[0].campaign_id] == row[1]]
-    dated = [row for row in kept if row[0].performed_at is not None and row[3] > 0]
-    points = [
-        (place, f"mode {number + 1}", _point(place, key, found, sd, None, mode))
-        for (place, key, mode, _, found, sd), number in _tracked(session, dated)
-        if found is not None
-    ]
-    older = len({row[1] for row in rows}) - len(newest)
-    notes = [*_undated(sum(row[0].performed_at is None for row in kept)), *_older(older, "mode set")]
-    return TrendOut(value=value, unit=unit, series=list(_series(points, covariates)), notes=notes)
+    "structure.id",
+    "structure.name",
+    "campaign.id",
+    "campaign.name",
+    *(f"campaign.{name}" for name in PLACE[2:]),
+)
 
 
 def trend_of(
-    session: Session, user: User, noun: Trending, wanted: Wanted, value: str, covariates: Sequence[str]
+    session: Session, user: User, noun: Trending, wanted: Wanted, value: str, covariates: Sequence[str] = COVARIATES[:1]
 ) -> TrendOut:
-    """The trend of whatever a search for results or modes finds; see `trend_of_results` and `trend_of_modes`."""
+    """A constant of results, such as `Ex` or `flange.E1`, or the frequency or damping of modes, of whatever a search finds.
+
+    Each campaign counts once, with its newest result or mode set that is found. Modes are tracked by MAC and frequency.
+
+    Raises:
+        Invalid: nothing that is found has such a value, there is too much, or a covariate is none.
+    """
     if unknown := set(covariates) - set(COVARIATES):
         raise Invalid("covariates", f"{', '.join(sorted(unknown))[:100]} is none; there is {', '.join(COVARIATES)}")
-    return (trend_of_results if noun == "results" else trend_of_modes)(session, user, wanted, value, covariates)
+    unit, older, found = (_constants if noun == "results" else _modes)(session, user, wanted, value)
+    groups: dict[tuple[UUID, str], list[Row]] = {}
+    for row in sorted((row for row in found if row["performed_at"] is not None), key=lambda row: row["performed_at"]):
+        groups.setdefault((row["structure_id"], row["series"]), []).append(row)
+    if len(groups) > MOST_SERIES:
+        raise Invalid("filter", f"makes {len(groups)} series, at most {MOST_SERIES} are followed; narrow it")
+    undated = sum(row["performed_at"] is None for row in found)
+    notes = [
+        f"{count} left out, {why}"
+        for count, why in (
+            (undated, "as the campaign has no date"),
+            (older, "as the campaign has a newer one that is found"),
+        )
+        if count
+    ]
+    series = [_series(rows, covariates) for rows in groups.values()]
+    return TrendOut.model_construct(value=value, unit=unit, series=series, notes=notes)
 
 
-def _rows(
-    session: Session, user: User, noun: str, wanted: Wanted, fields: Sequence[str], most: int
-) -> list[tuple[Any, ...]]:
-    """What a search finds, in the order of ids: a place, then the fields."""
-    search = Search(user, NOUNS[noun], Wanted(wanted.filter, wanted.words, None, (*_FIELDS, *fields)))
-    rows = list(islice(search.rows(session), most + 1))
+def _constants(session: Session, user: User, wanted: Wanted, value: str) -> tuple[str | None, int, list[Row]]:
+    """Unit of a constant, how many results are older ones, and a row for each that has it."""
+    rows = _rows(session, user, "result", wanted, {"id": "id"}, MOST_ROWS)
+    newest = {row["campaign_id"]: row for row in rows}
+    documents = result_parts(session, [row["id"] for row in newest.values()], ("parameters",))
+    constants = {key: {one["name"]: one for one in parts["parameters"]} for key, parts in documents.items()}
+    names = sorted({name for known in constants.values() for name in known})
+    if names and value not in names:
+        raise Invalid("value", f"no result that was found has {value[:60]!r}; there is {', '.join(names[:40])}")
+    unit, found = None, []
+    for row in newest.values():
+        if one := constants[row["id"]].get(value):
+            own = one["comparable"] or {**one, "standard_deviation": one["noise_standard_deviation"]}
+            unit, interval = one["unit"], tuple(one["interval_95"])
+            found.append(
+                {**row, "series": value, "value": own["estimate"], "sd": own["standard_deviation"], "ends": interval}
+            )
+    return unit, len(rows) - len(newest), found
+
+
+def _modes(session: Session, user: User, wanted: Wanted, value: str) -> tuple[str, int, list[Row]]:
+    """Unit of a value of modes, how many mode sets are older ones, and a row for each mode, with the name of its track."""
+    if value not in MODE_VALUES:
+        raise Invalid("value", f"is {value[:60]!r}, expected one of {', '.join(MODE_VALUES)}")
+    unit, sd = MODE_VALUES[value]
+    fields = {"id": "mode_set.id", "number": "number", "hz": "frequency_hz", "value": value, "sd": sd}
+    rows = _rows(session, user, "mode", wanted, fields, MOST_MODES)
+    newest = {row["campaign_id"]: row["id"] for row in rows}
+    kept = [row for row in rows if newest[row["campaign_id"]] == row["id"] and row["hz"] > 0]
+    _name_tracks(session, [row for row in kept if row["performed_at"] is not None])
+    return unit, len({row["id"] for row in rows}) - len(newest), [row for row in kept if row["value"] is not None]
+
+
+def _rows(session: Session, user: User, noun: str, wanted: Wanted, fields: Mapping[str, str], most: int) -> list[Row]:
+    """What a search finds, in the order of ids: its structure, its place, and these fields by name."""
+    search = Search(user, NOUNS[noun], Wanted(wanted.filter, wanted.words, None, (*_FIELDS, *fields.values())))
+    names = ("structure_id", "structure_name", *PLACE, *fields)
+    rows = [dict(zip(names, row, strict=True)) for row in islice(search.rows(session), most + 1)]
     if len(rows) > most:
         raise Invalid("filter", f"finds more than {most:,} {noun}s, of which no trend is made; narrow it")
-    width = len(_FIELDS)
-    return [(_Place(*row[:width]), *row[width:]) for row in rows]
+    return rows
 
 
-def _comparable(row: Mapping[str, Any]) -> tuple[float, float]:
-    """Estimate and standard deviation of a constant as tests of one body are compared by."""
-    found = row["comparable"] or {"estimate": row["estimate"], "standard_deviation": row["noise_standard_deviation"]}
-    return found["estimate"], found["standard_deviation"]
+def _name_tracks(session: Session, rows: Sequence[Row]) -> None:
+    """Give each mode the name of its track within its structure as `series`."""
+    sets = modes_of(session, list({row["id"] for row in rows}))
+    shapes = {(key, mode.number): shape_of(mode) for key, modes in sets.items() for mode in modes}
+    ordered = sorted(rows, key=lambda row: (row["structure_id"], row["performed_at"], row["id"], row["number"]))
+    for _, of_structure in groupby(ordered, key=lambda row: row["structure_id"]):
+        campaigns = [list(group) for _, group in groupby(of_structure, key=lambda row: row["id"])]
+        seen = [[TrackedMode(row["hz"], shapes[row["id"], row["number"]]) for row in modes] for modes in campaigns]
+        for modes, numbers in zip(campaigns, track(seen), strict=True):
+            for row, number in zip(modes, numbers, strict=True):
+                row["series"] = f"mode {number + 1}"
 
 
-def _undated(count: int) -> Iterator[str]:
-    if count:
-        yield f"{count} left out, whose campaigns have no date"
-
-
-def _older(count: int, noun: str) -> Iterator[str]:
-    if count:
-        yield f"{count} {noun}{'s' if count > 1 else ''} left out, as the campaign has a newer one that was found too"
-
-
-def _point(
-    place: _Place,
-    key: UUID,
-    value: float,
-    sd: float | None,
-    interval: Sequence[float] | None,
-    number: int | None = None,
-) -> TrendPoint:
-    ends = (
-        (value - Z_95 * sd, value + Z_95 * sd) if interval is None and sd is not None else interval and tuple(interval)
-    )
-    where = {name: member for name, member in place._asdict().items() if name in TrendPoint.model_fields}
-    return TrendPoint.model_construct(
-        id=key, number=number, value=value, standard_deviation=sd, interval_95=ends, **where
-    )
-
-
-def _tracked(session: Session, rows: Sequence[tuple[Any, ...]]) -> Iterator[tuple[tuple[Any, ...], int]]:
-    """Rows of modes, each with the number of its track within its structure, from 0."""
-    shapes = {
-        (key, mode.number): shape_of(mode)
-        for key, modes in modes_of(session, list({row[1] for row in rows})).items()
-        for mode in modes
-    }
-    ordered = sorted(rows, key=lambda row: (row[0].structure_id, row[0].performed_at, row[1], row[2]))
-    for _, of_structure in groupby(ordered, key=lambda row: row[0].structure_id):
-        campaigns = [list(group) for _, group in groupby(of_structure, key=lambda row: row[1])]
-        numbers = track([[TrackedMode(row[3], shapes[row[1], row[2]]) for row in modes] for modes in campaigns])
-        for modes, tracks in zip(campaigns, numbers, strict=True):
-            yield from zip(modes, tracks, strict=True)
-
-
-def _series(points: Iterable[tuple[_Place, str, TrendPoint]], covariates: Sequence[str]) -> Iterator[TrendSeries]:
-    """Points by structure and by what they are of, in the order in which these were first found."""
-    groups: dict[tuple[UUID, str], list[tuple[_Place, TrendPoint]]] = {}
-    for place, name, point in points:
-        groups.setdefault((place.structure_id, name), []).append((place, point))
-    for (key, name), found in groups.items():
-        ordered = sorted((point for _, point in found), key=lambda point: point.performed_at)
-        lines, notes = _lines(ordered, covariates)
-        yield TrendSeries.model_construct(
-            structure_id=key,
-            structure_name=found[-1][0].structure_name,
-            name=name,
-            points=ordered,
-            lines=lines,
-            notes=notes,
-        )
-
-
-def _lines(points: Sequence[TrendPoint], covariates: Sequence[str]) -> tuple[list[TrendLine], list[str]]:
-    """The line without covariates and the one with them; and why one is missing."""
+def _series(rows: Sequence[Row], covariates: Sequence[str]) -> TrendSeries:
+    """A series of rows in time order, with the line without covariates and the one with them, or why one is missing."""
     lines: list[TrendLine] = []
     notes: list[str] = []
-    series = _as_series(points)
+    series = _as_series(rows)
     for names in dict.fromkeys([(), tuple(covariates)]):
         try:
             lines.append(_line(series, names))
         except InputError as error:
             notes.append(f"no line{' with ' + ' and '.join(names) if names else ''}: {error}")
-    if any(point.standard_deviation is None for point in points):
+    if any(not row["sd"] for row in rows):
         notes.append("some standard deviations are not known: the scatter alone says how well the lines are known")
-    return lines, notes
+    about = {name: rows[-1][name] for name in ("structure_id", "structure_name")}
+    points = [_point(row) for row in rows]
+    return TrendSeries.model_construct(None, name=rows[0]["series"], points=points, lines=lines, notes=notes, **about)
 
 
-def _as_series(points: Sequence[TrendPoint]) -> Series:
-    values = np.array([point.value for point in points])
-    known = all(point.standard_deviation for point in points)
-    sd = (
-        [point.standard_deviation for point in points]
-        if known
-        else np.full(values.size, 1e-9 * np.abs(values).max() or 1e-9)
-    )
-    measured = {name: np.array([getattr(point, name) for point in points], dtype=float) for name in COVARIATES}
-    return Series("value", [point.performed_at for point in points], values, np.array(sd, dtype=float), measured)
+def _point(row: Row) -> TrendPoint:
+    value, sd = row["value"], row["sd"]
+    ends = row.get("ends") or (None if sd is None else (value - Z_95 * sd, value + Z_95 * sd))
+    place = {name: row[name] for name in ("id", *PLACE)}
+    known = {"number": row.get("number"), "value": value, "standard_deviation": sd, "interval_95": ends}
+    return TrendPoint.model_construct(None, **place, **known)
+
+
+def _as_series(rows: Sequence[Row]) -> Series:
+    """What the core fits; where some standard deviations are not known all are taken as next to nothing."""
+    values = np.array([row["value"] for row in rows])
+    nothing = np.full(values.size, 1e-9 * np.abs(values).max() or 1e-9)
+    sd = np.array([row["sd"] for row in rows], dtype=float) if all(row["sd"] for row in rows) else nothing
+    measured = {name: np.array([row[name] for row in rows], dtype=float) for name in COVARIATES}
+    return Series("value", [row["performed_at"] for row in rows], values, sd, measured)
 
 
 def _line(series: Series, names: Sequence[str]) -> TrendLine:
     found = line(series, names, float(series.estimate.mean()))
-    return TrendLine.model_construct(
-        covariates=list(names),
-        campaigns=found.used,
-        per_year=found.rate.per_year,
-        interval_95=found.rate.interval_95,
-        relative_per_year=found.rate.relative_per_year,
-        relative_interval_95=found.rate.relative_interval_95,
-        effects=dict(found.effects),
-        ends=found.ends,
-        corrected=[float(value) if np.isfinite(value) else None for value in found.corrected],
-    )
+    corrected = [float(value) if np.isfinite(value) else None for value in found.corrected]
+    own = {"covariates": list(names), "campaigns": found.used, "effects": found.effects, "ends": found.ends}
+    return shown_as(TrendLine, found.rate, corrected=corrected, **own)
 
 
 POINT_COLUMNS = (
     "structure",
     "series",
-    *(name for name in TrendPoint.model_fields if name != "interval_95"),
+    "id",
+    *PLACE,
+    "number",
+    "value",
+    "standard_deviation",
     "low",
     "high",
     "corrected",
@@ -305,17 +246,10 @@ POINT_COLUMNS = (
 """Columns of a table of points."""
 
 
-def flat(trend: TrendOut) -> Iterator[Mapping[str, Any]]:
-    """A row for each point, as a table has them; `corrected` is of the line with covariates."""
+def flat(trend: TrendOut) -> Iterator[tuple[Any, ...]]:
+    """A row for each point, with these columns; `corrected` is of the line with covariates."""
     for series in trend.series:
         corrected = next((one.corrected for one in series.lines if one.covariates), [None] * len(series.points))
         for point, value in zip(series.points, corrected, strict=True):
-            low, high = point.interval_95 or (None, None)
-            yield {
-                "structure": series.structure_name,
-                "series": series.name,
-                **point.model_dump(exclude={"interval_95"}),
-                "low": low,
-                "high": high,
-                "corrected": value,
-            }
+            own = (getattr(point, name) for name in POINT_COLUMNS[2:-3])
+            yield series.structure_name, series.name, *own, *(point.interval_95 or (None, None)), value
