@@ -133,10 +133,11 @@ def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
             ok(api.post(f"update-jobs/{job}/cancel"))
             row = parameter("flange.E1", 30e9 * factor(month))
             document = {"version": 99, "parameters": [row, *([parameter("Ex", 33e9)] if month == MONTHS - 1 else [])]}
-            values = [job, campaign["id"], json.dumps(document), 33e9, 32e9, 34e9]
+            found = {"flange.E1": {"estimate": row["estimate"], "sd": 1e9, "low": 0.9 * row["estimate"], "high": None}}
+            values = [job, campaign["id"], json.dumps(document), json.dumps(found), 33e9, 32e9, 34e9]
             connection.execute(
-                "INSERT INTO update_results (id, campaign_id, document, prediction, ex, ex_low, ex_high)"
-                " VALUES (%s, %s, %s, '', %s, %s, %s)",
+                "INSERT INTO update_results (id, campaign_id, document, constants, prediction, ex, ex_low, ex_high)"
+                " VALUES (%s, %s, %s, %s, '', %s, %s, %s)",
                 values,
             )
     return bridge
@@ -191,3 +192,21 @@ def test_a_constant_of_a_set_is_followed_over_results(
     assert "beside temperature" in shown.stdout, shown.stderr
     modalbase_here("find", "results", wanted, "--trend", "flange.E1", "--out", str(tmp_path / "trend.csv"), **place)
     assert len((tmp_path / "trend.csv").read_text(encoding="utf-8").splitlines()) == MONTHS + 1
+
+
+def test_a_constant_of_a_set_is_searched(api: httpx.Client, aged: str) -> None:
+    mine = f"structure.id = '{aged}' AND "
+
+    def count(text: str) -> int:
+        return int(ok(api.get("search/results", params={"filter": mine + text}), 200)["count"])
+
+    softest = min(30e9 * factor(month) for month in range(MONTHS))
+    assert count(f"flange.E1 <= {softest + 1}") == 2
+    assert count(f"flange.E1 > {softest + 1}") == MONTHS - 1
+    assert count("result.flange.E1_sd = 1e9 AND flange.E1_high IS NULL") == MONTHS + 1
+    assert count("web.E1 IS NULL AND NOT web.E1 > 0") == 0
+    shown = {"filter": mine + "flange.E1 > 0", "fields": "flange.E1,flange.E1_sd", "sort": "-flange.E1"}
+    rows = ok(api.get("search/results", params=shown), 200)["items"]
+    assert rows == sorted(rows, key=lambda row: -row["flange.E1"])
+    answer = api.get("search/results", params={"filter": "flange.strength > 0"})
+    assert "there is no field 'flange.strength'" in answer.json()["errors"][0]["detail"]
