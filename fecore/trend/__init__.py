@@ -1,16 +1,18 @@
 """Trends: whether a structure has changed, judged campaign after campaign with a stated false-alarm rate.
 
-`assess` is the one entry point: series of dated estimates and a `Watch` in, an `Assessment` out. The rooms in the order in
-which data flows: series, charts, autocorrelation, baseline, states, change, common_factor, assessment, document.
+`assess` is the entry point of monitors: series of dated estimates and a `Watch` in, an `Assessment` out. The rooms in the
+order in which data flows: series, charts, autocorrelation, baseline, states, change, common_factor, assessment, document.
+`tracking` says which modes of several campaigns are the same, so that they make a series.
 """
 
 from fecore.trend.assessment import Assessment, ParameterTrend, assess
 from fecore.trend.autocorrelation import Autocorrelation
 from fecore.trend.baseline import Baseline, Scores, fit_baseline, score
-from fecore.trend.change import ChangePoint, Rate, change_point, rate, rate_since_onset
+from fecore.trend.change import ChangePoint, Line, Rate, change_point, line, rate, rate_since_onset
 from fecore.trend.charts import Chart, Limits, alarm_probability, average_run_length, control_limits
 from fecore.trend.series import Direction, Series, Watch, in_time_order
 from fecore.trend.states import Acknowledgement, Condition, Event, Moment, State, step, worst
+from fecore.trend.tracking import Shape, TrackedMode, track
 
 __all__ = [
     "Acknowledgement",
@@ -23,12 +25,15 @@ __all__ = [
     "Direction",
     "Event",
     "Limits",
+    "Line",
     "Moment",
     "ParameterTrend",
     "Rate",
     "Scores",
     "Series",
+    "Shape",
     "State",
+    "TrackedMode",
     "Watch",
     "alarm_probability",
     "assess",
@@ -37,9 +42,11 @@ __all__ = [
     "control_limits",
     "fit_baseline",
     "in_time_order",
+    "line",
     "rate",
     "rate_since_onset",
     "score",
     "step",
+    "track",
     "worst",
 ]

@@ -21,7 +21,7 @@ says nothing about the speed after it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Literal
@@ -32,7 +32,7 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.trend.baseline import complete_campaigns, fit_with_scatter
-from fecore.trend.series import Series, select
+from fecore.trend.series import Series, days_since, select
 
 Pattern = Literal["step", "ramp"]
 
@@ -156,20 +156,61 @@ class Rate:
     since: datetime | None = None
 
 
+@dataclass(frozen=True)
+class Line:
+    """A straight line in time through a series, and what covariates do beside it.
+
+    Attributes:
+        rate: of change.
+        effects: by covariate, the change of the parameter by one unit of it, and its standard deviation.
+        corrected: (n,) estimates at the covariates' means; NaN where one was not measured.
+        ends: the line at the first and at the last campaign of the series.
+        used: campaigns whose covariates are all known.
+    """
+
+    rate: Rate
+    effects: Mapping[str, tuple[float, float]]
+    corrected: FloatArray
+    ends: tuple[float, float]
+    used: int
+
+
 def rate(series: Series, covariates: Sequence[str], baseline_mean: float) -> Rate:
-    """Rate of change over a series in time order.
+    """Rate of change over a series in time order: that of `line`."""
+    return line(series, covariates, baseline_mean).rate
+
+
+def line(series: Series, covariates: Sequence[str], baseline_mean: float) -> Line:
+    """The line through a series in time order, fitted together with the covariates.
 
     Campaigns that miss a covariate say nothing about the rate and are left out.
+
+    Args:
+        series: in time order.
+        covariates: names of those to regress out.
+        baseline_mean: what the rate is relative to.
 
     Raises:
         InputError: fewer complete campaigns than coefficients and two more, or a baseline of 0.
     """
     complete = select(series, complete_campaigns(series, covariates).tolist())
-    regressors = np.column_stack([complete.measured(covariates), complete.days / DAYS_A_YEAR])
-    X = np.column_stack([np.ones(len(complete)), regressors - regressors.mean(axis=0)])
+    regressors = np.column_stack(
+        [complete.measured(covariates), days_since(series.dates[0], complete.dates) / DAYS_A_YEAR]
+    )
+    centre = regressors.mean(axis=0)
+    X = np.column_stack([np.ones(len(complete)), regressors - centre])
     fit = fit_with_scatter(X, complete.estimate, complete.standard_deviation)
-    slope, sd = float(fit.coefficients[-1]), float(np.sqrt(fit.covariance[-1, -1]))
-    return _rate(slope, sd, fit.degrees_of_freedom, baseline_mean)
+    sd = np.sqrt(np.diag(fit.covariance))
+    level, slope = float(fit.coefficients[0]), float(fit.coefficients[-1])
+    years = np.array([0.0, series.days[-1] / DAYS_A_YEAR])
+    first, last = (level + slope * (years - centre[-1])).tolist()
+    return Line(
+        _rate(slope, float(sd[-1]), fit.degrees_of_freedom, baseline_mean),
+        {name: (float(fit.coefficients[k]), float(sd[k])) for k, name in enumerate(covariates, 1)},
+        series.estimate - (series.measured(covariates) - centre[:-1]) @ fit.coefficients[1:-1],
+        (first, last),
+        len(complete),
+    )
 
 
 def rate_since_onset(change: ChangePoint, baseline_mean: float) -> Rate:

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from modalbase.client.archives import import_archive
 from modalbase.client.exporting import cards, export, figure, report
 from modalbase.client.inventory import campaigns, coupons, projects, structures
 from modalbase.client.measuring import frfs, hits, import_files, modes, points
@@ -39,7 +40,7 @@ def login(
 
 
 COMMANDS = (
-    login, projects, structures, model, campaigns, points, hits, frfs, modes, coupons,
+    login, import_archive, projects, structures, model, campaigns, points, hits, frfs, modes, coupons,
     update, jobs, result, figure, report, export, cards, monitors, alarms,
 )  # fmt: skip
 

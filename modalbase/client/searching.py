@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from modalbase.client.display import print_json, print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import fetch_file
+from modalbase.client.files import FIGURES, fetch_file, format_of
 from modalbase.client.options import AsJson, Url, service_at
 
 FORMATS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow"}
@@ -30,6 +31,31 @@ class Noun(StrEnum):
     monitors = "monitors"
 
 
+def rate_rows(trend: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each series of a trend: the change a year in per cent of the mean, by time alone and beside the covariates."""
+    headings = dict.fromkeys(_rate_heading(line) for one in trend["series"] for line in one["lines"])
+    return [
+        {
+            "structure": one["structure_name"],
+            "series": one["name"],
+            "campaigns": len(one["points"]),
+            **dict.fromkeys(headings, "–"),
+            **{_rate_heading(line): _rate(line) for line in one["lines"]},
+        }
+        for one in trend["series"]
+    ]
+
+
+def _rate_heading(line: Mapping[str, Any]) -> str:
+    beside = ", ".join(name.split("_")[0] for name in line["covariates"])
+    return "% a year" + (f" beside {beside}" if beside else "")
+
+
+def _rate(line: Mapping[str, Any]) -> str:
+    low, high = line["relative_interval_95"]
+    return f"{100 * line['relative_per_year']:+.2g} ({100 * low:+.2g} to {100 * high:+.2g})"
+
+
 def search(
     noun: Annotated[Noun, typer.Argument(help="Kind of the rows")],
     condition: Annotated[
@@ -43,10 +69,19 @@ def search(
         Path | None,
         typer.Option("--out", "-o", help="File for all rows: .csv, .jsonl, .arrows; or .zip, an archive of campaigns"),
     ] = None,
+    trend: Annotated[
+        str | None,
+        typer.Option(
+            help="Over time: a constant of results, or frequency_hz, damping_ratio; --out takes .csv, .svg, .pdf"
+        ),
+    ] = None,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
     """Find things over all your projects by a filter, such as results of pultruded bars with Ex below 30 GPa."""
+    if trend is not None:
+        _follow(noun, {"filter": condition, "q": words, "value": trend}, out, url, as_json=as_json)
+        return
     query = {"filter": condition, "q": words, "sort": sort, "fields": fields}
     known = [*FORMATS, *([ARCHIVE] if noun == Noun.campaigns else [])]
     if out is not None and out.suffix not in known:
@@ -70,3 +105,25 @@ def search(
         typer.echo(
             f"{len(rows)} of {first['count']:,}{'+' if first['more'] else ''}; --most lists more, --out writes all"
         )
+
+
+def _follow(noun: Noun, query: dict[str, Any], out: Path | None, url: str | None, *, as_json: bool) -> None:
+    """Show the trend of what is found, or write it to a file: its points, or the figure."""
+    path = f"search/{noun}/trend"
+    if noun not in (Noun.results, Noun.modes):
+        raise ClientError(f"{noun} have no trend; results and modes have", Exit.USAGE)
+    with service_at(url) as service:
+        if out is not None:
+            form = format_of(out, {**FIGURES, ".csv": "csv"})
+            fetch_file(service, path if form == "csv" else f"{path}/figure", out, format=form, **query)
+            typer.echo(out)
+            return
+        found = service.get(path, **query)
+    if as_json:
+        print_json(found)
+        return
+    rows = rate_rows(found)
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    print_table("", columns, [[row.get(name) for name in columns] for row in rows])
+    for note in dict.fromkeys([*found["notes"], *(note for one in found["series"] for note in one["notes"])]):
+        typer.echo(note)

@@ -21,13 +21,12 @@ from uuid import UUID
 from zipfile import BadZipFile, ZipFile
 
 from modalbase.client.errors import ClientError, Exit
+from modalbase.formats.archives import FORMAT, MANIFEST
 
 if TYPE_CHECKING:
     from modalbase.objects.campaigns import Campaign
     from modalbase.objects.projects import Project, Structure
 
-FORMAT = 1
-MANIFEST = "manifest.json"
 MOST_MANIFEST, MOST_WHOLE = 64 * 1024 * 1024, 512 * 1024 * 1024
 """Bytes of the manifest, and of any other member that is read whole."""
 MOST_RATIO = 200

@@ -10,7 +10,8 @@ from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
 from modalbase.client.files import fetch_file
-from modalbase.objects.thing import Access, Table, library
+from modalbase.client.searching import rate_rows
+from modalbase.objects.thing import Access, Figure, Table, library
 
 SHOWN = 10
 """Rows that printing shows."""
@@ -87,8 +88,7 @@ class Found:
         """
         if self.noun != "campaigns":
             raise ClientError(f"an archive is of campaigns; search for those whose {self.noun} are meant", Exit.USAGE)
-        query = {name: value for name, value in self.query.items() if name in ("filter", "q")}
-        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file), **query)
+        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file), **self._what())
         return Path(file)
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
@@ -104,10 +104,47 @@ class Found:
 
         if self.noun != "frfs":
             raise ClientError(f"{self.noun} have no spectra; search for frfs", Exit.USAGE)
-        query = {name: value for name, value in self.query.items() if name in ("filter", "q")}
-        content = self.lab.connection.call("GET", "search/frfs/data", params={**query, **cut, "format": "npz"})
+        query = {**self._what(), **cut, "format": "npz"}
+        content = self.lab.connection.call("GET", "search/frfs/data", params=query)
         with np.load(io.BytesIO(content)) as archive:
             return dict(archive)
+
+    def trend(self, value: str | None = None, covariates: str = "temperature_c") -> Trend:
+        """A constant of the results found, or the modes found, over time and temperature.
+
+            bridge = lab.find("results", "structure.name = 'footbridge'")
+            print(bridge.trend("Ex"))
+            lab.find("modes", "frequency_hz < 20").trend().figure().save("modes.pdf")
+
+        Modes are followed from campaign to campaign by MAC and frequency. Each campaign counts once, with its newest result or
+        mode set.
+
+        Args:
+            value: name of the constant, such as `Ex` or `flange.E1`; of modes `frequency_hz` or `damping_ratio`.
+            covariates: what is fitted beside time, with commas between: `temperature_c`, `humidity_percent`.
+
+        Raises:
+            ClientError: it is no search for results or modes, or nothing found has such a value.
+        """
+        if self.noun not in ("results", "modes"):
+            raise ClientError(f"{self.noun} have no trend; search for results or modes", Exit.USAGE)
+        query = {**self._what(), "value": value, "covariates": covariates}
+        return Trend(self.lab, f"{self.address}/trend", {k: v for k, v in query.items() if v is not None})
+
+    def figure(self) -> Figure:
+        """The results found beside one another, with 95 % intervals.
+
+        Raises:
+            ClientError: it is no search for results.
+        """
+        if self.noun != "results":
+            raise ClientError(f"{self.noun} have no figure; search for results", Exit.USAGE)
+        sort = {"sort": self.query["sort"]} if "sort" in self.query else {}
+        return Figure(self.lab, f"{self.address}/figure", {**self._what(), **sort})
+
+    def _what(self) -> dict[str, Any]:
+        """What is searched for, whatever is shown of it."""
+        return {name: value for name, value in self.query.items() if name in ("filter", "q")}
 
     def __repr__(self) -> str:
         about = f"{self.count:,}{'+' if self.more else ''} {self.noun}"
@@ -129,3 +166,44 @@ class Found:
     def _file(self, form: str) -> bytes:
         content: bytes = self.lab.connection.call("GET", self.address, params={**self.query, "format": form})
         return content
+
+
+class Trend:
+    """What a search found over time: a series for each structure, of modes for each mode of a structure.
+
+    Attributes:
+        lab: where it is searched.
+        address: its path below `/api/v1/`.
+        query: of which search, and of what.
+        fields: the answer, as REST has it.
+    """
+
+    def __init__(self, lab: Access, address: str, query: dict[str, Any]) -> None:
+        self.lab, self.address, self.query = lab, address, query
+        self.fields: dict[str, Any] = lab.connection.get(address, **query)
+
+    @property
+    def series(self) -> list[dict[str, Any]]:
+        """Points, lines and notes of each series."""
+        found: list[dict[str, Any]] = self.fields["series"]
+        return found
+
+    def table(self) -> Table:
+        """A row for each series: campaigns, change a year as a share of the mean, alone and with the covariates."""
+        return Table(rate_rows(self.fields), key="series")
+
+    def to_pandas(self) -> Any:
+        """All points as a `pandas.DataFrame`, SI in full, with the value corrected for the covariates.
+
+        Raises:
+            ClientError: pandas is not installed.
+        """
+        content = self.lab.connection.call("GET", self.address, params={**self.query, "format": "csv"})
+        return library("pandas").read_csv(io.BytesIO(content), parse_dates=["performed_at"])
+
+    def figure(self) -> Figure:
+        """Values over time and over temperature, with intervals and lines."""
+        return Figure(self.lab, f"{self.address}/figure", self.query)
+
+    def __repr__(self) -> str:
+        return "\n".join([str(self.table()), *self.fields["notes"]])

@@ -102,6 +102,26 @@ class Project(Editable):
         """
         return import_archive(self, Path(file))
 
+    def instruments(self) -> Table:
+        """Its hammers, sensors and analysers with their calibrations; campaigns name them by kind and serial number."""
+        return Table(list(self.lab.connection.pages(f"{self.address}/instruments")), key="serial")
+
+    def add_instrument(self, kind: str, serial: str, **fields: Any) -> dict[str, Any]:
+        """Register a `hammer`, `sensor` or `analyser`.
+
+        Args:
+            kind: of it.
+            serial: its number.
+            fields: `model`, `notes`, `calibrations`, a list of `performed_on`, `valid_until`, `sensitivity`, `unit` and
+                `certificate`.
+
+        Raises:
+            ClientError: the project has it already, or the service refuses it.
+        """
+        body = {"kind": kind, "serial": serial, **fields}
+        made: dict[str, Any] = self.lab.connection.post(f"{self.address}/instruments", body)
+        return made
+
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""
         return list(self.lab.connection.pages(f"{self.address}/members"))

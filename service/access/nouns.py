@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 from uuid import UUID
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 from pydantic import BaseModel
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
@@ -110,18 +110,37 @@ class NounRoutes(Generic[Row, Out]):
         shown = partial(self.all_shown, session)
         return paged(session, query, cursor, limit, shown, newest_first=self.newest_first, weight=self._weight)
 
-    def listing(self, name: str, text: str, rows: int = 100, owners: str | None = None) -> None:
-        """Add `GET /{owners}/{owner_id}/{address}`, with so many rows in a page by default."""
+    def listing(self, name: str, text: str, rows: int = 100, owners: str | None = None, *, hides: bool = False) -> None:
+        """Add `GET /{owners}/{owner_id}/{address}`.
+
+        Args:
+            name: of the operation.
+            text: for the documentation.
+            rows: in a page by default.
+            owners: as the path has them; default: by the key's name.
+            hides: whether rows can be deleted, so that the list is of the others, or with `deleted` of them.
+        """
         owner_key = self._find.owner_key
         owners, owner = owners or f"{owner_key.removesuffix('_id')}s", Path(alias=owner_key)
+        gone = Query(False, description=f"list deleted {self._address}, which can be restored, instead")
 
         def get_page(
             session: SessionDep, user: CurrentUser, owner_id: UUID = owner, cursor: Cursor = None, limit: Limit = rows
         ) -> Any:
             return self.page(session, user, owner_id, cursor, limit)
 
+        def get_either(
+            session: SessionDep,
+            user: CurrentUser,
+            owner_id: UUID = owner,
+            cursor: Cursor = None,
+            limit: Limit = rows,
+            deleted: bool = gone,
+        ) -> Any:
+            return self.page(session, user, owner_id, cursor, limit, deleted=deleted)
+
         path = f"/{owners}/{{{owner_key}}}/{self._address}"
-        self._add(name, text, get_page, path, response_model=Page[self._model])  # type: ignore[name-defined]
+        self._add(name, text, get_either if hides else get_page, path, response_model=Page[self._model])  # type: ignore[name-defined]
 
     def getting(self, name: str, text: str, *, tagged: bool = False) -> None:
         """Add `GET …/{id}`; `tagged`, its answer has an ETag."""

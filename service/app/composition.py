@@ -27,6 +27,7 @@ from service.store.frfs.routes import router as frfs
 from service.store.imports.routes import purging
 from service.store.imports.routes import router as imports
 from service.store.imports.script_routes import router as scripts
+from service.store.instruments.routes import router as instruments
 from service.store.modes.routes import identifications
 from service.store.modes.routes import router as mode_sets
 from service.store.plans.routes import router as plans
@@ -46,6 +47,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     structures,
     models,
     campaigns,
+    instruments,
     imports,
     purging,
     grid_points,

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-SAME_MODE = 0.15
-"""Relative change of frequency up to which a campaign's mode is taken for the first campaign's."""
+from fecore.trend.tracking import SAME_MODE
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Routes of the figures of what is measured and watched: hits of a point, a stabilisation diagram, a coupon's curve, a series.
+"""Routes of figures: hits of a point, a stabilisation diagram, a coupon's curve, a series; of a search a trend and its results.
 
 Those of results are in `service.show.results`.
 """
@@ -23,12 +23,17 @@ from service.show.figures.hits import hits_figure
 from service.show.figures.marks import Figure
 from service.show.figures.series import series_figure
 from service.show.figures.stabilisation import stabilisation_figure
+from service.show.figures.trend import MOST_RESULTS, results_figure, trend_figure
 from service.show.hits import Chosen, point_blocks, point_shown
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
 from service.store.modes.identifications import IDENTIFICATIONS, identification_for
 from service.store.records.routes import Whole
+from service.store.search.nouns import NOUNS
+from service.store.search.operations import Search, Wanted, bounded
+from service.store.search.routes import ModeTrend, ResultTrend, WantedDep
+from service.store.updating.result_schemas import CONSTANTS
 from service.web import api_router
 
 router = api_router(tags=[])  # each figure stands beside what it shows
@@ -118,3 +123,32 @@ def get_series_figure(
     if wanted not in watched:
         raise Invalid("parameter", f"{wanted!r} is not watched; {', '.join(watched)} are")
     return asked.answer(lambda: series_figure(document, wanted), wanted)
+
+
+@router.get("/search/results/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"])
+def get_result_trend_figure(trend: ResultTrend, asked: Asked) -> Response:
+    """A constant of the results that a search finds over time, corrected and as it is, and over temperature, with intervals."""
+    return asked.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+
+
+@router.get("/search/modes/trend/figure", response_class=Response, responses=RESPONSES, tags=["search"])
+def get_mode_trend_figure(trend: ModeTrend, asked: Asked) -> Response:
+    """Frequency or damping of the modes that a search finds over time and temperature, each mode in a colour of its own."""
+    return asked.answer(lambda: trend_figure(trend.model_dump(mode="json")), "trend")
+
+
+@router.get("/search/results/figure", response_class=Response, responses=RESPONSES, tags=["search"])
+def get_results_figure(wanted: WantedDep, session: SessionDep, user: CurrentUser, asked: Asked) -> Response:
+    """The results that a search finds beside one another: a row each, at most 60, a panel a constant, with 95 % intervals."""
+    fields = (
+        "structure.name",
+        "campaign.name",
+        *(f"{name}{end}" for name in CONSTANTS for end in ("", "_low", "_high")),
+    )
+    with bounded(session):
+        search = Search(user, NOUNS["result"], Wanted(wanted.filter, wanted.words, wanted.sort, fields))
+        found, more = search.page(session, None, MOST_RESULTS)
+    if more is not None:
+        raise Invalid("filter", f"finds more than {MOST_RESULTS} results, which is as many as a figure has; narrow it")
+    rows = [dict(zip(fields, row, strict=True)) for row in found]
+    return asked.answer(lambda: results_figure(rows, CONSTANTS), "results")

@@ -21,6 +21,7 @@ from modalbase.objects.archives import ArchiveFile
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from tests.support.command import modalbase_here
 from tests.support.furnished import MODES, frfs
 from tests.support.rest import ok
 
@@ -122,7 +123,7 @@ def test_another_service_has_what_was_measured_under_new_ids(
         file = lab.project(measured["project"]).archive(tmp_path / "project.zip")
         before = lab.campaign(measured["campaign"])
         spectra = before.frfs()
-    with new_service() as other, modalbase.connect(other.url, other.new_key("heir")) as lab:
+    with new_service() as other, modalbase.connect(other.url, key := other.new_key("heir")) as lab:
         project = lab.new_project("heirloom")
         done = project.import_archive(file)
         assert len(done.ids) == 3
@@ -144,6 +145,11 @@ def test_another_service_has_what_was_measured_under_new_ids(
         assert len(list(lab.find("modes", "frequency_hz > 0"))) == len(MODES)
         again = campaign.archive(tmp_path / "again.zip")
         assert frequencies(again) == frequencies(file)
+        place = {"MODALBASE_URL": other.url, "MODALBASE_API_KEY": key}
+        said = modalbase_here("import-archive", str(file), "by command", **place)
+        assert "1 results stay in project.zip" in said.stdout, said.stderr
+        (structure,) = lab.project("by command").structures()
+        assert f"{measured['structure']} is {structure.id}" in said.stdout
 
 
 def frequencies(path: Path) -> list[float]:

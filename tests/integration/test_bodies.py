@@ -57,6 +57,9 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client
     assert {"model of the joints", "common material of the sets", "web.t", "height"} <= sources
     assert min(mode["mac"] for mode in result["modes"] if mode["mac"] is not None) > 0.95
     assert len(result["provenance"]["frfs"]) == 28
+    wanted = {"filter": f"id = '{address.rpartition('/')[2]}' AND flange.E1_sd > 0", "fields": "flange.E1"}
+    (row,) = ok(api.get("search/results", params=wanted), 200)["items"]
+    assert row["flange.E1"] == found["flange.E1"]["estimate"]
     get_shown(api, address)
 
 

@@ -1,5 +1,6 @@
 """The database: schema refusal, migrations that lose nothing, drift, keys."""
 
+import json
 import re
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
@@ -250,11 +251,16 @@ def test_constants_of_results_come_into_their_rows(empty: Engine) -> None:
         for name, low in (("Gxy", 2.5e9), ("strange", None)):
             values = {"result_id": result["id"], "name": name, "estimate": 3e9, "low": low}
             connection.execute(insert(Table("result_constants", MetaData(), autoload_with=connection)), values)
+        document = {
+            "parameters": [{"name": name, "estimate": 3e9, "interval_95": [1e9, 5e9]} for name in ("Ex", "web.E1")]
+        }
+        connection.execute(text("UPDATE update_results SET document = :d"), {"d": json.dumps(document)})
     upgrade(empty, "head")
     with empty.connect() as connection:
         row = connection.execute(text("SELECT * FROM update_results")).mappings().one()
         assert (row["gxy"], row["gxy_sd"], row["gxy_low"], row["ex"]) == (3e9, None, 2.5e9, None)
         assert row["campaign_id"] == job["campaign_id"]
+        assert row["constants"] == {"web.E1": {"estimate": 3e9, "sd": None, "low": 1e9, "high": 5e9}}
 
 
 def test_the_revisions_are_one_chain() -> None:

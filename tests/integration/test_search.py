@@ -18,7 +18,6 @@ import modalbase
 from modalbase.client.errors import ClientError
 from service.app import composition
 from service.app.supervisor import LocalService
-from service.db.base import Base
 from service.store.search.nouns import NOUNS, SEARCHED
 from tests.support.command import modalbase_here
 from tests.support.furnished import frfs
@@ -58,7 +57,7 @@ def names(api: httpx.Client, noun: str, text: str, **more: Any) -> list[str]:
 
 def test_every_field_is_a_column() -> None:
     for noun in NOUNS.values():
-        table = Base.metadata.tables[noun.table].alias()
+        table = noun.rows()
         for field in noun.fields:
             assert field.of(table) is not None
             assert field.nullable or field.value or not table.c[field.column or field.name].nullable, field.name

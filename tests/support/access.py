@@ -32,7 +32,7 @@ from tests.support.furnished import BODIES, HOOK, furnish, record
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}
 REFUSED = (401, 403, 404)
-OUTSIDE = {"project_id", "search_id", "webhook_id", "delivery_id", "key_id", "joint_id"}
+OUTSIDE = {"project_id", "search_id", "instrument_id", "webhook_id", "delivery_id", "key_id", "joint_id"}
 """What belongs to a project and to none of its structures; a joint update is of several."""
 _NAMES = re.compile(r"{(\w+)}")
 Ids = dict[str, str]
@@ -245,7 +245,7 @@ class Round:
             arguments["content"], headers = b"no file", headers | RAW
         elif body is not None:
             arguments["json"] = body
-        if method == "DELETE" and path.split("/")[1] in ("structures", "campaigns", "monitors"):
+        if method == "DELETE" and path.split("/")[1] in ("structures", "campaigns", "instruments", "monitors"):
             headers["If-Match"] = '"another"'  # so that it stays
         url = ("" if path in ("/healthz", "/readyz") else PREFIX) + path.format_map(ids)
         with self.line.stream(method, url, headers=headers, **arguments) as answer:

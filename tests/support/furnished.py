@@ -73,6 +73,7 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
     return {
         "project_id": project,
         "search_id": made("searches", {"project": project, "name": mark, "noun": "frfs", "q": mark})["id"],
+        "instrument_id": made(f"projects/{project}/instruments", {"kind": "hammer", "serial": mark})["id"],
         "structure_id": structure,
         "campaign_id": first,
         "frf_id": frf,
@@ -120,6 +121,8 @@ read    anyone  GET /searches
 read    anyone  GET /search/campaigns/archive
 read    viewer  GET /projects/{project_id}/archive, GET /campaigns/{campaign_id}/archive
 read    anyone  GET /search/frfs/data, GET /search/results, GET /search/coupons, GET /search/monitors
+read    anyone  GET /search/results/trend, GET /search/results/trend/figure, GET /search/results/figure
+read    anyone  GET /search/modes/trend, GET /search/modes/trend/figure
 read    anyone  POST /session, DELETE /session
 write   anyone  POST /projects
 jobs    anyone  POST /update-jobs
@@ -143,6 +146,10 @@ write   editor  POST /structures/{structure_id}/model
 read    viewer  GET /structures/{structure_id}/model, GET /structures/{structure_id}/model/mesh
 read    viewer  GET /structures/{structure_id}/model/original
 admin   owner   POST /structures/{structure_id}/purge, POST /campaigns/{campaign_id}/purge
+
+write   editor  POST /projects/{project_id}/instruments, PATCH /instruments/{instrument_id}, DELETE /instruments/{instrument_id}
+write   editor  POST /instruments/{instrument_id}/restore
+read    viewer  GET /projects/{project_id}/instruments, GET /instruments/{instrument_id}
 
 write   editor  PATCH /campaigns/{campaign_id}, DELETE /campaigns/{campaign_id}, POST /campaigns/{campaign_id}/restore
 write   editor  POST /campaigns/{campaign_id}/imports, PUT /campaigns/{campaign_id}/grid-points
@@ -206,6 +213,8 @@ BODIES: dict[str, Any] = {
     "POST /projects/{project_id}/structures": paper.STRUCTURE,
     "PATCH /structures/{structure_id}": {"name": "s"},
     "POST /structures/{structure_id}/campaigns": paper.CAMPAIGN,
+    "POST /projects/{project_id}/instruments": {"kind": "sensor", "serial": "1"},
+    "PATCH /instruments/{instrument_id}": {"notes": "n"},
     "PATCH /campaigns/{campaign_id}": {"notes": "n"},
     "PUT /campaigns/{campaign_id}/grid-points": {"items": [{"label": 1, "x_m": 0, "y_m": 0, "z_m": 0}]},
     "POST /campaigns/{campaign_id}/frfs": frfs(),

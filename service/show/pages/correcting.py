@@ -34,7 +34,7 @@ def get_edit(noun: Noun, item_id: UUID, visit: VisitDep) -> HTMLResponse:
 
 def _project(visit: Visit, key: UUID) -> dict[str, Any]:
     item = visit.in_project(key)["project"]
-    count = len(structures.list_structures(key, visit.session, visit.user, limit=MOST).items)
+    count = len(structures.nouns.page(visit.session, visit.user, key, limit=MOST, deleted=False).items)
     return {
         "item": item,
         "above": [("ui/projects", "Projects"), (f"ui/projects/{key}", item.name)],
@@ -43,7 +43,7 @@ def _project(visit: Visit, key: UUID) -> dict[str, Any]:
         "An owner can restore it from the list of projects until it is purged.",
         "back": "ui/projects",
         "below": "structures",
-        "gone": structures.list_structures(key, visit.session, visit.user, limit=MOST, deleted=True).items,
+        "gone": structures.nouns.page(visit.session, visit.user, key, limit=MOST, deleted=True).items,
         "members": access.list_members(key, visit.session, visit.user, limit=MOST).items,
         "webhooks": webhooks.list_webhooks(visit.session, visit.user, project=key, limit=MOST).items,
     }
@@ -52,7 +52,7 @@ def _project(visit: Visit, key: UUID) -> dict[str, Any]:
 def _structure(visit: Visit, key: UUID) -> dict[str, Any]:
     within = visit.in_structure(key)
     item, project = within["structure"], within["project"]
-    tests = len(campaigns.list_campaigns(key, visit.session, visit.user, limit=MOST).items)
+    tests = len(campaigns.nouns.page(visit.session, visit.user, key, limit=MOST, deleted=False).items)
     jobs = len(updating.list_update_jobs(visit.session, visit.user, structure=key, limit=MOST).items)
     return {
         "item": item,
@@ -63,7 +63,7 @@ def _structure(visit: Visit, key: UUID) -> dict[str, Any]:
         "It can be restored where the project is edited.",
         "back": f"ui/projects/{project.id}",
         "below": "campaigns",
-        "gone": campaigns.list_campaigns(key, visit.session, visit.user, limit=MOST, deleted=True).items,
+        "gone": campaigns.nouns.page(visit.session, visit.user, key, limit=MOST, deleted=True).items,
     }
 
 

@@ -12,6 +12,7 @@ from urllib.parse import urlencode
 from fastapi import Query, Request
 from fastapi.responses import HTMLResponse
 
+from modalbase.client.searching import rate_rows
 from service.access import CurrentUser, SessionDep
 from service.access import routes as access
 from service.errors import Invalid
@@ -21,13 +22,18 @@ from service.store.search.fields import Field, Noun
 from service.store.search.nouns import NOUNS, SEARCHED, lineage
 from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
 from service.store.search.saved import list_saved
+from service.store.search.trends import COVARIATES, FOLLOWED, MODE_VALUES, trend_of
 from service.store.search.writing import as_text
+from service.store.updating.result_schemas import CONSTANTS
 from service.web.routing import page_router
 
 router = page_router()
 ROWS = 50
 FILTER = re.compile(r"[=<>(]|\b(?:LIKE|BETWEEN|IN|IS|AND|OR|NOT)\b", re.IGNORECASE)
 """What a filter has and words have not."""
+
+FOLLOWED_HINTS = {"results": list(CONSTANTS), "modes": list(MODE_VALUES)}
+"""Values that are offered to follow over time, by what is searched; of results any other constant can be named."""
 
 PAGES = {
     "structure.id": "structures",
@@ -61,12 +67,14 @@ class Asked:
         text: of the box, a filter or words.
         sort: field, `-` in front for descending.
         fields: columns; the noun's own where there are none.
+        trend: value that is followed over time; none where it is empty.
     """
 
     noun: str
     text: str
     sort: str
     fields: tuple[str, ...]
+    trend: str = ""
 
     def query(self) -> dict[str, str]:
         """Parameters of `GET /search/{noun}`."""
@@ -75,7 +83,13 @@ class Asked:
 
     def address(self, **changed: Any) -> str:
         """The page's query with some of it changed."""
-        said = {"noun": self.noun, "for": self.text, "sort": self.sort, "fields": self.fields} | changed
+        said = {
+            "noun": self.noun,
+            "for": self.text,
+            "sort": self.sort,
+            "fields": self.fields,
+            "trend": self.trend,
+        } | changed
         return "?" + urlencode({name: value for name, value in said.items() if value}, doseq=True)
 
 
@@ -89,11 +103,12 @@ def get_search(
     sort: Annotated[str, Query(max_length=100)] = "",
     fields: Annotated[list[str] | None, Query(max_length=100)] = None,
     cursor: Annotated[str | None, Query(max_length=4000)] = None,
+    trend: Annotated[str, Query(max_length=100)] = "",
 ) -> HTMLResponse:
     """What a filter or words find, over all projects of the visitor; the address has the whole search."""
     if noun not in SEARCHED:
         raise Invalid("noun", f"expected one of {', '.join(SEARCHED)}")
-    visit, asked = Visit(request, session, user), Asked(noun, text, sort, tuple(fields or ()))
+    visit, asked = Visit(request, session, user), Asked(noun, text, sort, tuple(fields or ()), trend.strip())
     found: dict[str, Any] = {"fault": ""}
     try:
         found |= _found(visit, asked, cursor)
@@ -104,6 +119,7 @@ def get_search(
         "find.html",
         asked=asked,
         nouns=list(SEARCHED),
+        followed=FOLLOWED_HINTS.get(noun),
         columns=_choice(SEARCHED[noun], asked),
         hints=[_hint(one, field, SEARCHED[noun]) for one in NOUNS.values() for field in one.fields],
         saved=[(kept, _address_of(kept.noun, kept.query)) for kept in list_saved(session, user, None, 200).items],
@@ -141,7 +157,20 @@ def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
         "following": asked.address(cursor=following) if following else None,
         "query": urlencode(query),
         "saving": query,
+        "trend": _trend(visit, asked, query),
     }
+
+
+def _trend(visit: Visit, asked: Asked, query: Mapping[str, str]) -> dict[str, Any] | None:
+    """What the page says of the chosen value over time; None where results or modes are not searched, or none is chosen."""
+    if asked.noun not in FOLLOWED or not asked.trend:
+        return None
+    wanted = Wanted(query.get("filter"), query.get("q"))
+    with bounded(visit.session):
+        found = trend_of(visit.session, visit.user, asked.noun, wanted, asked.trend, COVARIATES[:1])
+    address = urlencode({**{k: v for k, v in query.items() if k in ("filter", "q")}, "value": asked.trend})
+    notes = [*found.notes, *(note for one in found.series for note in one.notes)]
+    return {"query": address, "rows": rate_rows(found.model_dump()), "notes": list(dict.fromkeys(notes))}
 
 
 def _is_empty(column: Column, rows: Sequence[Mapping[str, Any]]) -> bool:

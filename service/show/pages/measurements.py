@@ -49,7 +49,7 @@ def get_structure(
     cursor: Cursor = None,
 ) -> HTMLResponse:
     """A structure: its tests side by side with what they gave, coupon batches, monitors."""
-    listed = campaigns.list_campaigns(structure_id, visit.session, visit.user, cursor=cursor, limit=MOST)
+    listed = campaigns.nouns.page(visit.session, visit.user, structure_id, cursor=cursor, limit=MOST, deleted=False)
     shown = [c for c in listed.items if _wanted(c, boundary, name)]
     jobs = updating.list_update_jobs(
         visit.session, visit.user, structure=structure_id, status=["succeeded"], limit=MOST

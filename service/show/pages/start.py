@@ -13,6 +13,7 @@ from service.monitoring import routes as monitoring
 from service.show.pages.joint import joint_updates_of
 from service.show.pages.look import VisitDep, page
 from service.show.pages.names import name_jobs
+from service.store.instruments.routes import nouns as instruments
 from service.store.storage import routes as storage
 from service.store.structures import routes as structures
 from service.store.updating import routes as updating
@@ -57,7 +58,7 @@ def get_projects(visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
 @router.get("/projects/{project_id}")
 def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTMLResponse:
     """A project: its structures, members and newest updates."""
-    listed = structures.list_structures(project_id, visit.session, visit.user, cursor=cursor, limit=MOST)
+    listed = structures.nouns.page(visit.session, visit.user, project_id, cursor=cursor, limit=MOST, deleted=False)
     stored = storage.get_storage(project_id, visit.session, visit.user, visit.request.app.state.settings)
     people = access.list_members(project_id, visit.session, visit.user, limit=MOST).items
     jobs = updating.list_update_jobs(visit.session, visit.user, project=project_id, limit=10).items
@@ -66,6 +67,7 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
         **visit.in_project(project_id),
         structures=listed.items,
         following=listed.next_cursor,
+        instruments=instruments.page(visit.session, visit.user, project_id, limit=MOST, deleted=False).items,
         members=people,
         stored=stored,
         jobs=name_jobs(visit, jobs),

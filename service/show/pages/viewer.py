@@ -36,7 +36,7 @@ def viewer_of(
          f.quantity, f.label, f.averages)
         for f in frfs
     ]  # fmt: skip
-    siblings = campaigns.list_campaigns(campaign.structure_id, visit.session, visit.user, limit=MOST).items
+    siblings = campaigns.nouns.page(visit.session, visit.user, campaign.structure_id, limit=MOST, deleted=False).items
     jobs = updating.list_update_jobs(
         visit.session, visit.user, campaign=campaign.id, status=["succeeded"], limit=MOST
     ).items

@@ -20,6 +20,7 @@ from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
 from fecore import __version__
+from modalbase.formats.archives import FORMAT, MANIFEST
 from modalbase.formats.frfs.table import DOFS
 from service.access import User
 from service.store.campaigns.operations import campaigns_of, list_points, to_csv
@@ -38,8 +39,6 @@ from service.store.updating.result_schemas import CONSTANTS
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
 
-FORMAT = 1
-MANIFEST = "manifest.json"
 CRATE = "ro-crate-metadata.json"
 KINDS = {"uff": "application/x-uff", "csv": "text/csv", "json": "application/json"}
 FRF_COLUMNS = ("id", "label", *DOFS, "quantity", "averages", "window_rate_per_s", "tags", "meta")

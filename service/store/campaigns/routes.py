@@ -12,7 +12,7 @@ from service.access.nouns import NounRoutes
 from service.errors import PayloadTooLarge, UnsupportedMediaType
 from service.store.campaigns import operations
 from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints
-from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, require_match, require_usual
+from service.web import IF_MATCH, Confirm, api_router, etag_of, require_match, require_usual
 from service.web.json_body import BULK_VALUES, checked, parse_json
 from service.web.negotiation import choose_format, one_of
 from service.web.openapi import schema_of
@@ -46,19 +46,7 @@ def create_campaign(
     return nouns.tagged(session, campaign, response)
 
 
-@router.get("/structures/{structure_id}/campaigns")
-def list_campaigns(
-    structure_id: UUID,
-    session: SessionDep,
-    user: CurrentUser,
-    cursor: Cursor = None,
-    limit: Limit = 100,
-    deleted: Annotated[bool, Query(description="list deleted campaigns, which can be restored, instead")] = False,
-) -> Page[CampaignOut]:
-    """Campaigns of a structure."""
-    return nouns.page(session, user, structure_id, cursor, limit, deleted=deleted)
-
-
+nouns.listing("list_campaigns", "Campaigns of a structure.", hides=True)
 nouns.getting("get_campaign", "A campaign.", tagged=True)
 nouns.changing(
     "change_campaign",

@@ -53,6 +53,8 @@ class Noun:
     Attributes:
         name: in filters.
         table: its name.
+        made: makes the rows where they are in no table.
+        more: a field of a name that is not among `fields`, where there can be any number; None of another name.
         owner: noun that it belongs to; empty of a project.
         key: columns that name a row.
         fields: all of them.
@@ -71,10 +73,12 @@ class Noun:
     facets: tuple[str, ...] = ()
     hidden: bool = False
     words: str = ""
+    made: Callable[[], FromClause] | None = None
+    more: Callable[[str], Field | None] | None = None
 
     def rows(self) -> FromClause:
         """Its table, under a new name."""
-        return Base.metadata.tables[self.table].alias()
+        return self.made() if self.made else Base.metadata.tables[self.table].alias()
 
     def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
         """That one row belongs to another."""
@@ -102,6 +106,8 @@ def find_field(nouns: Mapping[str, Noun], here: Noun, name: str, parameter: str)
         if field.name == top == META and all(path):
             value = lambda table, field=field: field.of(table)[tuple(path)]  # noqa: E731
             return noun, replace(field, name=after, value=value, nullable=True)
+    if noun.more and (found := noun.more(after)):
+        return noun, found
     known = {f"{noun.name}.{field.name}" for noun in nouns.values() for field in noun.fields}
     asked = name if point else f"{here.name}.{name}"
     near = get_close_matches(asked, sorted(known), 4, 0.5) or sorted(n for n in known if n.startswith(f"{here.name}."))

@@ -8,10 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from sqlalchemy import ColumnElement, FromClause, and_, func
+from sqlalchemy import ColumnElement, Double, FromClause, and_, func
 
+from fecore.body.constants import UNITS, kind_of
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.store.search.fields import Field, Noun
+from service.store.search.uses import used_instruments
 from service.store.structures.operations import WORDS as STRUCTURE_WORDS
 from service.store.updating.result_schemas import CONSTANTS
 
@@ -49,6 +51,18 @@ def _constants() -> Iterator[Field]:
             column = f"{name}{end}".lower()
             sd = f"{name}_sd"
             yield Field(name + end, "number", meaning.format(name), unit, column=column, nullable=True, sd=sd)
+
+
+def _other_constant(name: str) -> Field | None:
+    """A constant that has no column, such as `flange.E1` of a set, or the `_sd`, `_low`, `_high` of one."""
+    end = next((end for end in _ENDS if end and name.endswith(end)), "")
+    base = name.removesuffix(end)
+    unit = UNITS.get(kind_of(base))
+    if unit is None:
+        return None
+    path = (base, end.removeprefix("_") or "estimate")
+    value = lambda t: t.c.constants[path].astext.cast(Double)  # noqa: E731
+    return Field(name, "number", _ENDS[end].format(base), unit, value=value, nullable=True, sd=f"{base}_sd")
 
 
 _LINEAGE = ("campaign.id", "campaign.name", "structure.name")
@@ -177,6 +191,22 @@ _ALL = (
             "created_at",
         ),
         facets=("verdict", "structure.name"),
+        more=_other_constant,
+    ),
+    Noun(
+        "instrument",
+        "instruments",
+        owner="campaign",
+        fields=(
+            ID,
+            Field("kind", "text", "`hammer`, `sensor` or `analyser`"),
+            Field("serial", "text", "its number"),
+            Field("model", "text", "model of it"),
+            Field("calibrated_on", "time", "last calibration before the campaign", nullable=True),
+            Field("calibrated_until", "time", "last day on which that counts", nullable=True),
+            Field("calibration_expired", "truth", "whether the campaign came after that day", nullable=True),
+        ),
+        made=used_instruments,
     ),
     Noun("batch", "coupon_batches", owner="structure", fields=(ID, NAME, CREATED)),
     Noun(

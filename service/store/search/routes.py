@@ -1,7 +1,9 @@
-"""Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text and by words."""
+"""Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text and by words; and trends."""
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Callable, Iterable, Sequence
 from typing import IO, Annotated, Any
 
@@ -18,6 +20,7 @@ from service.store.search.fields import Noun
 from service.store.search.nouns import NOUNS, SEARCHED
 from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded, names_in
 from service.store.search.translate import LONGEST
+from service.store.search.trends import COVARIATES, FOLLOWED, POINT_COLUMNS, Trending, TrendOut, flat, trend_of
 from service.store.search.writing import shown, write_arrow, write_csv, write_lines
 from service.web import Limit, api_router
 from service.web.downloads import spooled
@@ -122,6 +125,69 @@ def _described(address: str, noun: Noun) -> str:
 
 for _address, _noun in SEARCHED.items():
     _add(_address, _noun)
+
+Covariates = Annotated[
+    str,
+    Query(max_length=100, description=f"fitted beside time, with commas between; of {', '.join(COVARIATES)}"),
+]
+Value = Annotated[
+    str | None, Query(max_length=100, description="what is followed; default: Ex, or frequency_hz of modes")
+]
+TREND_TYPES = {name: MEDIA_TYPES[name] for name in ("json", "csv")}
+TrendFormat = Annotated[
+    Annotated[str, one_of(TREND_TYPES)] | None,
+    Query(alias="format", description="default: by Accept; CSV has the points"),
+]
+
+
+def _trend(noun: Trending) -> Callable[..., TrendOut]:
+    def trend(
+        wanted: WantedDep,
+        session: SessionDep,
+        user: CurrentUser,
+        value: Value = None,
+        covariates: Covariates = COVARIATES[0],
+    ) -> TrendOut:
+        with bounded(session):
+            return trend_of(session, user, noun, wanted, value or FOLLOWED[noun], names_in(covariates))
+
+    return trend
+
+
+ResultTrend = Annotated[TrendOut, Depends(_trend("results"))]
+"""The trend of a constant, as the query of a route asks for it."""
+ModeTrend = Annotated[TrendOut, Depends(_trend("modes"))]
+"""The same of modes."""
+
+
+@router.get("/search/results/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
+def get_result_trend(trend: ResultTrend, file_format: TrendFormat = None, accept: Accept = None) -> Any:
+    """A constant of the results that a search finds, over time and temperature: a series for each structure, and lines.
+
+    Each campaign counts once, with its newest result. A line has the change a year, with and without the covariates; scatter
+    between campaigns is in its interval.
+    """
+    return _as(trend, file_format, accept)
+
+
+@router.get("/search/modes/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
+def get_mode_trend(trend: ModeTrend, file_format: TrendFormat = None, accept: Accept = None) -> Any:
+    """Frequency or damping of the modes that a search finds, over time and temperature: a series for each mode of a structure.
+
+    Modes are followed from campaign to campaign by MAC and frequency; each campaign counts once, with its newest mode set.
+    """
+    return _as(trend, file_format, accept)
+
+
+def _as(trend: TrendOut, file_format: str | None, accept: str | None) -> Any:
+    if choose_format(file_format, accept, TREND_TYPES) == "json":
+        return trend
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerow(POINT_COLUMNS)
+    writer.writerows(map(shown, row) for row in flat(trend))
+    headers = {"Vary": "Accept", "Content-Disposition": 'attachment; filename="trend.csv"'}
+    return Response(text.getvalue(), media_type=TREND_TYPES["csv"], headers=headers)
 
 
 @router.get("/search/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]

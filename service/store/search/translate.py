@@ -146,8 +146,8 @@ class _Reader:
         noun, field = find_field(NOUNS, self.noun, subject["property"], "filter")
         name = f"{noun.name}.{field.name}"
         values = [_folded(one) for one in args[1:]] if folded else list(args[1:])
-        _, *path = field.name.split(".")
-        if field.kind == "json" and path:
+        path = field.name.split(".")[1:] if field.kind == "json" else []
+        if path:
             field = labels.as_compared(field, values)
         if folded and field.kind != "text":
             raise Invalid("filter", f"CASEI takes a text; {name} is {literals.EXPECTED[field.kind]}")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
 from uuid import UUID
 
-from fastapi import Query, Response
+from fastapi import Response
 from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep
@@ -14,7 +13,7 @@ from service.errors import NotFound
 from service.store.structures import operations
 from service.store.structures.operations import StructureVersion
 from service.store.structures.schemas import StructureIn, StructureOut, StructurePatch
-from service.web import Confirm, Cursor, Limit, Page, api_router, require_usual
+from service.web import Confirm, api_router, require_usual
 
 router = api_router(tags=["structures"])
 nouns = NounRoutes(
@@ -38,19 +37,7 @@ def create_structure(
     return nouns.tagged(session, structure, response)
 
 
-@router.get("/projects/{project_id}/structures")
-def list_structures(
-    project_id: UUID,
-    session: SessionDep,
-    user: CurrentUser,
-    cursor: Cursor = None,
-    limit: Limit = 100,
-    deleted: Annotated[bool, Query(description="list deleted structures, which can be restored, instead")] = False,
-) -> Page[StructureOut]:
-    """Structures of a project."""
-    return nouns.page(session, user, project_id, cursor, limit, deleted=deleted)
-
-
+nouns.listing("list_structures", "Structures of a project.", hides=True)
 nouns.getting("get_structure", "A structure in its current version.", tagged=True)
 
 

@@ -66,15 +66,17 @@ def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> Non
 
 def _keep(session: Session, job: UpdateJob, document: dict[str, Any], prediction: bytes) -> None:
     """Store a result, and what it is found by."""
-    verdict, found_by = document["verdict"]["level"], dict[str, float | None]()
+    columns: dict[str, float | None] = {}
+    others: dict[str, dict[str, float | None]] = {}
     for one in document["parameters"]:
-        if one["name"] in CONSTANTS:
-            name = one["name"].lower()
-            low, high = one["interval_95"] or (None, None)
-            found_by |= {name: one["estimate"], f"{name}_sd": one["standard_deviation"]}
-            found_by |= {f"{name}_low": low, f"{name}_high": high}
-    stored = {"document": document, "prediction": prediction, "verdict": verdict, **found_by}
-    session.add(UpdateResult(id=job.id, campaign_id=job.campaign_id, **stored))
+        name, (low, high) = one["name"], one["interval_95"] or (None, None)
+        values = {"estimate": one["estimate"], "sd": one["standard_deviation"], "low": low, "high": high}
+        if name in CONSTANTS:
+            columns |= {f"{name}_{end}".lower().removesuffix("_estimate"): value for end, value in values.items()}
+        else:
+            others[name] = values
+    stored = {"document": document, "prediction": prediction, "verdict": document["verdict"]["level"], **columns}
+    session.add(UpdateResult(id=job.id, campaign_id=job.campaign_id, constants=others, **stored))
 
 
 def _store_joint(session: Session, job_id: UUID, items: Iterator[JointOutput]) -> None:

@@ -48,7 +48,8 @@ class UpdateResult(Labelled, Base):
     """The result of a job, as the contract shows it, and its predicted FRFs as npz.
 
     Results are found by their campaign, which is the job's, by their verdict, and by `CONSTANTS`: the estimate of each, such
-    as `ex`, its standard deviation `ex_sd`, and the ends of its 95 % interval, `ex_low` and `ex_high`.
+    as `ex`, its standard deviation `ex_sd`, and the ends of its 95 % interval, `ex_low` and `ex_high`. Others, such as those of
+    sets, are in `constants`: by name `estimate`, `sd`, `low`, `high`.
     """
 
     __tablename__ = "update_results"
@@ -58,6 +59,7 @@ class UpdateResult(Labelled, Base):
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), index=True)
     created_at: Mapped[datetime] = mapped_column(server_default=func.now())
     verdict: Mapped[str | None]
+    constants: Mapped[dict[str, Any]] = mapped_column(server_default="{}", default=dict)
     document: Mapped[dict[str, Any]] = mapped_column(JSON)  # keeps the order of its members, which JSONB does not
     prediction: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
 

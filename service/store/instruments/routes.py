@@ -1,0 +1,159 @@
+"""Instruments: the table, what clients see of it, and the routes.
+
+A campaign names an instrument by kind and serial number, as `instruments.sensor.serial`: one that is registered later is
+that of earlier campaigns too. The calibration that counts for a campaign is the last one before it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import date, datetime
+from typing import Any, Literal
+from uuid import UUID
+
+from fastapi import Response
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+from sqlalchemy import ForeignKey, UniqueConstraint, func
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Mapped, Session, mapped_column
+
+from service.access import CurrentUser, Lookup, SessionDep, User, project_for
+from service.access.nouns import NounRoutes
+from service.db.base import Base, Identified
+from service.errors import Conflict
+from service.web import Name, StrictModel, Text, api_router, example, not_null, shown_as
+
+router = api_router(tags=["instruments"])
+Kind = Literal["hammer", "sensor", "analyser"]
+
+
+class Instrument(Identified, Base):
+    """An instrument with its calibrations, oldest first."""
+
+    __tablename__ = "instruments"
+    __table_args__ = (UniqueConstraint("project_id", "kind", "serial"),)
+
+    project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
+    kind: Mapped[str]
+    serial: Mapped[str]
+    model: Mapped[str]
+    notes: Mapped[str]
+    calibrations: Mapped[list[Any]]
+    updated_at: Mapped[datetime] = mapped_column(server_default=func.now(), onupdate=func.now())
+    deleted_at: Mapped[datetime | None]
+
+
+class Calibration(StrictModel):
+    """One calibration."""
+
+    performed_on: date
+    valid_until: date | None = Field(None, description="last day on which it counts; null where none is stated")
+    sensitivity: float | None = Field(None, description="in `unit`; null where it is not stated")
+    unit: Text = Field("", max_length=50, description="of the sensitivity, such as mV/N")
+    certificate: Text = Field("", max_length=200, description="its number, or where it lies")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Calibration:
+        if self.valid_until is not None and self.valid_until < self.performed_on:
+            raise PydanticCustomError("order", "valid_until is before performed_on")
+        return self
+
+
+class InstrumentIn(StrictModel):
+    """An instrument as a client describes it."""
+
+    model_config = example(
+        kind="sensor",
+        serial="30517",
+        model="4507",
+        calibrations=[{"performed_on": "2026-01-15", "valid_until": "2027-01-14"}],
+    )
+
+    kind: Kind
+    serial: Name
+    model: Text = Field("", max_length=200)
+    notes: Text = Field("", max_length=10_000)
+    calibrations: list[Calibration] = Field([], max_length=200)
+
+
+class InstrumentPatch(StrictModel):
+    """Members to change; `calibrations` replaces the history, which the audit trail keeps."""
+
+    model_config = example(notes="dropped in May")
+
+    serial: Name | None = None
+    model: Text | None = Field(None, max_length=200)
+    notes: Text | None = Field(None, max_length=10_000)
+    calibrations: list[Calibration] | None = Field(None, max_length=200)
+
+    _never_null = not_null("serial", "model", "notes", "calibrations")
+
+
+class InstrumentOut(InstrumentIn):
+    """An instrument."""
+
+    id: UUID
+    project_id: UUID
+    created_at: datetime
+    updated_at: datetime
+    deleted_at: datetime | None
+
+
+instrument_for = Lookup(Instrument, "instrument", "project_id")
+"""The instrument, if the user has at least a role in its project."""
+
+
+def _describe(_: Session, rows: Sequence[Instrument]) -> Iterable[InstrumentOut]:
+    return [shown_as(InstrumentOut, row) for row in rows]
+
+
+nouns = NounRoutes(router, instrument_for, InstrumentOut, _describe, "instruments", "instrument_id")
+
+
+@router.post("/projects/{project_id}/instruments", status_code=201)
+def create_instrument(
+    project_id: UUID, body: InstrumentIn, session: SessionDep, user: CurrentUser, response: Response
+) -> InstrumentOut:
+    """Register a hammer, sensor or analyser. Campaigns that state its kind and serial number name it."""
+    project = project_for(session, user, project_id, "editor")
+    row = Instrument(project_id=project.id)
+    _state(session, user, row, "create", body.model_dump(mode="json"))
+    return nouns.made(session, row, response)
+
+
+def _change(session: Session, user: User, row: Instrument, body: InstrumentPatch) -> None:
+    _state(session, user, row, "change", body.model_dump(mode="json", exclude_unset=True))
+
+
+def _state(session: Session, user: User, row: Instrument, act: str, stated: dict[str, Any]) -> None:
+    """Give a row what is stated.
+
+    Raises:
+        Conflict: the project has another instrument of this kind and serial number.
+    """
+    if "calibrations" in stated:
+        stated["calibrations"].sort(key=lambda one: one["performed_on"])
+    try:
+        with session.begin_nested():
+            for name, value in stated.items():
+                setattr(row, name, value)
+            session.add(row)
+    except IntegrityError:
+        named = f"{stated.get('kind', row.kind)} {stated['serial']!r}"
+        raise Conflict(
+            f"the project has the {named} already; change that one, or restore it if it is deleted"
+        ) from None
+    session.refresh(row)
+    instrument_for.note(session, user, row, act, **stated)
+
+
+nouns.listing("list_instruments", "Instruments of a project, with their calibrations.", hides=True)
+nouns.getting("get_instrument", "An instrument with its calibrations, oldest first.", tagged=True)
+nouns.changing(
+    "change_instrument", "Change an instrument: notes, serial number, a new calibration.", InstrumentPatch, _change
+)
+nouns.deleting(
+    "delete_instrument", "Hide an instrument: campaigns no longer name it. It stays stored and can be restored."
+)
+nouns.restoring("restore_instrument", "Bring a deleted instrument back.")

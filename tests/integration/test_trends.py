@@ -1,0 +1,212 @@
+"""Trends of what a search found: constants and tracked modes over time and temperature; figures, files, page, command."""
+
+import csv
+import io
+import json
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from math import cos, pi, sin
+from pathlib import Path
+from typing import Any
+
+import httpx
+import psycopg
+import pytest
+
+import modalbase
+from modalbase.client.errors import ClientError
+from service.app.supervisor import LocalService
+from service.db.engine import psycopg_url
+from tests.support.command import modalbase_here
+from tests.support.laboratory import BEAM
+from tests.support.rest import ok, session_client
+
+YEARS, MONTHS = 2, 24
+LOSS, PER_KELVIN = -0.012, -0.002  # a year, 1/K: what is made, and must be found
+
+
+def degrees(month: int) -> float:
+    return 12 + 14 * cos(2 * pi * month / 12) + 3 * sin(5.0 * month)
+
+
+def factor(month: int) -> float:
+    """Of all stiffnesses: ageing, temperature, and what a laboratory does not repeat."""
+    return 1 + LOSS * month / 12 + PER_KELVIN * (degrees(month) - 12) + 0.0005 * sin(17.0 * month)
+
+
+def shape(order: int) -> list[dict[str, Any]]:
+    return [{"point": n, "direction": 3, "real": sin(order * pi * n / 10), "imag": 0.0} for n in range(1, 10)]
+
+
+@pytest.fixture
+def bridge(api: httpx.Client, project: str) -> str:
+    """A structure with monthly campaigns: two modes that cross as the second falls, in ascending order of frequency."""
+    made = ok(api.post(f"projects/{project}/structures", json={**BEAM, "name": "footbridge"}), 201)
+    for month in range(MONTHS):
+        at = datetime(2023, 1, 15, tzinfo=UTC) + timedelta(days=365.25 / 12 * month)
+        body = {
+            "name": f"month {month}",
+            "boundary": "free",
+            "performed_at": at.isoformat(),
+            "temperature_c": degrees(month),
+        }
+        campaign = ok(api.post(f"structures/{made['id']}/campaigns", json=body), 201)["id"]
+        hz = factor(month) ** 0.5
+        modes = [
+            {"frequency_hz": 5.0 * hz, "damping_ratio": 0.01, "frequency_sd_hz": 0.002, "shape": shape(1)},
+            {
+                "frequency_hz": 5.2 * hz - 0.01 * month,
+                "damping_ratio": 0.012,
+                "frequency_sd_hz": 0.002,
+                "shape": shape(2),
+            },
+        ]
+        ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": modes}), 201)
+    return str(made["id"])
+
+
+def test_modes_are_tracked_through_a_crossing(api: httpx.Client, bridge: str) -> None:
+    trend = ok(api.get("search/modes/trend", params={"filter": f"structure.id = '{bridge}'"}), 200)
+    assert (trend["value"], trend["unit"], trend["notes"]) == ("frequency_hz", "Hz", [])
+    first, second = trend["series"]
+    assert {point["number"] for point in second["points"]} == {1, 2}
+    for month, point in enumerate(first["points"]):
+        assert point["value"] == pytest.approx(5.0 * factor(month) ** 0.5)
+    alone, beside = first["lines"]
+    assert (alone["covariates"], beside["covariates"]) == ([], ["temperature_c"])
+    low, high = beside["relative_interval_95"]
+    assert low < LOSS / 2 < high  # a frequency is the root of a stiffness
+    assert high - low < 0.5 * (alone["relative_interval_95"][1] - alone["relative_interval_95"][0])
+    effect, sd = beside["effects"]["temperature_c"]
+    assert effect / 5.0 == pytest.approx(PER_KELVIN / 2, abs=3 * sd / 5.0 + 2e-5)
+
+
+def test_a_trend_is_a_table_and_a_figure(api: httpx.Client, bridge: str) -> None:
+    wanted = {"filter": f"structure.id = '{bridge}' AND frequency_hz < 5.05"}
+    answer = api.get("search/modes/trend", params={**wanted, "format": "csv", "value": "damping_ratio"})
+    rows = list(csv.DictReader(io.StringIO(answer.text)))
+    assert answer.headers["content-type"].startswith("text/csv")
+    assert {"structure", "series", "performed_at", "temperature_c", "value", "corrected"} <= rows[0].keys()
+    assert {row["structure"] for row in rows} == {"footbridge"}
+    figure = ok(api.get("search/modes/trend/figure", params=wanted), 200)
+    assert "footbridge" in json.dumps(figure["layout"]["title"])
+    assert len(figure["data"]) >= 4
+    assert api.get("search/modes/trend/figure", params={**wanted, "format": "svg"}).content.startswith(b"<?xml")
+
+
+REFUSED = [
+    ("modes", {"value": "Ex"}, "value", "frequency_hz"),
+    ("modes", {"covariates": "wind"}, "covariates", "temperature_c"),
+    ("modes", {"filter": "nonsense = 1"}, "filter", "nearest"),
+]
+
+
+def test_what_cannot_be_followed_is_refused_in_words(api: httpx.Client, bridge: str) -> None:
+    for noun, query, pointer, said in REFUSED:
+        answer = api.get(f"search/{noun}/trend", params={"filter": f"structure.id = '{bridge}'", **query})
+        assert answer.status_code == 422
+        fault = answer.json()["errors"][0]
+        assert (fault["pointer"], said in fault["detail"]) == (pointer, True), fault
+
+
+def test_nothing_found_is_no_fault(api: httpx.Client, project: str) -> None:
+    for noun in ("results", "modes"):
+        assert ok(api.get(f"search/{noun}/trend", params={"filter": f"project.id = '{project}'"}), 200)["series"] == []
+        figure = ok(api.get(f"search/{noun}/trend/figure", params={"filter": f"project.id = '{project}'"}), 200)
+        assert "nothing was found" in json.dumps(figure)
+
+
+def read_page(service: LocalService, api: httpx.Client, path: str) -> str:
+    with session_client(api, base=service.url) as browser:
+        answer = browser.get(path)
+    assert answer.status_code == 200, answer.text
+    return answer.text
+
+
+@pytest.fixture
+def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
+    """The same with a result for each month, the last has two: `flange.E1` ages, `Ex` is of the last alone."""
+    campaigns = ok(api.get(f"structures/{bridge}/campaigns", params={"limit": 100}), 200)["items"]
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        for month, campaign in [*enumerate(campaigns), (MONTHS - 1, campaigns[-1])]:
+            job = ok(api.post(f"campaigns/{campaign['id']}/update-jobs", json={}), 202)["id"]
+            ok(api.post(f"update-jobs/{job}/cancel"))
+            row = parameter("flange.E1", 30e9 * factor(month))
+            document = {"version": 99, "parameters": [row, *([parameter("Ex", 33e9)] if month == MONTHS - 1 else [])]}
+            found = {"flange.E1": {"estimate": row["estimate"], "sd": 1e9, "low": 0.9 * row["estimate"], "high": None}}
+            values = [job, campaign["id"], json.dumps(document), json.dumps(found), 33e9, 32e9, 34e9]
+            connection.execute(
+                "INSERT INTO update_results (id, campaign_id, document, constants, prediction, ex, ex_low, ex_high)"
+                " VALUES (%s, %s, %s, %s, '', %s, %s, %s)",
+                values,
+            )
+    return bridge
+
+
+def parameter(name: str, value: float) -> dict[str, Any]:
+    return {
+        "name": name,
+        "unit": "Pa",
+        "estimate": value,
+        "interval_95": [0.9 * value, 1.1 * value],
+        "comparable": {"estimate": value, "standard_deviation": 1e-4 * value},
+    }
+
+
+def test_a_constant_of_a_set_is_followed_over_results(
+    api: httpx.Client, service: LocalService, aged: str, tmp_path: Path, new_client: Callable[[], httpx.Client]
+) -> None:
+    wanted = f"structure.id = '{aged}'"
+    trend = ok(api.get("search/results/trend", params={"filter": wanted, "value": "flange.E1"}), 200)
+    (series,) = trend["series"]
+    assert (trend["unit"], len(series["points"])) == ("Pa", MONTHS)
+    assert trend["notes"] == ["1 left out, as the campaign has a newer one that is found"]
+    low, high = series["lines"][1]["relative_interval_95"]
+    assert low < LOSS / (1 + LOSS * YEARS / 2) < high
+    (one,) = ok(api.get("search/results/trend", params={"filter": wanted}), 200)["series"]
+    assert (len(one["points"]), one["lines"], len(one["notes"])) == (1, [], 2)
+    answer = api.get("search/results/trend", params={"filter": wanted, "value": "flange.E2"})
+    assert "there is Ex, flange.E1" in answer.json()["errors"][0]["detail"]
+    assert (
+        ok(new_client().get("search/results/trend", params={"filter": wanted}), 200)["series"] == []
+    )  # others see nothing
+
+    page = read_page(service, api, "/ui/search?noun=results&trend=flange.E1&for=" + wanted)
+    assert "beside temperature" in page
+    assert page.count("data-figure=") == 2
+    figure = ok(api.get("search/results/figure", params={"filter": wanted}), 200)
+    assert "25 results" in json.dumps(figure["layout"]["title"])
+    key = api.headers["Authorization"].removeprefix("Bearer ")
+    with modalbase.connect(service.url, key) as lab:
+        found = lab.find("results", wanted)
+        assert "footbridge" in str(found.trend("flange.E1"))
+        frame = found.trend("flange.E1").to_pandas()
+        assert frame["corrected"].std() < frame["value"].std()
+        assert found.trend("flange.E1").figure().save(tmp_path / "trend.pdf").stat().st_size > 1000
+        assert found.figure().save(tmp_path / "results.svg").stat().st_size > 1000
+        with pytest.raises(ClientError, match="have no trend"):
+            lab.find("campaigns").trend("Ex")
+
+    place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
+    shown = modalbase_here("find", "results", wanted, "--trend", "flange.E1", **place)
+    assert "beside temperature" in shown.stdout, shown.stderr
+    modalbase_here("find", "results", wanted, "--trend", "flange.E1", "--out", str(tmp_path / "trend.csv"), **place)
+    assert len((tmp_path / "trend.csv").read_text(encoding="utf-8").splitlines()) == MONTHS + 1
+
+
+def test_a_constant_of_a_set_is_searched(api: httpx.Client, aged: str) -> None:
+    mine = f"structure.id = '{aged}' AND "
+
+    def count(text: str) -> int:
+        return int(ok(api.get("search/results", params={"filter": mine + text}), 200)["count"])
+
+    softest = min(30e9 * factor(month) for month in range(MONTHS))
+    assert count(f"flange.E1 <= {softest + 1}") == 2
+    assert count(f"flange.E1 > {softest + 1}") == MONTHS - 1
+    assert count("result.flange.E1_sd = 1e9 AND flange.E1_high IS NULL") == MONTHS + 1
+    assert count("web.E1 IS NULL AND NOT web.E1 > 0") == 0
+    shown = {"filter": mine + "flange.E1 > 0", "fields": "flange.E1,flange.E1_sd", "sort": "-flange.E1"}
+    rows = ok(api.get("search/results", params=shown), 200)["items"]
+    assert rows == sorted(rows, key=lambda row: -row["flange.E1"])
+    answer = api.get("search/results", params={"filter": "flange.strength > 0"})
+    assert "there is no field 'flange.strength'" in answer.json()["errors"][0]["detail"]
