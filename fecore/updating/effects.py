@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import UNITS, kind_of
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
-from fecore.updating.result import FrequencyEffects, Prediction
+from fecore.updating.result import Prediction
 
 _CLAMP = "clamp_compliance"
 _SITES = 200  # nodes at which a mass is tried, at most
+
+
+@dataclass(frozen=True)
+class FrequencyEffects:
+    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a mode has no partner.
+
+    Attributes:
+        stiffness: (n,) by name of a stiffness θ, ∂ln f/∂ln θ.
+        support: (n,) by name of an input of the support, the change of ln f by one prior standard deviation of it.
+        sites: (P, 3) nodes at which a mass is tried, m.
+        mass: (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement φ, 1/kg.
+        frf_scale: median ratio of the measured FRFs' magnitudes to the model's; None without FRFs.
+    """
+
+    stiffness: dict[str, FloatArray]
+    support: dict[str, FloatArray]
+    sites: FloatArray
+    mass: FloatArray
+    frf_scale: float | None
 
 
 def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> FrequencyEffects:

@@ -66,6 +66,20 @@ def test_constants_of_each_wall_come_back_from_rows_along_any_direction(askew) -
     assert flange.estimate == pytest.approx(25e9, rel=0.02)
 
 
+def test_modes_are_told_by_shares_of_their_motion_and_of_the_energy_of_each_set() -> None:
+    prior = parametrise(BEAM, [Parameter("web.E1"), Parameter("flange.factor")])
+    forward = ForwardModel(BEAM, prior, (), np.zeros((0, 3)), MODES)
+    state, energy = forward.solve(prior.prior_mean), forward.solve(prior.prior_mean).energy
+    for shares in (state.motion, energy):
+        np.testing.assert_allclose(np.sum(list(shares.values()), axis=0), 1, atol=1e-9)
+    # ∂ ln λ / ∂ ln of a factor of all stiffness of a set is its share of the strain energy
+    slope = 2 * state.frequency_jacobian[:, 1] / state.frequency_hz
+    np.testing.assert_allclose(energy["flange"], slope, rtol=1e-6)
+    mode = state.kinds.index("bending y")  # about the axis in which the web lies, the flanges alone bend
+    assert state.shares(mode)["energy"]["flange"] > 0.9
+    assert state.shares(mode)["motion"]["bending y"] == max(state.shares(mode)["motion"].values())
+
+
 def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
     names = [each.name for each in default_parameters(BEAM)]
     assert names == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
