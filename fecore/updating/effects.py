@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import UNITS, kind_of
+from fecore.body.constants import FACTORS, UNITS, kind_of
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
 from fecore.updating.result import Prediction
@@ -90,7 +90,7 @@ def _spread(places: FloatArray, most: int) -> list[int]:
 
 
 def _is_stiffness(name: str) -> bool:
-    return UNITS.get(kind_of(name)) == "Pa" or kind_of(name) in ("zone", "factor")
+    return UNITS.get(kind_of(name)) == "Pa" or kind_of(name) in FACTORS
 
 
 def _scale(prediction: Prediction) -> float | None:

@@ -17,9 +17,10 @@ from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
 from service.jobs.queue import one_at_a_time
 from service.store.campaigns.operations import campaign_for
-from service.store.coupons.operations import batch_for
+from service.store.coupons.operations import batch_for, name_and_sets
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
+from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import joint_body, parameters_of
 from service.store.updating.operations import JOINT_UPDATES, check_mode_set, repeated, start_update
 from service.store.updating.schemas import RecipeIn, UpdateBatchIn
@@ -123,7 +124,7 @@ def start_joint(
             bodies.append(joint_body(session, structure, number, campaign.boundary, common))
     if faults:
         raise Invalid(faults)
-    faults += [*_faults(session, user, request), *_faults_of_bodies(request, bodies)]
+    faults += [*_faults(session, user, request), *_faults_of_bodies(session, request, bodies)]
     if len(projects) > 1:
         faults.append(Fault("/jobs", "belong to several projects; a joint update takes campaigns of one"))
     if faults:
@@ -175,13 +176,16 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
     return faults
 
 
-def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fault]:
+def _faults_of_bodies(session: Session, request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fault]:
     """Parameters that a body has not, and what is asked of bodies in space that strips and plates alone have."""
     faults: list[Fault] = []
     parameters = parameters_of(request.recipe or RecipeIn.model_validate({}), bodies[0])
     with pointing(faults, "/recipe"):
         check_material(bodies[0], parameters)
         parametrise(bodies[0], parameters)
+    for number, key in enumerate(request.coupon_batches if not faults else ()):
+        with pointing(faults, f"/coupon_batches/{number}"):
+            coupon_constants(bodies[0], name_and_sets(session, key)[1])
     for number, body in enumerate(bodies):
         if number and not faults:
             with pointing(faults, f"/jobs/{number}/campaign_id"):
@@ -190,10 +194,6 @@ def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fa
             faults.append(
                 Fault(f"/jobs/{number}/angle_deg", "is of strips and plates; a body in space lies as it is stated")
             )
-    if isinstance(bodies[0], Structure) and request.coupon_batches:
-        faults.append(
-            Fault("/coupon_batches", "are data of strips and plates; state the sets' prior_mean and prior_sd")
-        )
     return faults
 
 

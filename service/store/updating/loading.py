@@ -27,7 +27,7 @@ from service.compute.updating import Hits, JointCampaign, JointInputs, UpdateInp
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
-from service.store.coupons.operations import batch_name, batch_prior
+from service.store.coupons.operations import batch_prior, name_and_sets
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
@@ -36,6 +36,7 @@ from service.store.structures.operations import describe_version, version_of
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import (
     body_of,
+    coupon_constants,
     is_in_space,
     material_of,
     nominal_specimen,
@@ -116,7 +117,8 @@ def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
     )
     scatter = SCATTER if request.scatter is None else request.scatter
     parameters = parameters_of(common, campaigns[0].body)
-    coupons, warnings = _coupons(session, request, parameters, scatter=scatter > 0)
+    scattered = scatter > 0 and len({campaign.specimen for campaign in campaigns}) > 1
+    coupons, warnings = _coupons(session, request, parameters, campaigns[0].body, scatter=scattered)
     return JointInputs(
         campaigns=campaigns,
         recipe=CampaignsRecipe(parameters, scatter),
@@ -212,16 +214,19 @@ def recipe_parameters(session: Session, recipe: RecipeIn, body: Body) -> tuple[t
     if recipe.prior_from_coupon_batch is None:
         return tuple(parameters), []
     summary = batch_prior(session, recipe.prior_from_coupon_batch)
+    _, sets = name_and_sets(session, recipe.prior_from_coupon_batch)
+    measured = {own: name for name, names in coupon_constants(body, sets).items() for own in names}
     warnings = [f"coupons: {warning}" for warning in summary.warnings]
     filled, without_scatter = [], []
     for parameter in parameters:
-        known = summary.priors.get(parameter.name)  # type: ignore[call-overload]
+        constant: Any = measured.get(parameter.name)
+        known = summary.priors.get(constant)
         if known is None:
             filled.append(parameter)
             continue
         mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
         free = not parameter.fixed and parameter.tied_to is None
-        scattered = summary.constants[parameter.name].standard_deviation is not None  # type: ignore[index]
+        scattered = summary.constants[constant].standard_deviation is not None
         spread = known.standard_deviation if parameter.prior_sd is None and free and scattered else parameter.prior_sd
         if free and spread is None:
             without_scatter.append(parameter.name)
@@ -339,7 +344,7 @@ def _campaign(
 
 
 def _coupons(
-    session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], *, scatter: bool
+    session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], body: Body, *, scatter: bool
 ) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
     """Each batch's constants that are updated: the mean of its panel, or of one more piece where pieces are all alike."""
     wanted = {p.name for p in parameters if not p.fixed and not p.tied_to}
@@ -347,9 +352,11 @@ def _coupons(
     for key in request.coupon_batches:
         summary: Any = batch_prior(session, key)
         warnings += [f"coupons: {text}" for text in summary.warnings]
+        batch, sets = name_and_sets(session, key)
+        of_body = coupon_constants(body, sets)
         for name, prior in summary.priors.items():
-            if name in wanted:
-                pieces = (summary.constants[name].n or 1) if scatter else 0
-                sd = prior.standard_deviation / math.sqrt(pieces + 1)
-                found.append(Coupon(name, prior.mean, sd, f"coupon batch {batch_name(session, key)}"))
+            pieces = (summary.constants[name].n or 1) if scatter else 0
+            sd = prior.standard_deviation / math.sqrt(pieces + 1)
+            owns = wanted.intersection(of_body.get(name, ()))
+            found += [Coupon(own, prior.mean, sd, f"coupon batch {batch}") for own in sorted(owns)]
     return tuple(found), tuple(warnings)
