@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from modalbase.formats.uff import Element, GridPoint, ModeShape
@@ -246,8 +247,32 @@ def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> 
         "/springs/0/edge",
         "is lower; this body in space has start, end",
     )
-    plan = ok(api.post(f"structures/{made(api, project)['id']}/plans", json={}), 422)
-    assert "body in space" in plan["detail"]
+
+
+def test_a_plan_says_which_test_or_coupons_would_tell_a_wall_s_constant(api: httpx.Client, project: str) -> None:
+    structure = made(api, project)["id"]
+    plain = {"boundary": "free", "highest_hz": 1500}
+    coupons = {"constants": ["Ey"], "sets": ["web"], "pieces": 5}
+    sent = {"tests": [plain, {**plain, "boundary": "cantilever"}], "coupons": [coupons], "points_to_hit": 6}
+    plan = ok(api.post(f"structures/{structure}/plans", json={**sent, "about": "web.E2"}), 200)
+    items = {item["name"]: item for item in plan["items"]}
+    assert set(items) == {"coupons 1: Ey of web", "1: angle, free", "2: angle, cantilever"}
+    assert plan["known_sd"]["web.E2"] == pytest.approx(8.5e9 * np.log1p(0.3**2 + 0.15**2) ** 0.5)
+    told, free = items["coupons 1: Ey of web"], items["1: angle, free"]
+    assert told["shrinks_most"] == "web.E2"
+    assert told["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)  # one more piece than five
+    assert told["expected_sd"]["flange.E2"] < 0.7 * plan["known_sd"]["flange.E2"]  # of the same material
+    assert told["expected_sd"]["flange.G12"] == pytest.approx(plan["known_sd"]["flange.G12"])
+    assert len(free["points_m"]) == 6
+    faces = {round(max(-0.04, min(z, 0.04)), 3) for _, _, z in free["points_m"]}
+    assert free["frequencies_hz"]
+    assert len(faces) > 1
+    for item in plan["items"]:
+        assert item["information_nats"] == pytest.approx(
+            np.log(plan["known_sd"]["web.E2"] / item["expected_sd"]["web.E2"]), rel=1e-6
+        )
+    wrong = ok(api.post(f"structures/{structure}/plans", json={"about": "rib.E1"}), 422)
+    assert "flange.E1" in wrong["detail"]
 
 
 def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> None:

@@ -17,7 +17,7 @@ from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
 from service.jobs.queue import one_at_a_time
 from service.store.campaigns.operations import campaign_for
-from service.store.coupons.operations import batch_for, name_and_sets
+from service.store.coupons.operations import batch_for
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import coupon_constants
@@ -121,10 +121,10 @@ def start_joint(
             projects.add(campaign_for.project_of(session, campaign))
             version, structure = present_structure(session, campaign.structure_id)
             campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
-            bodies.append(joint_body(session, structure, number, campaign.boundary, common))
+            bodies.append(joint_body(session, structure, campaign.boundary, common, number=number))
     if faults:
         raise Invalid(faults)
-    faults += [*_faults(session, user, request), *_faults_of_bodies(session, request, bodies)]
+    faults += [*_faults(session, user, request, bodies[0]), *_faults_of_bodies(request, bodies)]
     if len(projects) > 1:
         faults.append(Fault("/jobs", "belong to several projects; a joint update takes campaigns of one"))
     if faults:
@@ -139,7 +139,7 @@ def start_joint(
     return JOINT_UPDATES.start(session, user, row, priority=priority)
 
 
-def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]:
+def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) -> list[Fault]:
     """What is wrong with a request whose campaigns are the user's."""
     faults: list[Fault] = []
     if len(request.jobs) < 2:
@@ -148,7 +148,7 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
         faults.append(Fault("/jobs", "names a campaign twice"))
     for number, key in enumerate(request.coupon_batches):
         with pointing(faults, f"/coupon_batches/{number}"):
-            batch_for.named(session, user, key, f"/coupon_batches/{number}")
+            coupon_constants(body, batch_for.named(session, user, key, f"/coupon_batches/{number}").sets)
     recipes = [("/recipe", request.recipe)] + [(f"/jobs/{n}/recipe", job.recipe) for n, job in enumerate(request.jobs)]
     default = RecipeIn.model_validate({})
     for at, recipe in recipes:
@@ -176,16 +176,13 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
     return faults
 
 
-def _faults_of_bodies(session: Session, request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fault]:
+def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fault]:
     """Parameters that a body has not, and what is asked of bodies in space that strips and plates alone have."""
     faults: list[Fault] = []
     parameters = parameters_of(request.recipe or RecipeIn.model_validate({}), bodies[0])
     with pointing(faults, "/recipe"):
         check_material(bodies[0], parameters)
         parametrise(bodies[0], parameters)
-    for number, key in enumerate(request.coupon_batches if not faults else ()):
-        with pointing(faults, f"/coupon_batches/{number}"):
-            coupon_constants(bodies[0], name_and_sets(session, key)[1])
     for number, body in enumerate(bodies):
         if number and not faults:
             with pointing(faults, f"/jobs/{number}/campaign_id"):

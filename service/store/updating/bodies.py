@@ -9,7 +9,7 @@ from dataclasses import replace
 from fecore.body.constants import Body, kind_of
 from fecore.body.laminate import OrthotropicMaterial, homogenise, section
 from fecore.body.sections import PLY_CONSTANTS, ShellSection
-from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
+from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen, carrying
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.errors import InputError
@@ -46,11 +46,10 @@ def body_of(
     if is_in_space(structure):
         if recipe.zones_m:
             raise InputError("zones_m", "are of strips and plates; a body in space has sets")
-        carried = tuple(mass.on_surface() for mass in masses)
         body = nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
         _require_edges(recipe, body)
         joined = recipe.junctions == "on"
-        return replace(body, springs=(*body.springs, *springs), masses=(*body.masses, *carried), with_joints=joined)
+        return carrying(replace(body, springs=(*body.springs, *springs), with_joints=joined), masses)
     require_no_choice_of_joints(recipe)
     return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
 

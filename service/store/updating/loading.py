@@ -12,7 +12,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
-from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
@@ -176,15 +176,6 @@ def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
     return (PointMass(x, y, campaign.sensor_mass_kg, z=0.0 if flat else z), *added)
 
 
-def specimen_of(campaign: MeasuredCampaign) -> Specimen:
-    """The specimen that was measured, of one homogenised layer, with what it carried.
-
-    Raises:
-        InputError: the sensor's point is not a grid point, or the structure has no equivalent single layer.
-    """
-    return nominal_specimen(campaign.structure, campaign.boundary, carried_masses(campaign))
-
-
 def roving_mass(campaign: MeasuredCampaign) -> float:
     """Mass in kg of a sensor that moved with the response; 0 where it has none or sat at a point."""
     return campaign.sensor_mass_kg if campaign.frf_sets and _sensor_point(campaign) is None else 0.0
@@ -265,18 +256,40 @@ def parameters_of(recipe: RecipeIn, body: Body) -> tuple[Parameter, ...]:
 
 
 def joint_body(
-    session: Session, structure: StructureIn, number: int, boundary: str, recipe: RecipeIn
-) -> Specimen | LayeredSpecimen | Structure:
-    """What a joint update makes of a campaign's structure, by the recipe of all; `number` is that of the campaign's job.
+    session: Session,
+    structure: StructureIn,
+    boundary: str,
+    recipe: RecipeIn,
+    *,
+    number: int = 0,
+    masses: tuple[PointMass, ...] = (),
+    first: StructureIn | None = None,
+    angle_deg: float | None = None,
+) -> OrientedSpecimen | Structure:
+    """What a joint update, or a plan for one, makes of a structure.
+
+    Args:
+        session: for a model that was sent.
+        structure: as it is described.
+        boundary: of the campaign.
+        recipe: of all campaigns.
+        number: of the campaign's job.
+        masses: what the body carried.
+        first: the structure whose material all share; default: this one.
+        angle_deg: of the material's x axis from the specimen's; default: as the structure's plies lie.
 
     Raises:
         InputError: the structure lacks what a model needs.
     """
     if is_in_space(structure):
         model = None if structure.model is None else load_model(session, structure.model)
-        return body_of(structure, boundary, recipe, (), model)
+        found = body_of(structure, boundary, recipe, masses, model)
+        assert isinstance(found, Structure), "a structure in space is one"
+        return found
     require_no_choice_of_joints(recipe)
-    return nominal_specimen(of_its_material(structure, number), boundary)
+    plain = nominal_specimen(of_its_material(structure, number), boundary, masses)
+    own = material_of(structure, number)[1] if angle_deg is None else angle_deg
+    return oriented(plain, material_of(first or structure, 0)[0], own)
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
@@ -316,13 +329,16 @@ def _campaign(
             f"{at}.campaign_id",
             "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe",
         )
-    body = joint_body(session, campaign.structure, number, campaign.boundary, common)
-    masses, angle = carried_masses(campaign), None
-    if isinstance(body, Structure):
-        body = replace(body, masses=(*body.masses, *(mass.on_surface() for mass in masses)))
-    elif isinstance(body, Specimen):
-        angle = material_of(campaign.structure, number)[1] if job.angle_deg is None else job.angle_deg
-        body = oriented(replace(body, masses=masses), material_of(first, 0)[0], angle)
+    body = joint_body(
+        session,
+        campaign.structure,
+        campaign.boundary,
+        common,
+        number=number,
+        masses=carried_masses(campaign),
+        first=first,
+        angle_deg=job.angle_deg,
+    )
     used, modes, inputs = _measured(session, campaign, recipe)
     axes = frame_of(campaign_of(session, campaign.campaign_id)).point_axes(campaign.points)
     frfs = None if used is None else used.frfs
@@ -336,7 +352,7 @@ def _campaign(
             "campaign_id": str(campaign.campaign_id),
             "structure_version_id": str(campaign.structure_version_id),
             "mode_set": None if recipe.mode_set is None else str(recipe.mode_set),
-            "angle_deg": angle,
+            "angle_deg": None if isinstance(body, Structure) else math.degrees(body.fibre_angle),
             "inputs": inputs.model_dump(mode="json"),
         },
         warnings=campaign.warnings,
