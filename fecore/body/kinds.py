@@ -31,8 +31,7 @@ def motion_shares(model: Model, shapes: FloatArray) -> dict[str, FloatArray]:
     along x (axial), turn (torsion), or change their form (walls).
     """
     nodes = model.mesh.nodes
-    motion = np.zeros((len(nodes), 6, shapes.shape[1]))
-    motion[:, list(model.dofs)] = model.stiffness.everywhere(shapes)
+    motion = model.everywhere(shapes)
     if np.ptp(nodes[:, 2]):
         found = _of_sections(nodes, motion)
     else:

@@ -73,12 +73,10 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
 def _nodes(state: ForwardState) -> tuple[FloatArray, FloatArray]:
     """(P, 3) some nodes, evenly spread, and (P, n, 3) their displacements in the elastic modes, held ones 0."""
     model, shapes = state.forward.specimen.model, state.full_shapes
-    along = [column for column, dof in enumerate(model.dofs) if dof < 3]
-    free, numbers = model.free[:, along], model.stiffness.pattern.numbers[:, along]
-    nodes = np.flatnonzero(free.any(axis=1))
+    moved = model.at_nodes(shapes)
+    nodes = np.flatnonzero(model.free[:, [dof < 3 for dof in model.dofs]].any(axis=1))
     chosen = nodes[evenly_spread(model.mesh.nodes[nodes], _SITES)]
-    moved = np.where(free[chosen][..., None], shapes[numbers[chosen]], 0.0)
-    return model.mesh.nodes[chosen], moved.transpose(0, 2, 1)
+    return model.mesh.nodes[chosen], moved[:, chosen].transpose(1, 0, 2)
 
 
 def _is_stiffness(name: str) -> bool:
