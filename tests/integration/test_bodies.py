@@ -249,7 +249,7 @@ def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> 
     )
 
 
-def test_a_plan_says_which_test_or_coupons_would_tell_a_wall_s_constant(api: httpx.Client, project: str) -> None:
+def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(api: httpx.Client, project: str) -> None:
     structure = made(api, project)["id"]
     plain = {"boundary": "free", "highest_hz": 1500}
     coupons = {"constants": ["Ey"], "sets": ["web"], "pieces": 5}
@@ -258,11 +258,11 @@ def test_a_plan_says_which_test_or_coupons_would_tell_a_wall_s_constant(api: htt
     items = {item["name"]: item for item in plan["items"]}
     assert set(items) == {"coupons 1: Ey of web", "1: angle, free", "2: angle, cantilever"}
     assert plan["known_sd"]["web.E2"] == pytest.approx(8.5e9 * np.log1p(0.3**2 + 0.15**2) ** 0.5)
-    told, free = items["coupons 1: Ey of web"], items["1: angle, free"]
-    assert told["shrinks_most"] == "web.E2"
-    assert told["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)  # one more piece than five
-    assert told["expected_sd"]["flange.E2"] < 0.7 * plan["known_sd"]["flange.E2"]  # of the same material
-    assert told["expected_sd"]["flange.G12"] == pytest.approx(plan["known_sd"]["flange.G12"])
+    cut, free = items["coupons 1: Ey of web"], items["1: angle, free"]
+    assert cut["shrinks_most"] == "web.E2"
+    assert cut["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)  # one more piece than five
+    assert cut["expected_sd"]["flange.E2"] < 0.7 * plan["known_sd"]["flange.E2"]  # of the same material
+    assert cut["expected_sd"]["flange.G12"] == pytest.approx(plan["known_sd"]["flange.G12"])
     assert len(free["points_m"]) == 6
     faces = {round(max(-0.04, min(z, 0.04)), 3) for _, _, z in free["points_m"]}
     assert free["frequencies_hz"]

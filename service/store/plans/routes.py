@@ -150,7 +150,15 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
     sent += [asked.model_dump(mode="json") for asked in body.coupons]
     made = tuple(_made(session, user, number, each, own) for number, each in enumerate(body.made))
     parameters = default_parameters(first) if isinstance(first, Structure) else MATERIAL_PARAMETERS
-    return PlanOrder(tuple(tests), tuple(coupons), tuple(sent), made, parameters, body.points_to_hit, body.about)
+    return PlanOrder(
+        tests=tuple(tests),
+        coupons=tuple(coupons),
+        sent=tuple(sent),
+        made=made,
+        parameters=parameters,
+        count=body.points_to_hit,
+        about=body.about,
+    )
 
 
 def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:

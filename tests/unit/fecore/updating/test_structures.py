@@ -69,7 +69,7 @@ def test_constants_of_each_wall_come_back_from_rows_along_any_direction(askew) -
     assert flange.estimate == pytest.approx(25e9, rel=0.02)
 
 
-def test_modes_are_told_by_shares_of_their_motion_and_of_the_energy_of_each_set() -> None:
+def test_modes_have_shares_of_their_motion_and_of_the_energy_of_each_set() -> None:
     prior = parametrise(BEAM, [Parameter("web.E1"), Parameter("flange.factor")])
     forward = ForwardModel(BEAM, prior, (), np.zeros((0, 3)), MODES)
     state, energy = forward.solve(prior.prior_mean), forward.solve(prior.prior_mean).energy
