@@ -186,12 +186,13 @@ class AffineMatrix:
         """A_k, the derivative of the matrix by its k-th coefficient."""
         return self.at(np.eye(1, len(self.names), k)[0])
 
-    def project(self, left: FloatArray, right: FloatArray) -> FloatArray:
-        """(k, l, r) leftᵀ A_k right of (size, l) and (size, r) vectors, from their strains."""
-        forms = np.zeros((len(self.names), left.shape[1], right.shape[1]))
-        motions = self.everywhere(left), self.everywhere(right)
-        for group in (part for whole in self.groups for part in whole.parts(max(left.shape[1], right.shape[1]))):
-            x, y = (group.strains(motion) for motion in motions)
+    def project(self, vectors: FloatArray, right: slice) -> FloatArray:
+        """(k, l, r) leftᵀ A_k right of (size, l) vectors and r columns of them, from their strains."""
+        forms = np.zeros((len(self.names), vectors.shape[1], vectors[0, right].size))
+        motion = self.everywhere(vectors)
+        for group in (part for whole in self.groups for part in whole.parts(vectors.shape[1])):
+            x = group.strains(motion)
+            y = x[..., right]
             for i, j in zip(*np.nonzero(group.terms.any(axis=0)), strict=True):
                 product = x[i].T @ y[j]
                 for k in np.flatnonzero(group.terms[:, i, j]):

@@ -29,6 +29,10 @@ SIGNED = frozenset({"nu_xy", "nu", "nu12", "fibre_angle", "angle"})
 """Kinds of constants that may be negative: Poisson's ratios and angles."""
 
 
+FACTORS = frozenset({"zone", "factor"})
+"""Kinds of constants that scale the stiffness of a zone or a set: nearly all of them are expected to be 1."""
+
+
 def kind_of(constant: str) -> str:
     """A constant's name without its set and the number of its material or ply: E1 of flange.E1_2, angle of angle_3."""
     return re.sub(r"_\d+$", "", constant.rpartition(".")[2])

@@ -1,6 +1,8 @@
-"""Kinds of modes in words: by the shares of motion of a flat body, and by how the sections of a folded one move."""
+"""What modes are: shares of their motion by kind, of flat bodies and of folded ones, and of their strain energy by set."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -11,28 +13,56 @@ _SLICES = 24  # across the longest axis of a folded body, in which its section m
 
 
 def mode_kinds(model: Model, shapes: FloatArray) -> tuple[str, ...]:
-    """Kind of each (dofs, n) elastic shape, by the largest share of its motion over the nodes.
+    """Kind of each (dofs, n) elastic shape, by the largest of its `motion_shares`."""
+    return largest(motion_shares(model, shapes))
+
+
+def largest(shares: Mapping[str, FloatArray]) -> tuple[str, ...]:
+    """The name of the largest of the shares of each of n modes."""
+    names = tuple(shares)
+    return tuple(names[int(k)] for k in np.argmax(list(shares.values()), axis=0))
+
+
+def motion_shares(model: Model, shapes: FloatArray) -> dict[str, FloatArray]:
+    """(n,) shares, by kind, of the squared motion over the nodes in (dofs, n) elastic shapes; their sum is 1.
 
     Of a flat body or a beam along x: in-plane (u, v) against w, and of w the part odd in y (torsion) against the even part
     (bending). A beam's torsion moves its axis nowhere. Of a body in space: its sections along x shift along y or z (bending),
     along x (axial), turn (torsion), or change their form (walls).
     """
     nodes = model.mesh.nodes
-    motion = np.zeros((len(nodes), 6, shapes.shape[1]))
-    motion[:, list(model.dofs)] = model.stiffness.everywhere(shapes)
+    motion = model.everywhere(shapes)
     if np.ptp(nodes[:, 2]):
-        return _of_sections(nodes, motion)
-    flat, w = np.sum(motion[:, :2] ** 2, axis=(0, 1)), motion[:, 2]
-    if not np.ptp(nodes[:, 1]):
-        turn = np.sum(motion[:, 3] ** 2, axis=0) * (1e-3 * model.mesh.size) ** 2
-        return _largest(("bending", "torsion", "in-plane"), np.array([np.sum(w**2, axis=0), turn, flat]))
-    mirrored = w[_mirror(nodes[:, :2])]
-    even, odd = np.sum((w + mirrored) ** 2, axis=0) / 4, np.sum((w - mirrored) ** 2, axis=0) / 4
-    bent = _largest(("bending", "torsion"), np.array([even, odd]))
-    return tuple("in-plane" if p > q else kind for p, q, kind in zip(flat, even + odd, bent, strict=True))
+        found = _of_sections(nodes, motion)
+    else:
+        flat, w = np.sum(motion[:, :2] ** 2, axis=(0, 1)), motion[:, 2]
+        if np.ptp(nodes[:, 1]):
+            mirrored = w[_mirror(nodes[:, :2])]
+            even, odd = np.sum((w + mirrored) ** 2, axis=0) / 4, np.sum((w - mirrored) ** 2, axis=0) / 4
+        else:
+            even = np.sum(w**2, axis=0)
+            odd = np.sum(motion[:, 3] ** 2, axis=0) * (1e-3 * model.mesh.size) ** 2
+        found = {"bending": even, "torsion": odd, "in-plane": flat}
+    whole = np.sum(list(found.values()), axis=0)
+    return {name: share / whole for name, share in found.items()}
 
 
-def _of_sections(nodes: FloatArray, motion: FloatArray) -> tuple[str, ...]:
+def energy_shares(model: Model, energies: FloatArray) -> dict[str, FloatArray]:
+    """(n,) shares of the strain energy by set, and by spring and clamp, of (n, k) energies by the coefficients of K."""
+    owners = [_owner(name, model.mesh.sets) for name in model.stiffness.names]
+    whole = energies.sum(axis=1)
+    return {
+        owner: energies[:, [k for k, each in enumerate(owners) if each == owner]].sum(axis=1) / whole
+        for owner in dict.fromkeys(owners)
+    }
+
+
+def _owner(coefficient: str, sets: Sequence[str]) -> str:
+    """The set of a coefficient of K; of a spring or a clamp its own name."""
+    return max((name for name in sets if coefficient.startswith(f"{name}.")), key=len, default=coefficient)
+
+
+def _of_sections(nodes: FloatArray, motion: FloatArray) -> dict[str, FloatArray]:
     """By the rigid motion across x, and the mean along it, that fit each slice of the body best."""
     x, count = nodes[:, 0], motion.shape[2]
     number = np.minimum(((x - x.min()) / np.ptp(x) * _SLICES).astype(np.int64), _SLICES - 1)
@@ -50,13 +80,7 @@ def _of_sections(nodes: FloatArray, motion: FloatArray) -> tuple[str, ...]:
         shares[:3] += each
         shares[3] += np.sum(v**2 + w**2, axis=0) - each.sum(axis=0)
         shares[4] += np.sum(u**2, axis=0)
-    names = "bending y", "bending z", "torsion", "walls", "axial"
-    return _largest(names, shares)
-
-
-def _largest(names: tuple[str, ...], shares: FloatArray) -> tuple[str, ...]:
-    """The name of the largest of (k, n) shares of each of n modes."""
-    return tuple(names[int(k)] for k in np.argmax(shares, axis=0))
+    return dict(zip(("bending y", "bending z", "torsion", "walls", "axial"), shares, strict=True))
 
 
 def _mirror(nodes: FloatArray) -> IntArray:

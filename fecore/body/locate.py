@@ -59,6 +59,15 @@ class Places:
         return found
 
 
+def evenly_spread(places: FloatArray, most: int) -> list[int]:
+    """Numbers of so many places, each of which is as far as can be from those before."""
+    chosen, apart = [0], np.full(len(places), np.inf)
+    for _ in range(min(most, len(places)) - 1):
+        apart = np.minimum(apart, np.sum((places - places[chosen[-1]]) ** 2, axis=1))
+        chosen.append(int(np.argmax(apart)))
+    return chosen
+
+
 @dataclass(frozen=True)
 class Surfaces:
     """The shells and beams of a mesh as they lie in space.
@@ -86,6 +95,12 @@ class Surfaces:
         # A curved element's surface may leave the ball of its nodes by some share of its size.
         radii = [1.1 * np.linalg.norm(e - c[:, None], axis=2).max(axis=1) for e, c in zip(x, centres, strict=True)]
         return x, numbers, np.concatenate(centres), np.concatenate(radii)
+
+    def spread(self, most: int) -> tuple[FloatArray, FloatArray]:
+        """(p, 3) places on the middle surface, as far from each other as can be, and (p, 3) normals there."""
+        _, _, centres, _ = self._elements
+        found = self.nearest(centres[evenly_spread(centres, most)])
+        return found.foot, found.normal
 
     def find(self, points: FloatArray, tolerance: float | None = None) -> Places:
         """The nearest points of the surface to (p, 3) points. One beyond an edge counts as on it.

@@ -20,8 +20,8 @@ from fecore.body.affine import AffineMatrix, Group, Pattern
 from fecore.body.joints import Joints
 from fecore.body.locate import Places, Surfaces
 from fecore.body.mesh import Mesh
-from fecore.body.operators import Operators
-from fecore.body.supports import DISPLACEMENTS, rigid_motions
+from fecore.body.operators import Operators, led
+from fecore.body.supports import DISPLACEMENTS, Link, rigid_motions
 from fecore.errors import InputError, OffSpecimenError
 
 _ALONG = 1e-6  # component of a unit direction that is round-off
@@ -56,6 +56,7 @@ class Model:
         stiffness: K(c) over the free dofs.
         mass: M(m) over the free dofs.
         rigid_modes: (dofs, r) exact zero-energy motions of the supported body.
+        links: nodes that others lead, or that are held along axes of their own.
     """
 
     mesh: Mesh
@@ -65,6 +66,7 @@ class Model:
     stiffness: AffineMatrix
     mass: AffineMatrix
     rigid_modes: FloatArray
+    links: tuple[Link, ...] = ()
 
     @property
     def free(self) -> BoolArray:
@@ -76,17 +78,33 @@ class Model:
         """(dofs, 6) rigid motions, as if nothing held the body: shifts along x, y, z, turns about axes through the nodes'
         centre.
         """
-        return np.asarray(rigid_motions(self.mesh.nodes)[:, list(self.dofs)][self.free])
+        return np.asarray(rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)][self.free])
+
+    @cached_property
+    def unfolded(self) -> scipy.sparse.csr_array:
+        """(6 × nodes, dofs) motion of every node, led ones too, by the free dofs."""
+        nodes, column = np.nonzero(self.free)
+        rows, values = 6 * nodes + np.array(self.dofs)[column], np.ones(nodes.size)
+        count, size = 6 * len(self.free), self.stiffness.size
+        whole = scipy.sparse.csr_array((values, (rows, np.arange(size))), shape=(count, size))
+        links = {link.node: link for link in self.links}
+        if not links:
+            return whole
+        follows = scipy.sparse.lil_array((count, count))
+        follows.setdiag(np.repeat(~np.isin(np.arange(len(self.free)), list(links)), 6).astype(float))
+        for node in links:
+            leaders, moved = led([node], np.eye(6)[None, :, None], links, self.mesh.nodes)
+            for place, leader in enumerate(leaders):
+                follows[6 * node : 6 * node + 6, 6 * leader : 6 * leader + 6] = moved[0, :, place]
+        return scipy.sparse.csr_array(follows @ whole)
+
+    def everywhere(self, shapes: FloatArray) -> FloatArray:
+        """(nodes, 6, n) motion of every node in (dofs, n) shapes; 0 where it is held."""
+        return np.asarray((self.unfolded @ shapes).reshape(len(self.free), 6, -1))
 
     def at_nodes(self, shapes: FloatArray) -> FloatArray:
         """(n, nodes, 3) displacement along x, y and z of the nodes in (dofs, n) shapes; 0 where a node is held."""
-        moved = np.zeros((shapes.shape[1], *self.free.shape))
-        moved[:, self.free] = shapes[self.stiffness.pattern.numbers[self.free]].T
-        found = np.zeros((*moved.shape[:2], 3))
-        for column, dof in enumerate(self.dofs):
-            if dof < 3:
-                found[..., dof] = moved[..., column]
-        return found
+        return np.ascontiguousarray(self.everywhere(shapes)[:, :3].transpose(2, 0, 1))
 
     def observe(
         self, points: FloatArray, directions: FloatArray, tolerance: float | None = None
@@ -126,14 +144,12 @@ class Model:
 
     def _rows(self, places: Places, directions: FloatArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement of places that have been found along (p, 3) directions."""
-        rows = places.rows(directions)[:, :, list(self.dofs)]
-        number, n = len(rows), rows.shape[1]
-        free = self.free[places.nodes]
-        columns = self.stiffness.pattern.numbers[places.nodes]
-        points = np.broadcast_to(np.arange(number)[:, None, None], (number, n, len(self.dofs)))
-        kept = free & (rows != 0)
-        shape = (number, self.stiffness.size)
-        return scipy.sparse.csr_array((rows[kept], (points[kept], columns[kept])), shape=shape)
+        rows = places.rows(directions)
+        columns = 6 * places.nodes[..., None] + np.arange(6)
+        points = np.broadcast_to(np.arange(len(rows))[:, None, None], rows.shape)
+        kept = rows != 0
+        shape = len(rows), 6 * len(self.free)
+        return scipy.sparse.csr_array((rows[kept], (points[kept], columns[kept])), shape=shape) @ self.unfolded
 
 
 def observed_at(

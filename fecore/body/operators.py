@@ -50,7 +50,7 @@ class Operators:
         found = [Operators(self.nodes[~touched], self.which[~touched], self.rows)] if not touched.all() else []
         alone: dict[int, list[tuple[list[int], FloatArray]]] = defaultdict(list)
         for element in np.flatnonzero(touched):
-            nodes, rows = _led(self.nodes[element].tolist(), self.rows[self.which[element]], links, places)
+            nodes, rows = led(self.nodes[element].tolist(), self.rows[self.which[element]], links, places)
             alone[len(nodes)].append((nodes, rows))
         for group in alone.values():
             rows = np.array([rows for _, rows in group])
@@ -125,7 +125,7 @@ def _hung(rows: FloatArray, shift: FloatArray) -> FloatArray:
     return rows
 
 
-def _led(
+def led(
     nodes: list[int], rows: FloatArray, links: Mapping[int, Link], places: FloatArray
 ) -> tuple[list[int], FloatArray]:
     """One element's nodes and (p, r, n, 6) rows, with each led node replaced by its leaders, as long as there is one."""
@@ -133,13 +133,12 @@ def _led(
         columns: dict[int, FloatArray] = {}
         for place, node in enumerate(nodes):
             own = rows[:, :, place]
-            parts = [(node, np.eye(6))]
+            parts: list[tuple[int, FloatArray]] = [(node, np.eye(6))]
             if node in links:
                 link = links[node]
-                stays = np.eye(6) - link.led
                 parts = list(zip(link.leaders, link.matrices(places), strict=True))
-                if stays.any():
-                    parts.append((_OWN + node, stays))
+                if link.own.any() or not parts:
+                    parts.append((_OWN + node, link.own))
             for target, matrix in parts:
                 columns[target] = columns.get(target, 0) + own @ matrix
         nodes = list(columns)

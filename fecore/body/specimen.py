@@ -6,8 +6,10 @@ A specimen names its constants as coupons do (`Ex`, `thickness`); `strip.E1` and
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -268,6 +270,16 @@ class LayeredSpecimen(FlatBody):
         of = {name: value if (row := self.row(name, own)) is None else row for name, value in stack.nominal.items()}
         A, B, D, _ = stack.stiffness({name: np.asarray(value) for name, value in of.items()})
         return float(own["width"] / np.linalg.inv(D - B @ np.linalg.inv(A) @ B)[0, 0])
+
+
+Loaded = TypeVar("Loaded", bound=Specimen | LayeredSpecimen | Structure)
+
+
+def carrying(body: Loaded, masses: Sequence[PointMass]) -> Loaded:
+    """The body with more masses."""
+    if isinstance(body, Structure):
+        return replace(body, masses=(*body.masses, *(mass.on_surface() for mass in masses)))
+    return replace(body, masses=(*body.masses, *masses))
 
 
 def check_zones(zones: tuple[float, ...], length: float) -> None:

@@ -151,14 +151,14 @@ class Structure:
         stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
         mass = self._linked([*(part for _, part in parts), *mass_parts(surfaces, self.masses)])
         used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
-        free = free_dofs(self.mesh, self.supports, used, self.dofs)
+        free = free_dofs(self.mesh, self.supports, used, self.dofs, self.links)
         K, M = assemble(stiffness, mass, free, self.dofs)
         for spring in held:
             if spring.name not in K.names or not K.term(K.names.index(spring.name)).data.any():
                 raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
-        motions = rigid_motions(self.mesh.nodes)[:, list(self.dofs)]
+        motions = rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)]
         rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
-        return Model(self.mesh, joints, surfaces, self.dofs, stiffness=K, mass=M, rigid_modes=rigid)
+        return Model(self.mesh, joints, surfaces, self.dofs, stiffness=K, mass=M, rigid_modes=rigid, links=self.links)
 
     @property
     def _sections(self) -> list[ShellSection | BeamSection]:

@@ -243,10 +243,12 @@ class Mass:
 class Link:
     """A node that others lead: RBE2 where one leads it as a rigid body, RBE3 where it is their weighted mean.
 
+    One that none leads is held: a support along axes of its own.
+
     Attributes:
         node: the node that is led.
-        leaders: one node for a rigid link, three or more that span a plane for a mean.
-        dofs: numbers (0 … 5) of the node's dofs that are led; the others stay its own.
+        leaders: one node for a rigid link, three or more that span a plane for a mean, none for a support.
+        dofs: numbers (0 … 5) of the node's dofs that are led; the others stay its own, along the same axes.
         weights: of the leaders of a mean; alike where empty.
         axes: (3, 3) as rows, along which the dofs are; the structure's where None.
     """
@@ -258,11 +260,20 @@ class Link:
     axes: FloatArray | None = None
 
     @property
+    def turn(self) -> FloatArray:
+        """(6, 6) from the structure's axes to those of the dofs."""
+        return np.eye(6) if self.axes is None else np.kron(np.eye(2), self.axes)
+
+    @property
     def led(self) -> FloatArray:
         """(6, 6) what of the node's motion is led."""
         kept = np.isin(np.arange(6), self.dofs).astype(float)
-        turn = np.eye(6) if self.axes is None else np.kron(np.eye(2), self.axes)
-        return np.asarray(turn.T * kept @ turn)
+        return np.asarray(self.turn.T * kept @ self.turn)
+
+    @property
+    def own(self) -> FloatArray:
+        """(6, 6) motion of the node by the dofs that stay its own."""
+        return np.asarray(self.turn.T * ~np.isin(np.arange(6), self.dofs), dtype=np.float64)
 
     def matrices(self, nodes: FloatArray) -> FloatArray:
         """(leaders, 6, 6) motion of the node by those of its leaders.
@@ -275,6 +286,8 @@ class Link:
         """
         places, here = nodes[list(self.leaders)], nodes[self.node]
         found = np.zeros((len(places), 6, 6))
+        if not self.leaders:
+            return found
         if len(places) == 1:
             found[0] = np.eye(6)
             found[0, :3, 3:] = turning(here - places[0])
@@ -301,18 +314,27 @@ def turning(arm: FloatArray) -> FloatArray:
     return np.stack(rows, axis=-2)
 
 
-def free_dofs(mesh: Mesh, supports: tuple[Support, ...], used: IntArray, dofs: tuple[int, ...]) -> BoolArray:
-    """(nodes, dofs of a node) which dofs are free: of nodes that elements use, and not held."""
+def free_dofs(
+    mesh: Mesh, supports: tuple[Support, ...], used: IntArray, dofs: tuple[int, ...], links: tuple[Link, ...] = ()
+) -> BoolArray:
+    """(nodes, dofs of a node) which dofs are free: of nodes that elements use, neither held nor led."""
     free = np.zeros((len(mesh.nodes), 6), dtype=bool)
     free[used] = True
+    for link in links:
+        free[link.node, list(link.dofs)] = False
     for support in supports:
         free[mesh.select(support.where)[:, None], list(support.dofs)] = False
     return free[:, list(dofs)]
 
 
-def rigid_motions(nodes: FloatArray) -> FloatArray:
-    """(n, 6, 6) the six rigid motions of (n, 3) nodes: shifts along x, y, z and turns about axes through the nodes' centre."""
+def rigid_motions(nodes: FloatArray, links: tuple[Link, ...] = ()) -> FloatArray:
+    """(n, 6, 6) the six rigid motions of (n, 3) nodes: shifts along x, y, z and turns about axes through the nodes' centre.
+
+    Those of a node with a link are along its axes; what others lead there is none.
+    """
     found = np.zeros((len(nodes), 6, 6))
     found[:, :3, :3] = found[:, 3:, 3:] = np.eye(3)
     found[:, :3, 3:] = turning(nodes - nodes.mean(axis=0))
+    for link in links:
+        found[link.node] = (link.own.T if link.leaders else link.turn) @ found[link.node]
     return found

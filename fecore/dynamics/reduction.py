@@ -175,9 +175,9 @@ class ReducedModel:
     def system(self) -> ReducedSystem:
         """The projected model on the basis as it is now."""
         V, model, known = self._vectors, self._model, self._known
-        fresh = V[:, 0 if known is None else known.basis.shape[1] :]
-        stiffness, stiffness_sketch = self._projected(model.stiffness, fresh)
-        mass, mass_sketch = self._projected(model.mass, fresh)
+        first = 0 if known is None else known.basis.shape[1]
+        stiffness, stiffness_sketch = self._projected(model.stiffness, first)
+        mass, mass_sketch = self._projected(model.mass, first)
         if known is not None:
             stiffness, mass = _bordered(known.stiffness, stiffness), _bordered(known.mass, mass)
             stiffness_sketch = np.concatenate([known.stiffness_sketch, stiffness_sketch], axis=2)
@@ -194,10 +194,10 @@ class ReducedModel:
         self._known = system
         return system
 
-    def _projected(self, matrix: AffineMatrix, fresh: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(k, r, f) and (k, s, f) VᵀA_k and probeᵀA_k of some (dofs, f) columns of the basis."""
-        both = matrix.project(np.hstack([self._vectors, self._probe]), fresh)
+    def _projected(self, matrix: AffineMatrix, first: int) -> tuple[FloatArray, FloatArray]:
+        """(k, r, f) and (k, s, f) VᵀA_k and probeᵀA_k of the columns of the basis from a first on."""
         count = self._vectors.shape[1]
+        both = matrix.project(np.hstack([self._vectors, self._probe]), slice(first, count))
         return both[:, :count], both[:, count:]
 
     def modes(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:

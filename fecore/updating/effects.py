@@ -2,16 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import UNITS, kind_of
+from fecore.body.constants import FACTORS, UNITS, kind_of
+from fecore.body.locate import evenly_spread
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
-from fecore.updating.result import FrequencyEffects, Prediction
+from fecore.updating.result import Prediction
 
 _CLAMP = "clamp_compliance"
 _SITES = 200  # nodes at which a mass is tried, at most
+
+
+@dataclass(frozen=True)
+class FrequencyEffects:
+    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a mode has no partner.
+
+    Attributes:
+        stiffness: (n,) by name of a stiffness θ, ∂ln f/∂ln θ.
+        support: (n,) by name of an input of the support, the change of ln f by one prior standard deviation of it.
+        sites: (P, 3) nodes at which a mass is tried, m.
+        mass: (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement φ, 1/kg.
+        frf_scale: median ratio of the measured FRFs' magnitudes to the model's; None without FRFs.
+    """
+
+    stiffness: dict[str, FloatArray]
+    support: dict[str, FloatArray]
+    sites: FloatArray
+    mass: FloatArray
+    frf_scale: float | None
 
 
 def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> FrequencyEffects:
@@ -51,25 +73,14 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
 def _nodes(state: ForwardState) -> tuple[FloatArray, FloatArray]:
     """(P, 3) some nodes, evenly spread, and (P, n, 3) their displacements in the elastic modes, held ones 0."""
     model, shapes = state.forward.specimen.model, state.full_shapes
-    along = [column for column, dof in enumerate(model.dofs) if dof < 3]
-    free, numbers = model.free[:, along], model.stiffness.pattern.numbers[:, along]
-    nodes = np.flatnonzero(free.any(axis=1))
-    chosen = nodes[_spread(model.mesh.nodes[nodes], _SITES)]
-    moved = np.where(free[chosen][..., None], shapes[numbers[chosen]], 0.0)
-    return model.mesh.nodes[chosen], moved.transpose(0, 2, 1)
-
-
-def _spread(places: FloatArray, most: int) -> list[int]:
-    """Places each of which is as far as can be from those before."""
-    chosen, apart = [0], np.full(len(places), np.inf)
-    for _ in range(min(most, len(places)) - 1):
-        apart = np.minimum(apart, np.sum((places - places[chosen[-1]]) ** 2, axis=1))
-        chosen.append(int(np.argmax(apart)))
-    return chosen
+    moved = model.at_nodes(shapes)
+    nodes = np.flatnonzero(model.free[:, [dof < 3 for dof in model.dofs]].any(axis=1))
+    chosen = nodes[evenly_spread(model.mesh.nodes[nodes], _SITES)]
+    return model.mesh.nodes[chosen], moved[:, chosen].transpose(1, 0, 2)
 
 
 def _is_stiffness(name: str) -> bool:
-    return UNITS.get(kind_of(name)) == "Pa" or kind_of(name) in ("zone", "factor")
+    return UNITS.get(kind_of(name)) == "Pa" or kind_of(name) in FACTORS
 
 
 def _scale(prediction: Prediction) -> float | None:

@@ -244,6 +244,7 @@ class ElasticResult:
                     measured_damping=_finite(modes.damping_ratio, row),
                     predicted_damping=None if after is None else predicted(after),
                     measured_damping_sd=_finite(modes.damping_sd, row),
+                    **({} if after is None else updated.shares(after)),
                 )
             )
         return tuple(found)

@@ -11,10 +11,10 @@ results with a mode's other candidate in place of its partner. With shapes and w
 partners for ever: then the fit is made with each of the pairings that it went to and fro between held. Every pairing whose
 evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
 
-Where a body has lost stiffness, stage 1 starts again too: the prior of zones' factors expects nearly all of them to be 1.
-Damage sits in one place or two. A factor of its own for every zone, each with the same wide prior, would spread one zone's loss
-over its neighbours. So each factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural Comput. 4,
-1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its prior variance,
+Where a body has lost stiffness, stage 1 starts again too: the prior of the factors of zones and sets expects nearly all of them
+to be 1. Damage sits in one place or two. A factor of its own for every place, each with the same wide prior, would spread one
+place's loss over its neighbours. So each factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural
+Comput. 4, 1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its prior variance,
 
     γ = 1 - σ²/s²,     s² ← ξ²/γ,
 
@@ -31,7 +31,7 @@ from itertools import pairwise
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import kind_of
+from fecore.body.constants import FACTORS, kind_of
 from fecore.errors import UpdatingError
 from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
@@ -307,14 +307,14 @@ def even_draws(dimensions: int, count: int, seed: int) -> FloatArray:
 
 
 def sparse_zones(first: ElasticResult, refit: Callable[[Layout, ElasticResult], ElasticResult]) -> ElasticResult:
-    """The elastic update of one campaign with sparse factors of zones; as it is where no zone's factor is updated.
+    """The elastic update of one campaign with sparse factors of zones and sets; as it is where none is updated.
 
     Args:
         first: the update with the recipe's priors.
         refit: the update anew with other priors, from a former result.
     """
     prior = first.prior
-    zones = [c for c, name in enumerate(prior.names) if name in prior.body.nominal and kind_of(name) == "zone"]
+    zones = [c for c, name in enumerate(prior.names) if name in prior.body.nominal and kind_of(name) in FACTORS]
     if not zones:
         return first
     largest, result = prior.prior_sd[zones], first
@@ -334,7 +334,7 @@ def sparse_zones(first: ElasticResult, refit: Callable[[Layout, ElasticResult], 
 
 
 def _variance(result: ElasticResult, zones: list[int]) -> FloatArray:
-    """(z,) posterior variances of the zones' logarithms."""
+    """(z,) posterior variances of the factors' logarithms."""
     variance: FloatArray = sum(
         (np.sum(part[zones] ** 2, axis=1) for part in result.sources.values()), np.zeros(len(zones))
     )

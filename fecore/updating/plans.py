@@ -20,13 +20,14 @@ sum: one after the other, then by exchanges (Fedorov 1972), to the least posteri
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.specimen import OrientedSpecimen
+from fecore.body.specimen import OrientedSpecimen, carrying
+from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.frf import along_z
@@ -53,7 +54,8 @@ class PlannedTest:
         name: in the plan.
         body: as it would stand, added masses included.
         highest_hz: of the band.
-        points: (x, y) in m of the points that can be hit.
+        points: (x, y), or (x, y, z) on a body in space, in m of the points that can be hit.
+        axes: directions at points by their numbers, as rows, where the third, along which they are hit, is not z.
         sensor: number of the point, among these, where the sensor would stand.
         sensor_mass: kg; it loads the body.
         noise: standard deviation of an FRF's noise, as a share of the root mean square of the FRF at the sensor.
@@ -65,9 +67,9 @@ class PlannedTest:
     """
 
     name: str
-    body: OrientedSpecimen
+    body: OrientedSpecimen | Structure
     highest_hz: float
-    points: tuple[tuple[float, float], ...]
+    points: tuple[tuple[float, ...], ...]
     sensor: int
     sensor_mass: float = 0.0
     noise: float = 0.02
@@ -76,6 +78,7 @@ class PlannedTest:
     specimen: str = "specimen"
     inputs: Inputs = field(default_factory=Inputs)
     hit: tuple[int, ...] | None = None
+    axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 0 <= self.sensor < len(self.points):
@@ -87,12 +90,27 @@ class PlannedTest:
 
 
 @dataclass(frozen=True)
+class PlannedCoupons:
+    """Coupons that could be tested: pieces of the material, of which the body is one more.
+
+    Attributes:
+        name: in the plan.
+        constants: names of the parameters that they give.
+        relative_sd: with which they will say what the body's are (`fecore.coupons.batch.prior`).
+    """
+
+    name: str
+    constants: tuple[str, ...]
+    relative_sd: float
+
+
+@dataclass(frozen=True)
 class Forecast:
     """What a test would bring.
 
     Attributes:
         name: of the test.
-        information: expected, about the material, nats.
+        information: expected, about the material or the parameter asked for, nats.
         standard_deviations: expected afterwards, by parameter, SI.
         frequencies_hz: of the modes that it would see.
         points: numbers of the points to hit, in the order of what they add; all that can be hit where no number was asked for.
@@ -120,6 +138,8 @@ def plan_tests(
     campaigns: Sequence[Campaign] = (),
     parameters: Sequence[Parameter] = MATERIAL_PARAMETERS,
     count: int | None = None,
+    coupons: Sequence[PlannedCoupons] = (),
+    about: str | None = None,
 ) -> Plan:
     """Rank tests by what they would add to the campaigns so far.
 
@@ -128,9 +148,11 @@ def plan_tests(
         campaigns: that were made, with their modes; none: the parameters' priors are what is known.
         parameters: the material's.
         count: how many points are to be hit in each test; None: all.
+        coupons: that could be tested.
+        about: the parameter that tests are ranked and points chosen for; None: all of the material's.
 
     Raises:
-        InputError: tests contradict themselves, or see no mode in their band.
+        InputError: tests contradict themselves, or see no mode in their band, or nothing of that name is updated.
         UpdatingError: the campaigns so far have no common estimate.
     """
     if not tests:
@@ -143,7 +165,13 @@ def plan_tests(
     now = known.standard_deviations(lay_out([*campaigns, simulated[0].campaign], parameters, scatter))
     prior = simulated[0].prior
     slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
-    found = [_forecast(each, known, slope, count=count) for each in simulated]
+    for field_name, names in [("about", (about,) if about else ())] + [("coupons", c.constants) for c in coupons]:
+        if unknown := set(names) - set(prior.reported):
+            raise InputError(
+                field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(prior.reported)}"
+            )
+    found = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
+    found += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
         by_name(prior.reported, now * slope),
         tuple(sorted(found, key=lambda each: -each.information)),
@@ -219,12 +247,16 @@ class _Simulated:
     def of(cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]) -> _Simulated:
         body = clamped(test.body, test.inputs)
         if test.sensor_mass:
-            x, y = test.points[test.sensor]
-            body = replace(body, masses=(*body.masses, PointMass(x, y, test.sensor_mass)))
+            x, y, z = (*test.points[test.sensor], 0.0)[:3]
+            body = carrying(body, [PointMass(x, y, test.sensor_mass, z=z)])
         body, _ = meshed(body, test.highest_hz)
         prior = parametrise(body, parameters)
         forward = ForwardModel.of_dofs(
-            prior, along_z(range(len(test.points))), dict(enumerate(test.points)), test.highest_hz
+            prior,
+            along_z(range(len(test.points))),
+            dict(enumerate(test.points)),
+            test.highest_hz,
+            axes=test.axes,
         )
         state = forward.solve(_at(prior, theta))
         hz = state.frequency_hz[state.frequency_hz < test.highest_hz]
@@ -259,21 +291,45 @@ def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArr
     return loud
 
 
-def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int | None) -> Forecast:
+def _information(known: _Known, layout: Layout, about: str | None) -> Callable[[FloatArray], float]:
+    """The expected information that (X, X) more precision brings: of one parameter, or of all of the material's."""
+    probabilities = known.scatters(layout)[1]
+    rows = [row for row, name in enumerate(layout.shared) if about in (None, name)]
+
+    def volume(more: FloatArray | float) -> FloatArray:
+        return np.asarray(np.linalg.slogdet(known.covariances(layout, more)[:, rows][:, :, rows])[1])
+
+    base = volume(0.0)
+    return lambda brought: float(probabilities @ (base - volume(brought))) / 2
+
+
+def _forecast_coupons(
+    coupons: PlannedCoupons, known: _Known, beside: _Simulated, slope: FloatArray, about: str | None
+) -> Forecast:
+    """What coupons would bring, in the unknowns of an update with a test."""
+    layout = known.layout(beside.campaign)
+    S = np.array([[float(name == label) for label in layout.labels] for name in coupons.constants])
+    theta = _at(beside.prior, beside.theta)
+    values = by_name(beside.prior.names, coupons.relative_sd * theta / beside.prior.slope(theta))
+    brought = S.T @ (S / np.array([[values[name] ** 2] for name in coupons.constants]))
+    sds = by_name(layout.shared, known.standard_deviations(layout, brought) * slope)
+    return Forecast(coupons.name, _information(known, layout, about)(brought), sds, np.zeros(0), (), 1.0)
+
+
+def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int | None, about: str | None) -> Forecast:
     layout = known.layout(each.campaign)
     campaign = layout.campaigns[-1]
     state = campaign.forward.solve(_at(campaign.prior, each.theta))
     rows = min(len(campaign.modes), state.frequency_hz.size)  # each mode is taken for the model's of its number
     by = state.frequency_jacobian[:rows] / state.frequency_hz[:rows, None]
     S = by * campaign.prior.slope(state.theta) @ campaign.pick
-    probabilities = known.scatters(layout)[1]
-    base = np.linalg.slogdet(known.covariances(layout))[1]
+    gained, error = _information(known, layout, about), DISCREPANCY**2 + each.test.body.model_error**2
 
     def brought(points: Sequence[int]) -> FloatArray:
-        return np.asarray(S.T @ ((1 / (each.noise(points) + DISCREPANCY**2))[:, None] * S))
+        return np.asarray(S.T @ ((1 / (each.noise(points) + error))[:, None] * S))
 
     def information(points: Sequence[int]) -> float:
-        return float(probabilities @ (base - np.linalg.slogdet(known.covariances(layout, brought(points)))[1])) / 2
+        return gained(brought(points))
 
     everywhere = tuple(range(each.loudness.shape[1])) if each.test.hit is None else each.test.hit
     chosen = everywhere if count is None else best_points(information, everywhere, count)

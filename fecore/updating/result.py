@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.body.mesh import Mesh
 from fecore.frf import Dof
 from fecore.modal import Identification
+
+if TYPE_CHECKING:
+    from fecore.updating.effects import FrequencyEffects
 
 
 @dataclass(frozen=True)
@@ -122,7 +126,8 @@ class ParameterEstimate:
 class ModeComparison:
     """One measured mode beside the model's; None where there is no partner or nothing was measured or stated.
 
-    `kind` is the model's word for its motion: bending or torsion. A mode on the supports' springs has no predicted damping.
+    `kind` is the model's word for its motion: bending or torsion; `motion` and `energy` are the shares of the model's mode by
+    kind of motion, and of its strain energy by set and spring. A mode on the supports' springs has no predicted damping.
     """
 
     number: int
@@ -135,6 +140,8 @@ class ModeComparison:
     measured_damping: float | None
     predicted_damping: float | None
     measured_damping_sd: float | None = None
+    motion: Mapping[str, float] | None = None
+    energy: Mapping[str, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -253,7 +260,7 @@ class ModeShapes:
         places: (P, 3) their coordinates, m.
         measured: (n, p) complex shapes of the measured modes at the first p points; (n, 0) where they have none.
         updated: (m, P) real shapes of the model.
-        frequency_hz, kinds: (m,) of the model's modes.
+        frequency_hz, kinds, shares: (m,) of the model's modes; shares are `motion` and `energy`, as of `ModeComparison`.
         pairs: number of a measured mode and of its model mode, both from 0.
         directions: (P, 3) unit vectors along which the points' shapes are.
         mesh, everywhere: of the model, and (m, nodes, 3) its shapes at the mesh's nodes.
@@ -265,6 +272,7 @@ class ModeShapes:
     updated: FloatArray
     frequency_hz: FloatArray
     kinds: tuple[str, ...]
+    shares: tuple[Mapping[str, Mapping[str, float]], ...]
     pairs: tuple[tuple[int, int], ...]
     directions: FloatArray
     mesh: Mesh
@@ -349,25 +357,6 @@ class PosteriorSummary:
     names: tuple[str, ...] = ()
     samples: FloatArray | None = None
     correlation: FloatArray | None = None
-
-
-@dataclass(frozen=True)
-class FrequencyEffects:
-    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a mode has no partner.
-
-    Attributes:
-        stiffness: (n,) by name of a stiffness θ, ∂ln f/∂ln θ.
-        support: (n,) by name of an input of the support, the change of ln f by one prior standard deviation of it.
-        sites: (P, 3) nodes at which a mass is tried, m.
-        mass: (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement φ, 1/kg.
-        frf_scale: median ratio of the measured FRFs' magnitudes to the model's; None without FRFs.
-    """
-
-    stiffness: dict[str, FloatArray]
-    support: dict[str, FloatArray]
-    sites: FloatArray
-    mass: FloatArray
-    frf_scale: float | None
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
-from fecore.body.kinds import mode_kinds
+from fecore.body.kinds import energy_shares, largest, motion_shares
 from fecore.body.mechanisms import mechanism_weights
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.sensitivity import (
@@ -110,7 +110,23 @@ class ForwardState:
     @cached_property
     def kinds(self) -> tuple[str, ...]:
         """Kinds of the elastic modes: bending, torsion, in-plane."""
-        return mode_kinds(self.forward.specimen.model, self.full_shapes)
+        return largest(self.motion)
+
+    @cached_property
+    def motion(self) -> dict[str, FloatArray]:
+        """(n,) shares of the elastic modes' motion, by kind."""
+        return motion_shares(self.forward.specimen.model, self.full_shapes)
+
+    @cached_property
+    def energy(self) -> dict[str, FloatArray]:
+        """(n,) shares of the elastic modes' strain energy, by set and spring."""
+        energies = self._energies[self.modes.rigid :] * self.coefficients.stiffness
+        return energy_shares(self.forward.specimen.model, energies)
+
+    def shares(self, mode: int) -> dict[str, dict[str, float]]:
+        """`motion` and `energy` of an elastic mode, to 1e-4."""
+        both = {"motion": self.motion, "energy": self.energy}
+        return {name: {each: round(float(of[mode]), 4) for each, of in found.items()} for name, found in both.items()}
 
     @cached_property
     def hidden(self) -> tuple[int, ...]:

@@ -297,6 +297,7 @@ class Summary:
             updated=state.shapes,
             frequency_hz=state.frequency_hz,
             kinds=tuple(state.kinds),
+            shares=tuple(state.shares(mode) for mode in range(state.frequency_hz.size)),
             pairs=self.elastic.pairing.pairs,
             directions=directions_of(forward.dofs, forward.axes),
             mesh=forward.specimen.model.mesh,

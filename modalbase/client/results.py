@@ -77,6 +77,17 @@ def mode_cells(modes: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[list
     return columns, [_mode(row) for row in modes]
 
 
+def motion_words(mode: Mapping[str, Any]) -> str | None:
+    """What a mode of a result is: its largest shares of motion and, of a body of several sets, of strain energy."""
+    if mode["kind"] is None:
+        return None
+    shares = {mode["kind"]: (mode.get("motion") or {}).get(mode["kind"])}
+    if len(energy := mode.get("energy") or {}) > 1:
+        first = max(energy, key=lambda name: energy[name])
+        shares[first] = energy[first]
+    return ", ".join(name if share is None else f"{name} {100 * share:.0f} %" for name, share in shares.items())
+
+
 def correlation_cells(correlation: Mapping[str, Any]) -> tuple[list[str], list[list[Any]]]:
     """Columns and rows of the means of the criteria, before and after and where something was held out."""
     held_out = correlation.get("held_out") or {}
@@ -117,7 +128,12 @@ def _mode(row: Mapping[str, Any]) -> list[Any]:
     forms = {"measured_hz": ".2f", "initial_hz": ".2f", "updated_hz": ".2f", "error_percent": "+z.2f", "mac": ".4f"}
     cells = [None if row[name] is None else Written(f"{row[name]:{form}}") for name, form in forms.items()]
     ratios = [row["measured_damping"], row["predicted_damping"]]
-    return [row["number"], row["kind"], *cells, *(None if r is None else Written(f"{100 * r:.2f}") for r in ratios)]
+    return [
+        row["number"],
+        motion_words(row),
+        *cells,
+        *(None if r is None else Written(f"{100 * r:.2f}") for r in ratios),
+    ]
 
 
 def _means(criteria: Mapping[str, Any]) -> list[Written | None]:

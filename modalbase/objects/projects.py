@@ -218,7 +218,8 @@ class Structure(Editable):
             name: of it.
             constants: which of the structure's the tests measure: `Ex`, `Ey`, `Gxy`, `nu_xy`.
             confirm: take unusual numbers as they are.
-            fields: `published` means where the specimens are not at hand, `conditions` of the tests.
+            fields: `published` means where the specimens are not at hand, `conditions` of the tests, `sets` of a body in space
+                that are of this material.
         """
         body = {"name": name, "constants": constants, **fields}
         return self._make(CouponBatch, body, confirm)

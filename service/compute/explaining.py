@@ -18,7 +18,7 @@ _FEWEST_MODES = 3  # of which a change has a pattern
 
 @dataclass(frozen=True)
 class Moves:
-    """What would move the frequencies of one campaign's m modes (`fecore.updating.result.FrequencyEffects`).
+    """What would move the frequencies of one campaign's m modes (`fecore.updating.effects.FrequencyEffects`).
 
     Attributes:
         campaign: its id.

@@ -8,19 +8,28 @@ from typing import Any
 from fecore.updating.campaigns import Campaign
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
-from fecore.updating.plans import Plan, PlannedTest, plan_tests
+from fecore.updating.plans import Plan, PlannedCoupons, PlannedTest, plan_tests
 from fecore.updating.recipe import Recipe
 
 
 @dataclass(frozen=True)
 class PlanOrder:
-    """Everything that a plan needs: `made` with the modes as they were stored, `sent` as each test was asked for."""
+    """Everything that a plan needs.
+
+    Attributes:
+        tests, coupons: that could be made.
+        sent: each of them, as it was asked for.
+        made: with the modes as they were stored.
+        parameters, count, about: as of `plan_tests`.
+    """
 
     tests: tuple[PlannedTest, ...]
+    coupons: tuple[PlannedCoupons, ...]
     sent: tuple[dict[str, Any], ...]
     made: tuple[Campaign, ...]
     parameters: tuple[Parameter, ...]
     count: int | None
+    about: str | None
 
 
 def compute_plan(order: PlanOrder) -> dict[str, Any]:
@@ -32,27 +41,29 @@ def compute_plan(order: PlanOrder) -> dict[str, Any]:
     """
     campaigns = []
     for each in order.made:
-        modes = prepare(Measurement(None, each.points, each.modes), each.body, Recipe()).modes
+        modes = prepare(Measurement(None, each.points, each.modes, axes=each.axes), each.body, Recipe()).modes
         assert modes is not None, "they were handed in"
         campaigns.append(replace(each, modes=modes))
-    plan = plan_tests(order.tests, campaigns, order.parameters, order.count)
+    plan = plan_tests(order.tests, campaigns, order.parameters, order.count, order.coupons, order.about)
     return _describe(plan, order)
 
 
 def _describe(plan: Plan, order: PlanOrder) -> dict[str, Any]:
-    by_test = {test.name: (test, sent) for test, sent in zip(order.tests, order.sent, strict=True)}
+    could: list[PlannedTest | PlannedCoupons] = [*order.tests, *order.coupons]
+    asked = {each.name: (each, sent) for each, sent in zip(could, order.sent, strict=True)}
     items = []
     for forecast in plan.forecasts:
-        test, sent = by_test[forecast.name]
+        each, sent = asked[forecast.name]
+        points = [list(each.points[point]) for point in forecast.points] if isinstance(each, PlannedTest) else []
         items.append(
             {
                 "name": forecast.name,
-                "test": sent,
+                "test" if isinstance(each, PlannedTest) else "coupons": sent,
                 "information_nats": forecast.information,
                 "expected_sd": forecast.standard_deviations,
                 "shrinks_most": min(plan.known, key=lambda n: forecast.standard_deviations[n] / plan.known[n]),
                 "frequencies_hz": forecast.frequencies_hz.tolist(),
-                "points_m": [list(test.points[point]) for point in forecast.points],
+                "points_m": points,
                 "share_of_all_points": forecast.share,
             }
         )

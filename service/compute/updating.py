@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fecore.body.constants import Body
-from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.signal import Processed
@@ -153,7 +153,7 @@ class JointCampaign:
 
     name: str
     specimen: str
-    body: Specimen | LayeredSpecimen | Structure
+    body: OrientedSpecimen | Structure
     measurement: Measurement
     recipe: Recipe
     provenance: dict[str, Any]

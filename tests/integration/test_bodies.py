@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
 from modalbase.formats.uff import Element, GridPoint, ModeShape
@@ -120,7 +121,8 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
     ]
     wrong = {"joint": True, "jobs": jobs, "recipe": {"parameters": [{"name": "rib.E1"}]}}
     assert "flange.E1" in ok(api.post("update-jobs", json=wrong), 422)["errors"][0]["detail"]
-    begun = api.post("update-jobs", json={"joint": True, "jobs": jobs})
+    batch = of_web(api, structure)
+    begun = api.post("update-jobs", json={"joint": True, "jobs": jobs, "coupon_batches": [batch]})
     done = finished(api, begun.headers["Location"])
     assert done["status"] == "succeeded", done["error"]
     result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
@@ -131,6 +133,40 @@ def test_two_campaigns_of_a_body_are_updated_together(api: httpx.Client, project
         assert low < value < high, name
     assert {row["name"] for row in result["campaigns"][0]["own"]} >= {"flange.t", "web.density", "height", "length"}
     assert result["conflicts"] == []
+    # The web is one more piece of the batch's material, which is known to 0.22 GPa; the modes alone know it to 0.75.
+    assert 0.8 * COUPON_SD < found["web.E2"]["standard_deviation"] < 1.1 * COUPON_SD
+    assert found["web.E2"]["budget"][0]["source"] == "coupons"
+
+
+def of_web(api: httpx.Client, structure: str) -> str:
+    """A batch of coupons across the web alone, which say nothing wrong."""
+    batch = {
+        "name": "web, 90°",
+        "constants": ["Ey"],
+        "sets": ["web"],
+        "published": {"Ey": {"mean": TRUTH["web.E2"], "standard_deviation": COUPON_SD, "n": 20}},
+    }
+    return str(ok(api.post(f"structures/{structure}/coupon-batches", json=batch), 201)["id"])
+
+
+COUPON_SD = 0.2e9
+
+
+def test_coupons_of_one_wall_are_the_prior_of_its_constants(api: httpx.Client, project: str) -> None:
+    structure = made(api, project)["id"]
+    unknown = {"name": "rib", "constants": ["Ex"], "sets": ["web", "rib"]}
+    (fault,) = ok(api.post(f"structures/{structure}/coupon-batches", json=unknown), 422)["errors"]
+    assert (fault["pointer"], fault["detail"]) == ("/sets/1", "is rib; the structure has flange, web")
+    batch = of_web(api, structure)
+    assert ok(api.get(f"coupon-batches/{batch}"), 200)["sets"] == ["web"]
+    recipe = {"prior_from_coupon_batch": batch, "damping_models": ["rayleigh"]}
+    _, result = updated(api, structure, measured(), "free", recipe)
+    found = {row["name"]: row for row in result["parameters"]}
+    assert found["web.E2"]["prior_mean"] == TRUTH["web.E2"]
+    assert COUPON_SD < found["web.E2"]["prior_sd"] < 1.1 * COUPON_SD  # one more piece than the twenty
+    assert found["flange.E2"]["prior_mean"] == ANGLE["shape"]["material"]["E2_Pa"]
+    assert found["web.E2"]["interval_95"][0] < TRUTH["web.E2"] < found["web.E2"]["interval_95"][1]
+    assert found["web.E2"]["standard_deviation"] <= found["web.E2"]["prior_sd"]
 
 
 def test_a_sensor_on_a_wall_is_a_mass_there(api: httpx.Client, project: str) -> None:
@@ -214,8 +250,32 @@ def test_a_shape_leaves_no_room_for_a_strip(api: httpx.Client, project: str) -> 
         "/springs/0/edge",
         "is lower; this body in space has start, end",
     )
-    plan = ok(api.post(f"structures/{made(api, project)['id']}/plans", json={}), 422)
-    assert "body in space" in plan["detail"]
+
+
+def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(api: httpx.Client, project: str) -> None:
+    structure = made(api, project)["id"]
+    plain = {"boundary": "free", "highest_hz": 1500}
+    coupons = {"constants": ["Ey"], "sets": ["web"], "pieces": 5}
+    sent = {"tests": [plain, {**plain, "boundary": "cantilever"}], "coupons": [coupons], "points_to_hit": 6}
+    plan = ok(api.post(f"structures/{structure}/plans", json={**sent, "about": "web.E2"}), 200)
+    items = {item["name"]: item for item in plan["items"]}
+    assert set(items) == {"coupons 1: Ey of web", "1: angle, free", "2: angle, cantilever"}
+    assert plan["known_sd"]["web.E2"] == pytest.approx(8.5e9 * np.log1p(0.3**2 + 0.15**2) ** 0.5)
+    cut, free = items["coupons 1: Ey of web"], items["1: angle, free"]
+    assert cut["shrinks_most"] == "web.E2"
+    assert cut["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)  # one more piece than five
+    assert cut["expected_sd"]["flange.E2"] < 0.7 * plan["known_sd"]["flange.E2"]  # of the same material
+    assert cut["expected_sd"]["flange.G12"] == pytest.approx(plan["known_sd"]["flange.G12"])
+    assert len(free["points_m"]) == 6
+    faces = {round(max(-0.04, min(z, 0.04)), 3) for _, _, z in free["points_m"]}
+    assert free["frequencies_hz"]
+    assert len(faces) > 1
+    for item in plan["items"]:
+        assert item["information_nats"] == pytest.approx(
+            np.log(plan["known_sd"]["web.E2"] / item["expected_sd"]["web.E2"]), rel=1e-6
+        )
+    wrong = ok(api.post(f"structures/{structure}/plans", json={"about": "rib.E1"}), 422)
+    assert "flange.E1" in wrong["detail"]
 
 
 def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> None:

@@ -7,6 +7,7 @@ shear area a thousand times its area, springs of one stiffness are one parameter
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.structure import Structure
 from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
+from modalbase.formats.models import model as formats
 from modalbase.formats.models.model import (
     BeamSection,
     Elements,
@@ -43,7 +45,7 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
         boundary: `free`, or `as_modelled` with the model's own supports and springs to the ground.
 
     Raises:
-        InputError: the boundary is another, or a support lies along axes of its own.
+        InputError: the boundary is another, or two supports hold a node along different axes.
     """
     if boundary not in ("free", AS_MODELLED):
         raise InputError(
@@ -51,7 +53,8 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
             f"is {boundary}, but this structure is a model of its own: free, or as_modelled with its supports",
         )
     held = boundary == AS_MODELLED
-    supports = {f"support of line {s.line}": s for s in model.supports} if held else {}
+    stated = model.supports if held else ()
+    supports = {f"support of line {s.line}": s for s in stated if not _is_askew(s)}
     return Structure(
         Mesh(
             model.nodes,
@@ -59,10 +62,10 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
             {**model.node_sets, **{name: s.nodes for name, s in supports.items()}},
         ),
         {name: section_of(model, name) for name in model.sets},
-        tuple(Support(name, _held_dofs(s.dofs, s.axes, s.line)) for name, s in supports.items()),
+        tuple(Support(name, _held_dofs(s)) for name, s in supports.items()),
         _springs(model, held=held),
         tuple(Mass(m.mass, m.node, m.inertia, m.offset) for m in model.masses),
-        tuple(Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links),
+        (*(Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links), *_askew(stated)),
     )
 
 
@@ -134,24 +137,47 @@ def _block(elements: Elements, model: FiniteElementModel) -> Block:
     return Block(elements.kind, elements.nodes, elements.set, thickness, axes, elements.offsets)
 
 
-def _held_dofs(dofs: tuple[int, ...], axes: FloatArray | None, line: int) -> tuple[str, ...]:
-    """Names of dofs that are held.
+def _held_dofs(support: formats.Support) -> tuple[str, ...]:
+    """Names of dofs that are held by a support along the model's axes, in some order."""
+    dofs, axes = support.dofs, support.axes
+    if axes is not None and not _is_whole(dofs):
+        dofs = tuple(sorted(3 * (dof // 3) + int(np.argmax(np.abs(axes[dof % 3]))) for dof in dofs))
+    return tuple(DISPLACEMENTS[dof] for dof in dofs)
+
+
+def _is_whole(dofs: tuple[int, ...]) -> bool:
+    """Whether all displacements are held or none, and all turns or none: along whatever axes."""
+    return all(len({*dofs} & {first, first + 1, first + 2}) in (0, 3) for first in (0, 3))
+
+
+def _is_askew(support: formats.Support) -> bool:
+    """Whether it holds some directions of axes that are not the model's in some order."""
+    return support.axes is not None and not _is_whole(support.dofs) and not _permutes(support.axes)
+
+
+def _askew(supports: Sequence[formats.Support]) -> list[Link]:
+    """Supports along axes of their own, node by node, with all that holds the same nodes.
 
     Raises:
-        InputError: they are some of those along axes of their own.
+        InputError: two hold a node along different axes.
     """
-    whole = all(
-        set(range(first, first + 3)) <= set(dofs) or not {*dofs} & set(range(first, first + 3)) for first in (0, 3)
-    )
-    if axes is not None and not whole and not _permutes(axes):
-        raise InputError(
-            "boundary",
-            f"as_modelled: the support of line {line} holds some directions of axes that lie askew; none is modelled",
-        )
-    if axes is not None and not whole:
-        turned = [3 * (dof // 3) + int(np.argmax(np.abs(axes[dof % 3]))) for dof in dofs]
-        dofs = tuple(sorted(turned))
-    return tuple(DISPLACEMENTS[dof] for dof in dofs)
+    axes = {node: _axes(support) for support in filter(_is_askew, supports) for node in support.nodes.tolist()}
+    held: dict[int, set[int]] = {node: set() for node in axes}
+    for support in supports:
+        for node in held.keys() & set(support.nodes.tolist()):
+            if not _is_whole(support.dofs) and not np.allclose(axes[node], _axes(support), rtol=0, atol=1e-9):
+                raise InputError(
+                    "boundary",
+                    f"as_modelled: the support of line {support.line} holds a node along other axes than another support; "
+                    "state them along the same",
+                )
+            held[node] |= set(support.dofs)
+    return [Link(node, (), tuple(sorted(dofs)), axes=axes[node]) for node, dofs in held.items()]
+
+
+def _axes(support: formats.Support) -> FloatArray:
+    """(3, 3) as rows, along which its dofs are."""
+    return np.eye(3) if support.axes is None else support.axes
 
 
 def _permutes(axes: FloatArray) -> bool:

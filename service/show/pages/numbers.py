@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
+from modalbase.client.results import motion_words
 from service.show.figures.marks import counted
 from service.show.figures.parameters import SHOWN
 
@@ -139,6 +140,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "size": size,
     "words": words,
     "mean": mean,
+    "motion": motion_words,
     "details": details,
     "named": named,
 }

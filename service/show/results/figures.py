@@ -9,6 +9,7 @@ from typing import Any, Generic
 import numpy as np
 
 from fecore.correlation import auto_mac
+from modalbase.client.results import motion_words
 from service.errors import Conflict, NotFound
 from service.show.figures.answers import require_figure
 from service.show.figures.budget import budget_figure
@@ -195,7 +196,7 @@ def _model_title(data: UpdateFigures, i: int, j: int) -> str:
 
 def _updated_title(mode: dict[str, Any]) -> str:
     mac = "" if mode["mac"] is None else f", MAC {mode['mac']:.3f}"
-    return f"updated: {mode['updated_hz']:.4g} Hz, {mode['kind']}{mac}"
+    return f"updated: {mode['updated_hz']:.4g} Hz, {motion_words(mode)}{mac}"
 
 
 def _parameters(title: str) -> Callable[[AnyFigures, Wanted], Figure]:

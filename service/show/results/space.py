@@ -14,6 +14,7 @@ import numpy as np
 from pydantic import Field
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
+from modalbase.client.results import motion_words
 from service.errors import Conflict, NotFound
 from service.show.figures.joining import joined_as
 from service.show.figures.marks import counted
@@ -61,7 +62,7 @@ class ModelModeOut(StrictModel):
 
     number: int = Field(description="as columns of the MAC count them, from 1")
     frequency_hz: float
-    kind: str = Field(description="bending, torsion, in-plane")
+    kind: str = Field(description="in words: bending, torsion, in-plane, with its shares")
 
 
 class ResultMeshOut(StrictModel):
@@ -127,7 +128,10 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
             MeasuredModeOut(number=k + 1, frequency_hz=mode["measured_hz"], model=partners.get(k))
             for k, mode in enumerate(measured)
         ],
-        model=[ModelModeOut.model_validate(mode) for mode in data.document["model_modes"]],
+        model=[
+            ModelModeOut(number=mode["number"], frequency_hz=mode["frequency_hz"], kind=motion_words(mode) or "")
+            for mode in data.document["model_modes"]
+        ],
     )
 
 

@@ -41,6 +41,7 @@ from service.store.coupons.schemas import (
     Summary,
 )
 from service.store.storage import book
+from service.store.structures.models import sets_of
 from service.store.structures.operations import structure_for
 from service.web import shown_as
 
@@ -57,6 +58,7 @@ class CouponBatch(Identified, Base):
     structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
     name: Mapped[str]
     constants: Mapped[list[Any]]
+    sets: Mapped[list[Any]]
     published: Mapped[dict[str, Any]]
     conditions: Mapped[dict[str, Any]]
 
@@ -98,12 +100,24 @@ batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
 
 
 def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
-    """Store a new batch of coupons of a structure's material and note it in the audit trail."""
+    """Store a new batch of coupons of a structure's material and note it in the audit trail.
+
+    Raises:
+        Invalid: it names sets that the structure has not.
+    """
     structure = structure_for(session, user, structure_id, "editor")
+    there = sets_of(session, structure)
+    if faults := [
+        Fault(f"/sets/{place}", f"is {name}; the structure has {', '.join(there) or 'none'}")
+        for place, name in enumerate(body.sets)
+        if name not in there
+    ]:
+        raise Invalid(faults)
     batch = CouponBatch(
         structure_id=structure.id,
         name=body.name,
         constants=list(body.constants),
+        sets=list(body.sets),
         published={name: value.model_dump() for name, value in body.published.items()},
         conditions=body.conditions,
     )
@@ -227,9 +241,10 @@ def batch_prior(session: Session, batch_id: UUID) -> Summary:
     return summarise(session, session.get_one(CouponBatch, batch_id))
 
 
-def batch_name(session: Session, batch_id: UUID) -> str:
-    """The name of a batch."""
-    return session.get_one(CouponBatch, batch_id).name
+def name_and_sets(session: Session, batch_id: UUID) -> tuple[str, list[str]]:
+    """The name of a batch, and the sets of a body in space that it is of; none: of all."""
+    batch = session.get_one(CouponBatch, batch_id)
+    return batch.name, batch.sets
 
 
 def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:

@@ -56,6 +56,11 @@ class BatchIn(StrictModel):
 
     name: Name
     constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that the batch gives")
+    sets: list[Name] = Field(
+        default_factory=list,
+        max_length=200,
+        description="of a body in space: its sets that are made of this material; default: all that are of one material",
+    )
     published: dict[Constant, PublishedMean] = Field(default_factory=dict)
     conditions: dict[Text, Text] = Field(
         default_factory=dict, max_length=50, description="conditioning, speed, machine, gauge, grips, in words"
@@ -96,6 +101,7 @@ class BatchOut(StrictModel):
     structure_id: UUID
     name: str
     constants: list[Constant]
+    sets: list[str]
     published: dict[Constant, PublishedMean]
     conditions: dict[Text, Text]
     coupons: int = Field(description="how many specimens are recorded, excluded ones included")

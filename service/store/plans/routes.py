@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
-from typing import Annotated, Literal
+from typing import Annotated
 from uuid import UUID
 
 import numpy as np
@@ -12,41 +11,38 @@ from anyio import from_thread
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from fecore.body.laminate import OrthotropicMaterial
+from fecore.arrays import FloatArray
 from fecore.body.specimen import OrientedSpecimen
+from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
+from fecore.coupons.batch import Statistics, prior
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign
-from fecore.updating.plans import PlannedTest
+from fecore.updating.parameters import default_parameters
+from fecore.updating.plans import PlannedCoupons, PlannedTest
 from service.access import CurrentUser, SessionDep, User
+from service.compute.models.bodies import AS_MODELLED
 from service.compute.planning import PlanOrder, compute_plan
 from service.errors import Invalid
 from service.jobs.aside import read_aside
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
+from service.store.campaigns.schemas import AddedMass, Boundary
+from service.store.coupons.schemas import Constant
 from service.store.frfs.data import load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.structures.operations import present_structure, structure_for
 from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import material_of, nominal_specimen, of_its_material, oriented
-from service.store.updating.loading import modes_in_frame, specimen_of
+from service.store.updating.bodies import coupon_constants
+from service.store.updating.loading import carried_masses, joint_body, modes_in_frame
 from service.store.updating.operations import check_mode_set
-from service.store.updating.schemas import InputsIn
-from service.web import StrictModel, api_router, example
+from service.store.updating.schemas import InputsIn, RecipeIn
+from service.web import Name, StrictModel, api_router, example
 
 router = api_router(tags=["update jobs"])
 
-Boundary = Literal["cantilever", "free", "simply_supported"]
 Hertz = Annotated[float, Field(gt=0, le=1e6)]
+Place = tuple[float, float] | tuple[float, float, float]
 _ALONG, _ACROSS = 11, 3
 _ADDED = 0.05  # of the specimen's mass, at its end: the added mass of the tests that are proposed
-
-
-class AddedMassIn(StrictModel):
-    """A mass that is put on the specimen."""
-
-    x_m: float = Field(ge=-1000, le=1000)
-    y_m: float = Field(ge=-1000, le=1000)
-    mass_kg: float = Field(gt=0, le=1000)
-    rotary_inertia_kg_m2: float = Field(0.0, ge=0, le=1e6)
 
 
 class PlannedTestIn(StrictModel):
@@ -55,18 +51,30 @@ class PlannedTestIn(StrictModel):
     boundary: Boundary
     structure_id: UUID | None = Field(None, description="another structure of the same material; default: this one")
     highest_hz: Hertz = Field(1000.0, description="of the band")
-    added_masses: list[AddedMassIn] = Field(default_factory=list, max_length=10)
-    points_m: list[tuple[float, float]] | None = Field(
+    added_masses: list[AddedMass] = Field(default_factory=list, max_length=10)
+    points_m: list[Place] | None = Field(
         None,
         min_length=1,
         max_length=200,
-        description="x and y that can be hit; default: eleven stations by three rows",
+        description="x and y that can be hit; default: eleven stations by three rows. Of a body in space x, y and z, hit along "
+        "the wall's normal; default: 33 places spread over its walls",
     )
     sensor: int | None = Field(None, ge=0, description="number of the sensor's point among these; default: the last")
     sensor_mass_kg: float = Field(0.0, ge=0, le=100)
     noise: float = Field(0.02, gt=0, le=1, description="of an FRF, as a share of its root mean square")
     damping_ratio: float = Field(0.01, gt=0, lt=1)
     line_spacing_hz: Hertz = 0.5
+
+
+class PlannedCouponsIn(StrictModel):
+    """Coupons that could be tested; the body is one more piece of their material."""
+
+    constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that they give")
+    sets: list[Name] = Field(
+        default_factory=list, max_length=200, description="of a body in space, that they are cut from; default: all"
+    )
+    pieces: int = Field(5, ge=2, le=1000)
+    scatter: float = Field(0.05, gt=0, le=1, description="relative standard deviation between pieces, as expected")
 
 
 class MadeTestIn(StrictModel):
@@ -77,7 +85,7 @@ class MadeTestIn(StrictModel):
 
 
 class PlanIn(StrictModel):
-    """What to compare; `{}` compares the three boundaries of this structure, with and without a mass at its end."""
+    """What to compare; `{}` compares the boundaries of this structure, and of a strip or plate a mass at its end too."""
 
     model_config = example()
 
@@ -88,18 +96,27 @@ class PlanIn(StrictModel):
     points_to_hit: int | None = Field(
         None, ge=1, le=200, description="choose so many of each test's points; default: all"
     )
+    coupons: list[PlannedCouponsIn] = Field(
+        default_factory=list, max_length=12, description="coupons to compare with the tests"
+    )
+    about: Name | None = Field(
+        None, description="constant for which tests are ranked and points chosen, such as flange.E1; default: all"
+    )
 
 
 class PlanItemOut(StrictModel):
-    """One test and what it would bring."""
+    """One test, or coupons, and what it would bring."""
 
     name: str
-    test: PlannedTestIn
-    information_nats: float = Field(description="expected, about the material's constants")
+    test: PlannedTestIn | None = Field(None, description="null: of coupons")
+    coupons: PlannedCouponsIn | None = None
+    information_nats: float = Field(
+        description="expected, about the material's constants, or the one that was asked about"
+    )
     expected_sd: dict[str, float] = Field(description="of each constant after the test, SI")
     shrinks_most: str
     frequencies_hz: list[float] = Field(description="of the modes that it would show")
-    points_m: list[tuple[float, float]] = Field(description="to hit, in the order of what they add")
+    points_m: list[Place] = Field(description="to hit, in the order of what they add")
     share_of_all_points: float = Field(description="of the information of hitting all points, that these keep")
 
 
@@ -120,61 +137,91 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
     """
     structure = structure_for(session, user, structure_id, "editor")
     _, own = present_structure(session, structure.id)
-    material, _ = material_of(own, 0)
     tests, sent = [], []
-    for number, asked in enumerate(body.tests if body.tests is not None else _proposed(own)):
+    for number, asked in enumerate(body.tests if body.tests is not None else _proposed(session, own)):
         at, name, described = f"/tests/{number}", str(structure.id), own
         if asked.structure_id is not None:
             other = structure_for.named(session, user, asked.structure_id, f"{at}/structure_id")
             name, described = str(other.id), present_structure(session, other.id)[1]
-        tests.append(_test(number, asked, described, name, material))
+        tests.append(_test(session, number, asked, described, name, own))
         sent.append(asked.model_dump(mode="json"))
-    made = tuple(_made(session, user, number, each, material) for number, each in enumerate(body.made))
-    return PlanOrder(tuple(tests), tuple(sent), made, MATERIAL_PARAMETERS, body.points_to_hit)
+    first = tests[0].body
+    coupons = [_coupons(number, asked, first) for number, asked in enumerate(body.coupons)]
+    sent += [asked.model_dump(mode="json") for asked in body.coupons]
+    made = tuple(_made(session, user, number, each, own) for number, each in enumerate(body.made))
+    parameters = default_parameters(first) if isinstance(first, Structure) else MATERIAL_PARAMETERS
+    return PlanOrder(
+        tests=tuple(tests),
+        coupons=tuple(coupons),
+        sent=tuple(sent),
+        made=made,
+        parameters=parameters,
+        count=body.points_to_hit,
+        about=body.about,
+    )
 
 
-def _proposed(structure: StructureIn) -> list[PlannedTestIn]:
-    """Every boundary, with and without a mass at the end."""
-    plain = nominal_specimen(of_its_material(structure, 0), "free")
+def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
+    """Every boundary; of a strip or plate also with a mass at the end."""
+    if structure.model is not None:
+        return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in ("free", AS_MODELLED)]
+    boundaries = ("cantilever", "free", "simply_supported")
+    plain = joint_body(session, structure, "free", RecipeIn.model_validate({}))
+    if isinstance(plain, Structure):
+        return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in boundaries]
     mass = _ADDED * plain.material.density * plain.length * plain.width * plain.thickness
     added = {"x_m": plain.length, "y_m": 0.0, "mass_kg": mass}
-    boundaries: tuple[Boundary, ...] = ("cantilever", "free", "simply_supported")
     pairs = [(boundary, masses) for boundary, masses in product(boundaries, ([], [added]))]
     allowed = [pair for pair in pairs if pair[0] != "simply_supported" or not pair[1]]  # its end does not move
     return [PlannedTestIn.model_validate({"boundary": b, "added_masses": masses}) for b, masses in allowed]
 
 
-def _oriented(structure: StructureIn, number: int, boundary: str, material: OrthotropicMaterial) -> OrientedSpecimen:
-    plain = nominal_specimen(of_its_material(structure, number), boundary)
-    return oriented(plain, material, material_of(structure, number)[1])
-
-
 def _test(
-    number: int, asked: PlannedTestIn, structure: StructureIn, specimen: str, material: OrthotropicMaterial
+    session: Session, number: int, asked: PlannedTestIn, structure: StructureIn, specimen: str, first: StructureIn
 ) -> PlannedTest:
-    body = _oriented(structure, number, asked.boundary, material)
-    masses = tuple(PointMass(m.x_m, m.y_m, m.mass_kg, m.rotary_inertia_kg_m2) for m in asked.added_masses)
-    points = asked.points_m if asked.points_m is not None else _grid(body)
+    masses = tuple(PointMass(m.x_m, m.y_m, m.mass_kg, m.rotary_inertia_kg_m2, z=m.z_m) for m in asked.added_masses)
+    body = joint_body(
+        session, structure, asked.boundary, RecipeIn.model_validate({}), number=number, masses=masses, first=first
+    )
+    points, axes = _points(asked, body)
     sensor = len(points) - 1 if asked.sensor is None else asked.sensor
     if sensor >= len(points):
         raise Invalid(f"/tests/{number}/sensor", f"is {sensor}, expected one of the {len(points)} points, from 0")
     return PlannedTest(
         name=_name(number, asked, structure),
-        body=replace(body, masses=masses),
+        body=body,
         highest_hz=asked.highest_hz,
-        points=tuple(points),
+        points=points,
         sensor=sensor,
         sensor_mass=asked.sensor_mass_kg,
         noise=asked.noise,
         damping_ratio=asked.damping_ratio,
         lines_hz=asked.line_spacing_hz,
         specimen=specimen,
+        axes=axes,
     )
 
 
 def _name(number: int, asked: PlannedTestIn, structure: StructureIn) -> str:
     grams = ", ".join(f"{1e3 * mass.mass_kg:.3g} g" for mass in asked.added_masses)
     return f"{number + 1}: {structure.name}, {asked.boundary}" + (f", with {grams}" if grams else "")
+
+
+def _points(
+    asked: PlannedTestIn, body: OrientedSpecimen | Structure
+) -> tuple[tuple[tuple[float, ...], ...], dict[int, FloatArray]]:
+    """The points that can be hit; of a body in space with its walls' normals as their third directions."""
+    if isinstance(body, OrientedSpecimen):
+        return tuple(_grid(body) if asked.points_m is None else asked.points_m), {}
+    surfaces = body.model.surfaces
+    if asked.points_m is None:
+        places, normals = surfaces.spread(_ALONG * _ACROSS)
+    else:
+        places = np.array([[*point, 0.0][:3] for point in asked.points_m])
+        normals = surfaces.find(places).normal
+    across = [np.linalg.svd(normal[None])[2] for normal in normals]
+    axes = {k: np.array([*turned[1:], normal]) for k, (turned, normal) in enumerate(zip(across, normals, strict=True))}
+    return tuple(tuple(map(float, place)) for place in places), axes
 
 
 def _grid(body: OrientedSpecimen) -> list[tuple[float, float]]:
@@ -186,28 +233,43 @@ def _grid(body: OrientedSpecimen) -> list[tuple[float, float]]:
     return [(float(x), float(y)) for x in along for y in across]
 
 
-def _made(session: Session, user: User, number: int, each: MadeTestIn, material: OrthotropicMaterial) -> Campaign:
+def _coupons(number: int, asked: PlannedCouponsIn, body: OrientedSpecimen | Structure) -> PlannedCoupons:
+    own = coupon_constants(body, asked.sets)
+    names = tuple(name for constant in asked.constants for name in own.get(constant, ()))
+    relative = prior(Statistics(asked.pieces, 1.0, asked.scatter)).standard_deviation
+    words = ", ".join(asked.constants) + (f" of {', '.join(asked.sets)}" if asked.sets else "")
+    return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative)
+
+
+def _made(session: Session, user: User, number: int, each: MadeTestIn, first: StructureIn) -> Campaign:
     at = f"/made/{number}"
     campaign = campaign_for.named(session, user, each.campaign_id, f"{at}/campaign_id")
     check_mode_set(session, user, each.mode_set, campaign.id, f"{at}/mode_set")
     loaded = load_measured_campaign(session, campaign.id)
-    plain = specimen_of(replace(loaded, structure=of_its_material(loaded.structure, number)))
     frame = frame_of(campaign_of(session, campaign.id))
-    frame.require_square()
-    modes = modes_in_frame(load_modes(session, each.mode_set), frame)
+    stated = InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs, None)
     return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),
-        body=oriented(plain, material, material_of(loaded.structure, number)[1]),
-        modes=modes,
+        body=joint_body(
+            session,
+            loaded.structure,
+            loaded.boundary,
+            RecipeIn.model_validate({}),
+            number=number,
+            masses=carried_masses(loaded),
+            first=first,
+        ),
+        modes=modes_in_frame(load_modes(session, each.mode_set), frame),
         points=dict(loaded.points),
-        inputs=InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs, None).to_core(),
+        inputs=stated.to_core(),
+        axes=frame.point_axes(loaded.points),
     )
 
 
 @router.post("/structures/{structure_id}/plans")
 def plan(structure_id: UUID, body: PlanIn, session: SessionDep, user: CurrentUser) -> PlanOut:
-    """Rank tests by what they would add to what is known of the material. `{}` compares boundaries and an added mass.
+    """Rank tests by what they would add to what is known of the material, or of a body's sets. `{}` compares boundaries.
 
     Nothing is stored; send it again with each new campaign in `made`. It takes a minute at most.
     """

@@ -135,6 +135,14 @@ def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
     return {"filename": row.filename, "sets": row.document["sets"]}
 
 
+def sets_of(session: Session, structure: Structure) -> list[str]:
+    """Names of a structure's sets, whoever asks; a strip or plate has none."""
+    version = current_version(session, structure)
+    if version.model is not None:
+        return [each["name"] for each in model_in_short(session, version.model)["sets"]]
+    return sorted((version.shape or {}).get("walls", ()))
+
+
 def model_sizes(session: Session, rows: list[StructureModel]) -> dict[bytes, int]:
     """Bytes of the decks, by SHA-256."""
     return original_sizes(session, [row.sha256 for row in rows])

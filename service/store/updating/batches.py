@@ -20,6 +20,7 @@ from service.store.campaigns.operations import campaign_for
 from service.store.coupons.operations import batch_for
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
+from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import joint_body, parameters_of
 from service.store.updating.operations import JOINT_UPDATES, check_mode_set, repeated, start_update
 from service.store.updating.schemas import RecipeIn, UpdateBatchIn
@@ -120,10 +121,10 @@ def start_joint(
             projects.add(campaign_for.project_of(session, campaign))
             version, structure = present_structure(session, campaign.structure_id)
             campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
-            bodies.append(joint_body(session, structure, number, campaign.boundary, common))
+            bodies.append(joint_body(session, structure, campaign.boundary, common, number=number))
     if faults:
         raise Invalid(faults)
-    faults += [*_faults(session, user, request), *_faults_of_bodies(request, bodies)]
+    faults += [*_faults(session, user, request, bodies[0]), *_faults_of_bodies(request, bodies)]
     if len(projects) > 1:
         faults.append(Fault("/jobs", "belong to several projects; a joint update takes campaigns of one"))
     if faults:
@@ -138,7 +139,7 @@ def start_joint(
     return JOINT_UPDATES.start(session, user, row, priority=priority)
 
 
-def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]:
+def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) -> list[Fault]:
     """What is wrong with a request whose campaigns are the user's."""
     faults: list[Fault] = []
     if len(request.jobs) < 2:
@@ -147,7 +148,7 @@ def _faults(session: Session, user: User, request: UpdateBatchIn) -> list[Fault]
         faults.append(Fault("/jobs", "names a campaign twice"))
     for number, key in enumerate(request.coupon_batches):
         with pointing(faults, f"/coupon_batches/{number}"):
-            batch_for.named(session, user, key, f"/coupon_batches/{number}")
+            coupon_constants(body, batch_for.named(session, user, key, f"/coupon_batches/{number}").sets)
     recipes = [("/recipe", request.recipe)] + [(f"/jobs/{n}/recipe", job.recipe) for n, job in enumerate(request.jobs)]
     default = RecipeIn.model_validate({})
     for at, recipe in recipes:
@@ -190,10 +191,6 @@ def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fa
             faults.append(
                 Fault(f"/jobs/{number}/angle_deg", "is of strips and plates; a body in space lies as it is stated")
             )
-    if isinstance(bodies[0], Structure) and request.coupon_batches:
-        faults.append(
-            Fault("/coupon_batches", "are data of strips and plates; state the sets' prior_mean and prior_sd")
-        )
     return faults
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
-from fecore.body.constants import kind_of
+from fecore.body.constants import Body, kind_of
 from fecore.body.laminate import OrthotropicMaterial, homogenise, section
-from fecore.body.sections import PLY_CONSTANTS
-from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
+from fecore.body.sections import PLY_CONSTANTS, ShellSection
+from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen, carrying
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.errors import InputError
@@ -45,11 +46,10 @@ def body_of(
     if is_in_space(structure):
         if recipe.zones_m:
             raise InputError("zones_m", "are of strips and plates; a body in space has sets")
-        carried = tuple(mass.on_surface() for mass in masses)
         body = nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
         _require_edges(recipe, body)
         joined = recipe.junctions == "on"
-        return replace(body, springs=(*body.springs, *springs), masses=(*body.masses, *carried), with_joints=joined)
+        return carrying(replace(body, springs=(*body.springs, *springs), with_joints=joined), masses)
     require_no_choice_of_joints(recipe)
     return replace(_named(structure, boundary, recipe, masses), springs=springs, zones=tuple(recipe.zones_m))
 
@@ -60,6 +60,37 @@ def _require_edges(recipe: RecipeIn, body: Structure) -> None:
         if spring.edge is not None and spring.edge not in body.mesh.node_sets:
             edges = ", ".join(name for name in ("start", "end") if name in body.mesh.node_sets) or "none"
             raise InputError(f"springs.{number}.edge", f"is {spring.edge}; this body in space has {edges}")
+
+
+def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
+    """Which constants of a body each constant of a coupon batch is: of a body in space those of its sets.
+
+    Args:
+        body: that is updated.
+        sets: of the batch's material; none: all that are of one material.
+
+    Raises:
+        InputError: the body lacks one of the sets.
+    """
+    if not isinstance(body, Structure):
+        return {name: [name] for name in _OF_SHELL}
+    found: dict[str, list[str]] = {}
+    for name in sets or body.mesh.sets:
+        section = body.sections.get(name)
+        if section is None:
+            raise InputError(
+                "coupons", f"are of the set {name}, which this body has not; it has {', '.join(body.mesh.sets)}"
+            )
+        if isinstance(section, ShellSection) and len(section.materials) > 1 and not sets:
+            continue
+        for constant, own in (_OF_SHELL if isinstance(section, ShellSection) else _OF_BEAM).items():
+            found.setdefault(constant, []).append(f"{name}.{own}")
+    return found
+
+
+_OF_SHELL = {"Ex": "E1", "Ey": "E2", "Gxy": "G12", "nu_xy": "nu12"}
+_OF_BEAM = {"Ex": "E", "Gxy": "G"}
+"""What constants of coupons are called in a set."""
 
 
 def is_in_space(structure: StructureIn) -> bool:

@@ -51,7 +51,7 @@ def describe(
     """The document that `GET /update-jobs/{id}/result` answers."""
     laws = [{**vars(law), "curve": dict(zip(_CURVE, law.curve, strict=True))} for law in result.damping_models]
     shapes = result.shapes
-    modes = [] if shapes is None else list(zip(shapes.frequency_hz.tolist(), shapes.kinds, strict=True))
+    modes = [] if shapes is None else zip(shapes.frequency_hz.tolist(), shapes.kinds, shapes.shares, strict=True)
     members = {
         **{name: getattr(result, name) for name in _AS_THEY_ARE},
         "warnings": [*warnings, *result.warnings],
@@ -62,7 +62,10 @@ def describe(
             "optima": list(result.damping_optima),
             "history": result.damping_history.tolist(),
         },
-        "model_modes": [{"number": k, "frequency_hz": hz, "kind": kind} for k, (hz, kind) in enumerate(modes, start=1)],
+        "model_modes": [
+            {"number": k, "frequency_hz": hz, "kind": kind, **shares}
+            for k, (hz, kind, shares) in enumerate(modes, start=1)
+        ],
         "identifiability": {"null_directions": list(result.null_directions)},
         "discrepancy": {"frequency": result.frequency_discrepancy, "damping": result.damping_discrepancy},
         "identification": identification,

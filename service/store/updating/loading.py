@@ -12,7 +12,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
-from fecore.body.specimen import LayeredSpecimen, Specimen
+from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.errors import InputError
@@ -27,7 +27,7 @@ from service.compute.updating import Hits, JointCampaign, JointInputs, UpdateInp
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
-from service.store.coupons.operations import batch_name, batch_prior
+from service.store.coupons.operations import batch_prior, name_and_sets
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
@@ -36,6 +36,7 @@ from service.store.structures.operations import describe_version, version_of
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import (
     body_of,
+    coupon_constants,
     is_in_space,
     material_of,
     nominal_specimen,
@@ -116,7 +117,8 @@ def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
     )
     scatter = SCATTER if request.scatter is None else request.scatter
     parameters = parameters_of(common, campaigns[0].body)
-    coupons, warnings = _coupons(session, request, parameters, scatter=scatter > 0)
+    scattered = scatter > 0 and len({campaign.specimen for campaign in campaigns}) > 1
+    coupons, warnings = _coupons(session, request, parameters, campaigns[0].body, scatter=scattered)
     return JointInputs(
         campaigns=campaigns,
         recipe=CampaignsRecipe(parameters, scatter),
@@ -174,15 +176,6 @@ def carried_masses(campaign: MeasuredCampaign) -> tuple[PointMass, ...]:
     return (PointMass(x, y, campaign.sensor_mass_kg, z=0.0 if flat else z), *added)
 
 
-def specimen_of(campaign: MeasuredCampaign) -> Specimen:
-    """The specimen that was measured, of one homogenised layer, with what it carried.
-
-    Raises:
-        InputError: the sensor's point is not a grid point, or the structure has no equivalent single layer.
-    """
-    return nominal_specimen(campaign.structure, campaign.boundary, carried_masses(campaign))
-
-
 def roving_mass(campaign: MeasuredCampaign) -> float:
     """Mass in kg of a sensor that moved with the response; 0 where it has none or sat at a point."""
     return campaign.sensor_mass_kg if campaign.frf_sets and _sensor_point(campaign) is None else 0.0
@@ -212,16 +205,19 @@ def recipe_parameters(session: Session, recipe: RecipeIn, body: Body) -> tuple[t
     if recipe.prior_from_coupon_batch is None:
         return tuple(parameters), []
     summary = batch_prior(session, recipe.prior_from_coupon_batch)
+    _, sets = name_and_sets(session, recipe.prior_from_coupon_batch)
+    measured = {own: name for name, names in coupon_constants(body, sets).items() for own in names}
     warnings = [f"coupons: {warning}" for warning in summary.warnings]
     filled, without_scatter = [], []
     for parameter in parameters:
-        known = summary.priors.get(parameter.name)  # type: ignore[call-overload]
+        constant: Any = measured.get(parameter.name)
+        known = summary.priors.get(constant)
         if known is None:
             filled.append(parameter)
             continue
         mean = known.mean if parameter.prior_mean is None else parameter.prior_mean
         free = not parameter.fixed and parameter.tied_to is None
-        scattered = summary.constants[parameter.name].standard_deviation is not None  # type: ignore[index]
+        scattered = summary.constants[constant].standard_deviation is not None
         spread = known.standard_deviation if parameter.prior_sd is None and free and scattered else parameter.prior_sd
         if free and spread is None:
             without_scatter.append(parameter.name)
@@ -260,18 +256,40 @@ def parameters_of(recipe: RecipeIn, body: Body) -> tuple[Parameter, ...]:
 
 
 def joint_body(
-    session: Session, structure: StructureIn, number: int, boundary: str, recipe: RecipeIn
-) -> Specimen | LayeredSpecimen | Structure:
-    """What a joint update makes of a campaign's structure, by the recipe of all; `number` is that of the campaign's job.
+    session: Session,
+    structure: StructureIn,
+    boundary: str,
+    recipe: RecipeIn,
+    *,
+    number: int = 0,
+    masses: tuple[PointMass, ...] = (),
+    first: StructureIn | None = None,
+    angle_deg: float | None = None,
+) -> OrientedSpecimen | Structure:
+    """What a joint update, or a plan for one, makes of a structure.
+
+    Args:
+        session: for a model that was sent.
+        structure: as it is described.
+        boundary: of the campaign.
+        recipe: of all campaigns.
+        number: of the campaign's job.
+        masses: what the body carried.
+        first: the structure whose material all share; default: this one.
+        angle_deg: of the material's x axis from the specimen's; default: as the structure's plies lie.
 
     Raises:
         InputError: the structure lacks what a model needs.
     """
     if is_in_space(structure):
         model = None if structure.model is None else load_model(session, structure.model)
-        return body_of(structure, boundary, recipe, (), model)
+        found = body_of(structure, boundary, recipe, masses, model)
+        assert isinstance(found, Structure), "a structure in space is one"
+        return found
     require_no_choice_of_joints(recipe)
-    return nominal_specimen(of_its_material(structure, number), boundary)
+    plain = nominal_specimen(of_its_material(structure, number), boundary, masses)
+    own = material_of(structure, number)[1] if angle_deg is None else angle_deg
+    return oriented(plain, material_of(first or structure, 0)[0], own)
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
@@ -311,13 +329,16 @@ def _campaign(
             f"{at}.campaign_id",
             "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe",
         )
-    body = joint_body(session, campaign.structure, number, campaign.boundary, common)
-    masses, angle = carried_masses(campaign), None
-    if isinstance(body, Structure):
-        body = replace(body, masses=(*body.masses, *(mass.on_surface() for mass in masses)))
-    elif isinstance(body, Specimen):
-        angle = material_of(campaign.structure, number)[1] if job.angle_deg is None else job.angle_deg
-        body = oriented(replace(body, masses=masses), material_of(first, 0)[0], angle)
+    body = joint_body(
+        session,
+        campaign.structure,
+        campaign.boundary,
+        common,
+        number=number,
+        masses=carried_masses(campaign),
+        first=first,
+        angle_deg=job.angle_deg,
+    )
     used, modes, inputs = _measured(session, campaign, recipe)
     axes = frame_of(campaign_of(session, campaign.campaign_id)).point_axes(campaign.points)
     frfs = None if used is None else used.frfs
@@ -331,7 +352,7 @@ def _campaign(
             "campaign_id": str(campaign.campaign_id),
             "structure_version_id": str(campaign.structure_version_id),
             "mode_set": None if recipe.mode_set is None else str(recipe.mode_set),
-            "angle_deg": angle,
+            "angle_deg": None if isinstance(body, Structure) else math.degrees(body.fibre_angle),
             "inputs": inputs.model_dump(mode="json"),
         },
         warnings=campaign.warnings,
@@ -339,7 +360,7 @@ def _campaign(
 
 
 def _coupons(
-    session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], *, scatter: bool
+    session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], body: Body, *, scatter: bool
 ) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
     """Each batch's constants that are updated: the mean of its panel, or of one more piece where pieces are all alike."""
     wanted = {p.name for p in parameters if not p.fixed and not p.tied_to}
@@ -347,9 +368,11 @@ def _coupons(
     for key in request.coupon_batches:
         summary: Any = batch_prior(session, key)
         warnings += [f"coupons: {text}" for text in summary.warnings]
+        batch, sets = name_and_sets(session, key)
+        of_body = coupon_constants(body, sets)
         for name, prior in summary.priors.items():
-            if name in wanted:
-                pieces = (summary.constants[name].n or 1) if scatter else 0
-                sd = prior.standard_deviation / math.sqrt(pieces + 1)
-                found.append(Coupon(name, prior.mean, sd, f"coupon batch {batch_name(session, key)}"))
+            pieces = (summary.constants[name].n or 1) if scatter else 0
+            sd = prior.standard_deviation / math.sqrt(pieces + 1)
+            owns = wanted.intersection(of_body.get(name, ()))
+            found += [Coupon(own, prior.mean, sd, f"coupon batch {batch}") for own in sorted(owns)]
     return tuple(found), tuple(warnings)

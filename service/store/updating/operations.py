@@ -31,7 +31,7 @@ from service.store.structures.schemas import StructureIn
 from service.store.updating.document import MARKS, StoredArrays, up_to_date
 from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
-from service.store.updating.loading import body_for, load_joint, load_update
+from service.store.updating.loading import body_for, load_joint, load_update, recipe_parameters
 from service.store.updating.result_schemas import CONSTANTS
 from service.store.updating.schemas import RecipeIn
 from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
@@ -193,7 +193,7 @@ def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn
     """A recipe that contradicts itself is refused before it is queued, with the core's message."""
     recipe.inputs.to_core()
     body = body_for(session, structure, campaign.boundary, recipe)
-    parametrise(body, recipe.parameters_of(body))
+    parametrise(body, recipe_parameters(session, recipe, body)[0])
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
     band = recipe.identification.band_hz

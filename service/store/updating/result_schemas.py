@@ -118,6 +118,8 @@ class ModeComparisonOut(Part):
     measured_damping: Number = Field(None, description="measured damping ratio ζ, not per cent")
     predicted_damping: Number = Field(None, description="of the updated model, not per cent")
     measured_damping_sd: Number = Field(None, description="standard deviation of the measured ratio")
+    motion: dict[str, float] | None = Field(None, description="shares of the updated model's motion, by kind, 0 to 1")
+    energy: dict[str, float] | None = Field(None, description="shares of its strain energy, by set and spring, 0 to 1")
 
 
 class AgreementOut(Part):
@@ -253,7 +255,7 @@ class ResultOut(Part):
         None, description="which measured mode is which of the model's, and the rival pairing"
     )
     model_modes: list[dict[str, Any]] | None = Field(
-        None, description="number, frequency and kind of the model's modes"
+        None, description="number, frequency, kind and shares of the model's modes"
     )
     identifiability: dict[str, Any] = Field(description="directions that the data do not see")
     discrepancy: dict[str, Any] = Field(description="relative standard deviation of what the model cannot say")

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.structures import frequencies
+from fecore.arrays import FloatArray
+from fecore.body.structure import Structure
+from fecore.dynamics.eigen import normal_modes
 from fecore.errors import InputError
 from fecore.updating.parameters import default_parameters
 from modalbase.formats.models.bdf import read_bdf
@@ -97,13 +100,27 @@ def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:
     assert body_of_model(replace(model, springs=(spring,))).springs == ()  # to the ground, which a free body has not
 
 
-def test_supports_askew_are_refused_and_those_of_whole_nodes_are_not() -> None:
+def test_supports_askew_hold_along_their_axes() -> None:
     model, axes = read_inp(STEEL), np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
     held = Support(np.array([0, 3]), (0, 1, 2), 9, axes)
     (support,) = body_of_model(replace(model, supports=(held,)), "as_modelled").supports
     assert support.dofs == (0, 1, 2)
-    with pytest.raises(InputError, match="line 9"):
-        body_of_model(replace(model, supports=(replace(held, dofs=(0,)),)), "as_modelled")
+    one, other = replace(held, dofs=(0,)), Support(np.array([3]), (2, 5), 10, axes)
+    first, second = body_of_model(replace(model, supports=(one, other)), "as_modelled").links
+    assert ((first.node, first.dofs), (second.node, second.dofs)) == ((0, (0,)), (3, (0, 2, 5)))
+    fixed = replace(model, supports=(Support(np.array([1, 2]), tuple(range(6)), 8), one))
+    stiff = [Spring(node, 0, 1e13, 9, direction=tuple(axes[0])) for node in (0, 3)]
+    sprung = replace(fixed, supports=fixed.supports[:1], springs=tuple(stiff))
+    askew, by_springs = (body_of_model(each, "as_modelled") for each in (fixed, sprung))
+    np.testing.assert_allclose(solved(askew), solved(by_springs), rtol=1e-5)
+    with pytest.raises(InputError, match=r"line \d+ holds a node along other axes"):
+        body_of_model(replace(model, supports=(one, replace(other, axes=axes.T))), "as_modelled")
+
+
+def solved(body: Structure) -> FloatArray:
+    q, model = np.array(list(body.nominal.values())), body.model
+    K = model.stiffness.at(np.append(body.stiffness_coefficients(q), [spring.stiffness for spring in body.springs]))
+    return normal_modes(K, model.mass.at(body.mass_coefficients(q)), 6).frequency_hz
 
 
 @pytest.mark.parametrize(("content", "name"), [(STEEL, "plate.inp"), (nastran(), "plate.bdf")])

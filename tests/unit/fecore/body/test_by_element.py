@@ -15,6 +15,7 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Link, NodeSpring, Spring, Support
+from fecore.dynamics.eigen import normal_modes
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 WALL = ShellSection((Ply(GFRP, 0.006),))
@@ -93,8 +94,6 @@ def test_a_spring_at_a_node_is_that_at_its_point() -> None:
 
 
 def solved(structure: Structure, stiffness: float) -> np.ndarray:
-    from fecore.dynamics.eigen import normal_modes
-
     q, model = np.array(list(structure.nominal.values())), structure.model
     K = model.stiffness.at(np.append(structure.stiffness_coefficients(q), stiffness))
     M = model.mass.at(structure.mass_coefficients(q))
@@ -112,3 +111,55 @@ def test_a_link_leads_along_axes_of_its_own(angle: float) -> None:
     np.testing.assert_allclose(along @ link.matrices(nodes)[0], along @ rigid, atol=1e-15)
     across = np.array([*axes[1], 0, 0, 0])
     np.testing.assert_allclose(across @ link.matrices(nodes)[0], 0, atol=1e-15)
+
+
+def test_a_support_along_axes_of_its_own_is_that_of_the_turned_body() -> None:
+    """A profile whose end slides along its own axis, and the same lying askew in space."""
+    mesh, held = profile("i", 0.9, 0.12, 0.06, 0.006, 0.006, elements=2), ("v", "w", "rx")
+    walls = dict.fromkeys(("flange", "web"), WALL)
+    straight = Structure(mesh, walls, (Support("start", held), Support("end", "clamped")))
+    turn = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))[0]
+    turn *= np.linalg.det(turn)  # columns: the body's x, y and z in space
+    askew = Structure(
+        replace(mesh, nodes=mesh.nodes @ turn.T),
+        dict.fromkeys(walls, replace(WALL, axis=tuple(turn[:, 0]))),
+        (Support("end", "clamped"),),
+        links=tuple(Link(int(n), (), (1, 2, 3), axes=turn.T) for n in mesh.node_sets["start"]),
+    )
+    np.testing.assert_allclose(hz(askew), hz(straight), rtol=1e-8)
+    assert hz(Structure(mesh, walls, (Support("end", "clamped"),)))[0] < 0.5 * hz(straight)[0]
+    points, along = np.array([[0.003, 0.01, 0.06], [0.02, 0.003, 0.0]]), np.array([[0, 0, 1.0], [0, 1.0, 0]])
+    here = straight.model.observe(points, along) @ straight.model.motions
+    there = askew.model.observe(points @ turn.T, along @ turn.T) @ askew.model.motions
+    # What the supports leave of a rigid motion along and about the body's axes: all that each row sees, one by one.
+    both = np.kron(np.eye(2), turn)
+    np.testing.assert_allclose(there @ both, here, atol=1e-9)
+
+
+@pytest.mark.parametrize("dofs", [(0, 1, 2, 3, 4, 5), (0, 1, 2, 3, 5)])
+def test_points_on_led_walls_move_with_their_leaders(dofs: tuple[int, ...]) -> None:
+    """A strip in two halves, the nodes of one edge led by those of the other; and all but one turn, a hinge with a spring."""
+    mesh = strip(0.4, 0.05, 16, 2)
+    (block,) = mesh.blocks
+    right = mesh.nodes[block.nodes][..., 0].mean(axis=1) > 0.2
+    seam = np.flatnonzero(np.abs(mesh.nodes[:, 0] - 0.2) < 1e-9)
+    number = np.arange(len(mesh.nodes))
+    number[seam] = len(mesh.nodes) + np.arange(seam.size)
+    halves = (replace(block, nodes=block.nodes[~right]), Block("quad8", number[block.nodes[right]], "strip"))
+    links = tuple(Link(int(number[n]), (int(n),), dofs) for n in seam)
+    turn = np.zeros((seam.size, 2, 6))
+    turn[:, :, 4] = 1, -1
+    hinge = NodeSpring("hinge", 1e7, np.column_stack([seam, number[seam]]), turn)
+    springs = (hinge,) if len(dofs) < 6 else ()
+    nodes = np.vstack([mesh.nodes, mesh.nodes[seam]])
+    parted = Structure(Mesh(nodes, halves, mesh.node_sets), {"strip": WALL}, links=links, springs=springs)
+    shapes = []
+    for body in (Structure(mesh, {"strip": WALL}), parted):
+        q, model = np.array(list(body.nominal.values())), body.model
+        K = model.stiffness.at(np.append(body.stiffness_coefficients(q), [spring.stiffness for spring in body.springs]))
+        modes = normal_modes(K, model.mass.at(body.mass_coefficients(q)), 9, model.rigid_modes)
+        point = model.observe(np.array([[0.21, 0.02, 0.0]]), np.array([[0, 0, 1.0]]))
+        shapes.append((modes.frequency_hz[6:], np.abs(point @ modes.shapes[:, 6:])[0]))
+        assert model.at_nodes(modes.shapes)[:, [0, -1]].any(axis=(1, 2)).all()  # the last node is led
+    np.testing.assert_allclose(shapes[1][0], shapes[0][0], rtol=2e-4)
+    np.testing.assert_allclose(shapes[1][1], shapes[0][1], rtol=1e-3, atol=1e-3)

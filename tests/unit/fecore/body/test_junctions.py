@@ -126,7 +126,7 @@ def test_energies_of_shapes_have_exact_derivatives(shape) -> None:
         (structure.model.stiffness, structure.stiffness_coefficients),
         (structure.model.mass, structure.mass_coefficients),
     ):
-        forms = matrix.project(shapes, shapes)
+        forms = matrix.project(shapes, slice(None))
         for k, value in enumerate(q):
             step = np.zeros(len(q))
             step[k] = 1e-4 * value

@@ -12,12 +12,12 @@ from fecore.body.supports import PointMass
 from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.trend.explanations import Change, Effects, Explanation, change_of, explanations, in_words
+from fecore.updating.effects import FrequencyEffects
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
-from fecore.updating.result import FrequencyEffects
 from tests.support.strips import NOMINAL, STRIP, TRUTH
 
 MODES, BASELINE, AFTER = 8, 12, 3

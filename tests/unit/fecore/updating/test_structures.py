@@ -12,6 +12,7 @@ from fecore.body.generators import profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
+from fecore.body.supports import of_boundary
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
@@ -29,15 +30,17 @@ BEAM = Structure(profile("i", 0.9, 0.12, 0.06, 0.006, 0.006, elements=2), WALLS)
 MODES = 8
 
 
-def measured(truth: dict[str, float], direction: FloatArray) -> tuple[MeasuredModes, dict[int, tuple[float, ...]]]:
+def measured(
+    truth: dict[str, float], direction: FloatArray, body: Structure = BEAM
+) -> tuple[MeasuredModes, dict[int, tuple[float, ...]]]:
     """Modes of the model with other constants, at points on the faces of flange and web: normal to these, or along one."""
     x = np.linspace(0.05, 0.85, 7)
     top, side = ([(u, 0.02, 0.06) for u in x], [(u, 0.003, 0.01) for u in x])
     points = {n: tuple(map(float, place)) for n, place in enumerate([*top, *side], start=1)}
     dofs = tuple(Dof(n, 3 if n <= x.size else 2) for n in points)
     own = dict.fromkeys(points, direction) if direction.size else {}
-    prior = parametrise(BEAM, [Parameter(name, prior_mean=value) for name, value in truth.items()])
-    forward = ForwardModel(BEAM, prior, dofs, np.array(list(points.values())), MODES + 10, axes=own)
+    prior = parametrise(body, [Parameter(name, prior_mean=value) for name, value in truth.items()])
+    forward = ForwardModel(body, prior, dofs, np.array(list(points.values())), MODES + 10, axes=own)
     state = forward.solve(prior.prior_mean)
     hz = state.frequency_hz[:MODES]
     covariance = np.diag(np.concatenate([(1e-4 * hz) ** 2, np.full(MODES, 1e-8)]))
@@ -66,6 +69,20 @@ def test_constants_of_each_wall_come_back_from_rows_along_any_direction(askew) -
     assert flange.estimate == pytest.approx(25e9, rel=0.02)
 
 
+def test_modes_have_shares_of_their_motion_and_of_the_energy_of_each_set() -> None:
+    prior = parametrise(BEAM, [Parameter("web.E1"), Parameter("flange.factor")])
+    forward = ForwardModel(BEAM, prior, (), np.zeros((0, 3)), MODES)
+    state, energy = forward.solve(prior.prior_mean), forward.solve(prior.prior_mean).energy
+    for shares in (state.motion, energy):
+        np.testing.assert_allclose(np.sum(list(shares.values()), axis=0), 1, atol=1e-9)
+    # ∂ ln λ / ∂ ln of a factor of all stiffness of a set is its share of the strain energy
+    slope = 2 * state.frequency_jacobian[:, 1] / state.frequency_hz
+    np.testing.assert_allclose(energy["flange"], slope, rtol=1e-6)
+    mode = state.kinds.index("bending y")  # about the axis in which the web lies, the flanges alone bend
+    assert state.shares(mode)["energy"]["flange"] > 0.9
+    assert state.shares(mode)["motion"]["bending y"] == max(state.shares(mode)["motion"].values())
+
+
 def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
     names = [each.name for each in default_parameters(BEAM)]
     assert names == [f"{s}.{c}" for s in ("flange", "web") for c in ("E1", "E2", "G12", "G13", "G23")]
@@ -81,6 +98,29 @@ def test_sets_of_one_material_have_what_they_share_and_their_own() -> None:
         np.testing.assert_allclose(layout.marginal_sd(scatter) ** 2, np.diag(covariance), rtol=1e-12)
     stated = parametrise(BEAM, [Parameter("flange.E1", prior_sd=1e9), Parameter("web.E1")])
     assert stated.common == ()
+
+
+def test_a_set_that_has_lost_stiffness_is_found_among_others() -> None:
+    """The web in four sets along the beam, the third at 80 %: factors of all five sets, most of which are 1."""
+    sets = {f"web_{k}": WALLS["web"] for k in (1, 2, 3, 4)}
+    blocks = [block for block in BEAM.mesh.blocks if block.set == "flange"]
+    for block in BEAM.mesh.blocks:
+        quarter = np.minimum((4 * BEAM.mesh.nodes[block.nodes][..., 0].mean(axis=1) / 0.9).astype(int), 3)
+        if block.set == "web":
+            blocks += [replace(block, nodes=block.nodes[quarter == k], set=f"web_{k + 1}") for k in range(4)]
+    mesh, held = replace(BEAM.mesh, blocks=tuple(blocks)), of_boundary("cantilever")
+    body = Structure(mesh, {"flange": WALLS["flange"], **sets}, held)
+    modes, points = measured({"web_3.factor": 0.8}, np.zeros((0, 3)), body)
+    names = [f"{name}.factor" for name in body.mesh.sets]
+    found = update(
+        Measurement(None, points, modes, inputs=Inputs.exact()),
+        body,
+        Recipe(parameters=tuple(map(Parameter, names))),
+    )
+    factors = {each.name: each for each in found.parameters if each.name in names}
+    assert factors["web_3.factor"].interval_95[0] < 0.8 < factors["web_3.factor"].interval_95[1]
+    assert factors["web_3.factor"].estimate == pytest.approx(0.8, abs=0.02)
+    assert all(abs(factors[name].estimate - 1) < 0.01 for name in set(names) - {"web_3.factor"})
 
 
 def test_rows_that_a_body_does_not_move_along_are_named() -> None:
