@@ -7,7 +7,7 @@ from alembic import op
 from sqlalchemy.dialects import postgresql
 
 revision = "0045_instruments"
-down_revision = "0043_trace_lines"
+down_revision = "0044_sets_of_coupons"
 branch_labels = None
 depends_on = None
 
