@@ -54,13 +54,13 @@ def _nodes(state: ForwardState) -> tuple[FloatArray, FloatArray]:
     along = [column for column, dof in enumerate(model.dofs) if dof < 3]
     free, numbers = model.free[:, along], model.stiffness.pattern.numbers[:, along]
     nodes = np.flatnonzero(free.any(axis=1))
-    chosen = nodes[_spread(model.mesh.nodes[nodes], _SITES)]
+    chosen = nodes[spread(model.mesh.nodes[nodes], _SITES)]
     moved = np.where(free[chosen][..., None], shapes[numbers[chosen]], 0.0)
     return model.mesh.nodes[chosen], moved.transpose(0, 2, 1)
 
 
-def _spread(places: FloatArray, most: int) -> list[int]:
-    """Places each of which is as far as can be from those before."""
+def spread(places: FloatArray, most: int) -> list[int]:
+    """Numbers of so many places at most, each of which is as far as can be from those before."""
     chosen, apart = [0], np.full(len(places), np.inf)
     for _ in range(min(most, len(places)) - 1):
         apart = np.minimum(apart, np.sum((places - places[chosen[-1]]) ** 2, axis=1))

@@ -31,6 +31,7 @@ from fecore.dynamics.eigen import NormalModes, modes_below, normal_modes
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
 from fecore.updating.discretisation import meshed
+from fecore.updating.effects import spread
 from fecore.updating.state import PointPairs
 
 CANDIDATES = 200
@@ -273,16 +274,9 @@ class _Rows:
 
 
 def _apart(mesh: Mesh) -> IntArray:
-    """Numbers of nodes of elements, each as far as can be from those before, beginning at a corner."""
+    """Numbers of some nodes of elements that lie far apart."""
     used = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))
-    places = mesh.nodes[used]
-    away = np.linalg.norm(places - places.mean(axis=0), axis=1)
-    chosen = [int(np.argmax(away))]
-    away = np.linalg.norm(places - places[chosen[0]], axis=1)
-    while len(chosen) < min(CANDIDATES, len(used)):
-        chosen.append(int(np.argmax(away)))
-        away = np.minimum(away, np.linalg.norm(places - places[chosen[-1]], axis=1))
-    return np.asarray(used[chosen])
+    return np.asarray(used[spread(mesh.nodes[used], CANDIDATES)])
 
 
 def _lines(order: ForecastOrder, first_hz: float, highest_hz: float) -> FloatArray:

@@ -123,7 +123,8 @@ class Structure(Editable):
         """Send a deck; once it was read, the structure's next version is that model.
 
         Args:
-            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas).
+            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas), or a .zip of one with what it includes; or
+                matrices of any solver (.zip, .npz).
             units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch` and the like. A deck has
                 none; without them the error says which fit.
             accept: names of cards that may be left out although modes change by that.

@@ -293,7 +293,7 @@ TAGS: list[tuple[str, str]] = [
     ("structures", "What is tested: geometry, density, and a laminate or a material with nominal values."),
     ("campaigns", "One test of a structure: how it was held, when, with which instruments; its grid points."),
     ("grid points", "Where was measured: labels and coordinates, as JSON or CSV."),
-    ("models", "Decks of Abaqus, CalculiX and Nastran into a structure: send one, then ask until it was read."),
+    ("models", "Decks of Abaqus, CalculiX and Nastran, or matrices of any solver, into a structure."),
     ("forecasts", "Modes of a structure before it is measured: which there are, and where to hit."),
     ("imports", "UFF files into a campaign: send one, then ask until it has succeeded."),
     ("FRFs", "What was measured: lists, spectra in six formats, and FRFs from scripts."),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from uuid import UUID
 
 from fastapi import Header, Query, Response
@@ -17,13 +17,16 @@ from service.errors import Conflict
 from service.show.results.mesh_files import At, file_of_result
 from service.show.results.predictions import PredictedTable
 from service.show.results.space import ResultMeshOut, ShapeOut, mesh_of_result, model_shape
-from service.store.forecasts.operations import Forecast, forecast_arrays, forecast_for
+from service.store.forecasts.operations import forecast_arrays, forecast_for
 from service.store.frfs.operations import row_of_forecast
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
 from service.store.structures.mesh_answers import MESH_FILES, MeshForm, mesh_answer
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of
+
+if TYPE_CHECKING:
+    from service.store.forecasts.operations import Forecast
 
 router = api_router(tags=["forecasts"])
 
@@ -126,7 +129,7 @@ def get_forecast_shape(
     forecast_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    model: Annotated[int, Query(ge=1, le=10_000, description="number of a mode of the model")],
+    model: Annotated[int, Query(ge=1, le=10_000, description="number of a mode of the model")] = 1,
 ) -> ShapeOut:
     """A shape of the nominal model on its mesh, in space."""
     return model_shape(ForecastInSpace(session, forecast_for(session, user, forecast_id)), model)

@@ -12,6 +12,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
+from fecore.body.matrices import MatrixBody
 from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
@@ -269,7 +270,10 @@ def joint_body(
     """
     if is_in_space(structure):
         model = None if structure.model is None else load_model(session, structure.model)
-        return body_of(structure, boundary, recipe, (), model)
+        body = body_of(structure, boundary, recipe, (), model)
+        if isinstance(body, MatrixBody):
+            raise InputError(f"jobs.{number}.campaign_id", "has matrices as its structure, which update alone")
+        return body
     require_no_choice_of_joints(recipe)
     return nominal_specimen(of_its_material(structure, number), boundary)
 
