@@ -28,7 +28,7 @@ UNSCALED = "0"
 """Name of the matrix that no factor scales."""
 
 _STIFF = 1e-8  # of the forces that cancel: below it a motion is one that nothing resists
-_DOFS = 6
+_DOFS = 6  # of a node at most
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ class ForecastFoundOut(StrictModel):
     model_modes: list[ForecastModeOut] = Field(description="elastic modes, the lowest first")
     points: list[ForecastPointOut] = Field(description="where to hit and where to measure")
     largest_mac: float | None = Field(
-        description="between two modes at the points to measure: near 1 they do not tell them apart"
+        description="between two modes at the points to measure: near 1 these do not distinguish them"
     )
     sentence: str = Field(description="where to hit and what it shows, in words")
     frfs: int = Field(

@@ -91,9 +91,9 @@ def scaled(found: ModelForecast) -> np.ndarray:
 
 
 def test_two_references_show_what_one_does_not() -> None:
-    """Sensors may stand at mid-span, where even modes are still, and at a quarter, where mode 4 nearly is."""
+    """Sensors may stand at mid-span, where even modes are still, at a quarter, or between."""
     free = replace(CANTILEVER, boundary="simply_supported")
-    places = np.array([[0.5, 0, 0], [0.25, 0, 0], [0.45, 0, 0]]) * STRIP[0]
+    places = np.array([[x * STRIP[0], STRIP[1] / 2, 0] for x in (0.5, 0.25, 0.45)])
     bending = ForecastOrder(modes=4, places=places, axes=np.zeros(3, dtype=np.int64), points=3, references=2)
     found = forecast(free, bending)
     shown = found.seen[:, list(found.references)].max(axis=1)
