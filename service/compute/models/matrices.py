@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import scipy
 
-from fecore.body.constants import kind_of
 from fecore.body.matrices import MatrixBody
 from fecore.dynamics.eigen import normal_modes
 from fecore.errors import InputError
@@ -88,11 +87,6 @@ def describe_matrices(model: MatrixModel) -> dict[str, Any]:
         "factors": list(body.nominal),
         "rows": len(model.dofs),
     }
-
-
-def factors_of(document: Mapping[str, Any]) -> list[str]:
-    """Names of the stiffness factors of a described model."""
-    return [name for name in document.get("factors") or () if kind_of(name) == "factor"]
 
 
 def kept_matrices(model: MatrixModel) -> bytes:
