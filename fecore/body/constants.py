@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 UNITS = {
     **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E", "G"), "Pa"),
     **dict.fromkeys(("E1", "E2", "G12", "G13", "G23"), "Pa"),
-    **dict.fromkeys(("nu_xy", "nu", "nu12", "zone", "factor", "clamp_compliance"), "1"),
+    **dict.fromkeys(("nu_xy", "nu", "nu12", "zone", "factor", "mass_factor", "clamp_compliance"), "1"),
     "density": "kg/m³",
     **dict.fromkeys(("length", "width", "height", "thickness", "t"), "m"),
     **dict.fromkeys(("fibre_angle", "angle"), "rad"),

@@ -27,6 +27,7 @@ _STEP = 1e-30  # of a logarithm: a complex step has no cancellation
 def mechanism_names(body: Body) -> tuple[str, ...]:
     """The q moduli that store a body's strain energy, and `supports` where it stands on springs."""
     moduli = ("E", "G") if isinstance(body, BeamSpecimen) else tuple(n for n in body.nominal if kind_of(n)[0] in "EG")
+    moduli = moduli or tuple(name for name in body.nominal if kind_of(name) == "factor")
     return (*moduli, SUPPORTS) if body.springs else moduli
 
 

@@ -23,7 +23,7 @@ SHELLS: Mapping[str, Shell] = {"quad8": Quad8(), "quad4": Quad4(), "tri6": Tri6(
 BEAMS: Mapping[str, Beam] = {"beam2": Beam(2), "beam3": Beam(3)}
 """Beam elements by their kind."""
 
-_NODES = {"quad8": 8, "quad4": 4, "tri6": 6, "tri3": 3, "beam2": 2, "beam3": 3}
+_NODES = {"quad8": 8, "quad4": 4, "tri6": 6, "tri3": 3, "beam2": 2, "beam3": 3, "point": 1}
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Block:
     """Elements of one kind and one set.
 
     Attributes:
-        kind: `quad8`, `quad4`, `tri6`, `tri3`, `beam2` or `beam3`.
+        kind: `quad8`, `quad4`, `tri6`, `tri3`, `beam2` or `beam3`; `point` for nodes of a body that has no elements.
         nodes: (e, n) node numbers from 0: corners in order around the element, then the middles of its sides.
         set: the set's name, to which a section belongs.
         thickness: (e, n) thickness at the elements' nodes by that of the section, where they step or taper.

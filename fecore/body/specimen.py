@@ -16,6 +16,7 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.generators import Piece, relative_thickness, strip
 from fecore.body.laminate import OrthotropicMaterial, Ply, Section, section
+from fecore.body.matrices import MatrixBody
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.sections import PLY_CONSTANTS, ShellSection
 from fecore.body.structure import Structure
@@ -272,12 +273,12 @@ class LayeredSpecimen(FlatBody):
         return float(own["width"] / np.linalg.inv(D - B @ np.linalg.inv(A) @ B)[0, 0])
 
 
-Loaded = TypeVar("Loaded", bound=Specimen | LayeredSpecimen | Structure)
+Loaded = TypeVar("Loaded", bound=Specimen | LayeredSpecimen | Structure | MatrixBody)
 
 
 def carrying(body: Loaded, masses: Sequence[PointMass]) -> Loaded:
     """The body with more masses."""
-    if isinstance(body, Structure):
+    if isinstance(body, Structure | MatrixBody):
         return replace(body, masses=(*body.masses, *(mass.on_surface() for mass in masses)))
     return replace(body, masses=(*body.masses, *masses))
 

@@ -22,6 +22,7 @@ import numpy as np
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.beams import BeamSection
 from fecore.body.constants import SIGNED, UNITS, Body, kind_of
+from fecore.body.matrices import MatrixBody
 from fecore.body.sections import ShellSection
 from fecore.body.structure import CommonPrior, Structure
 from fecore.errors import InputError
@@ -256,6 +257,8 @@ def default_parameters(body: Body) -> tuple[Parameter, ...]:
             for name in body.mesh.sets
             for each in _of_section(body.sections[name])
         )
+    if isinstance(body, MatrixBody):
+        return tuple(Parameter(name) for name in body.nominal if kind_of(name) == "factor")
     own = PLY_PARAMETERS if "E1" in body.nominal else DEFAULT_PARAMETERS
     return (*own, *(Parameter(name) for name in body.nominal if kind_of(name) == "zone"))
 

@@ -246,11 +246,11 @@ class ForwardState:
         state = self.forward.holding(self, np.concatenate(loaded))
         roving = None
         if drive is not None:
-            roving = RovingMass(self.forward.roving_mass, drive.products(state.all_shapes), drive.residual(state))
+            roving = RovingMass(self.forward.roving_mass, drive.products(state.all_shapes), state.residual(drive))
         return ModalFrfModel(
             eigenvalue=state.modes.eigenvalue,
             residues=pairs.products(state.all_shapes),
-            residual=pairs.residual(state),
+            residual=state.residual(pairs),
             shift=state.modes.shift,
             roving=roving,
             strain=state.strain if with_strain else None,
@@ -264,11 +264,16 @@ class ForwardState:
         signed: FloatArray = pairs.sign[:, None] * product.transpose(0, 2, 1)
         return signed
 
-    def _pairs(self, responses: Sequence[Dof], references: Sequence[Dof]) -> _PointPairs:
+    def residual(self, pairs: PointPairs) -> FloatArray:
+        """(N, t) residual terms of the FRFs between pairs of points."""
+        mass = _weighted(self.mass, self.coefficients.mass)
+        return pairs.residual(self.modes, mass, self.observation, self.all_shapes)
+
+    def _pairs(self, responses: Sequence[Dof], references: Sequence[Dof]) -> PointPairs:
         (response, sign), (reference, other) = self.forward.rows(responses), self.forward.rows(references)
         if np.unique(response).size < np.unique(reference).size:  # H is symmetric (Maxwell, Betti)
             response, reference = reference, response
-        return _PointPairs(response, reference, sign * other)
+        return PointPairs(response, reference, sign * other)
 
 
 def _weighted(terms: Sequence[Matrix], weights: FloatArray) -> Matrix:
@@ -281,7 +286,7 @@ def _weighted(terms: Sequence[Matrix], weights: FloatArray) -> Matrix:
 
 
 @dataclass(frozen=True)
-class _PointPairs:
+class PointPairs:
     """Point numbers of N FRFs and the product of their directions' signs, the side with fewer points as reference."""
 
     response: IntArray
@@ -293,15 +298,24 @@ class _PointPairs:
         residues: FloatArray = self.sign[:, None] * (shapes[:, self.response] * shapes[:, self.reference]).T
         return residues
 
-    def residual(self, state: ForwardState) -> FloatArray:
-        """(N, t) terms of the truncated modes' series in ω² - σ: solves with the factor of K - σM."""
+    def residual(
+        self, modes: NormalModes, mass: Matrix, observation: FloatArray | scipy.sparse.csr_array, shapes: FloatArray
+    ) -> FloatArray:
+        """(N, t) terms of the truncated modes' series in ω² - σ: solves with the factor of K - σM.
+
+        Args:
+            modes: that are summed.
+            mass: M.
+            observation: (points, dofs) displacements of the points.
+            shapes: (m, points) of all modes there.
+        """
         used, column = np.unique(self.reference, return_inverse=True)
-        load = state.observation[used].T
+        load = observation[used].T
         load = load if isinstance(load, np.ndarray) else load.toarray()
-        series = static_series(state.modes, _weighted(state.mass, state.coefficients.mass), load, RESIDUAL_TERMS)
-        seen = np.array([(state.observation @ each)[self.response, column] for each in series]).T
-        away = 1 / (state.modes.eigenvalue - state.modes.shift)
+        series = static_series(modes, mass, load, RESIDUAL_TERMS)
+        seen = np.array([(observation @ each)[self.response, column] for each in series]).T
+        away = 1 / (modes.eigenvalue - modes.shift)
         # What a residue counts for in each term of the series: 1 / (λ - σ)ᵗ.
         powers = away[:, None] ** np.arange(1, RESIDUAL_TERMS + 1)
-        residual: FloatArray = seen * self.sign[:, None] - self.products(state.all_shapes) @ powers
+        residual: FloatArray = seen * self.sign[:, None] - self.products(shapes) @ powers
         return residual

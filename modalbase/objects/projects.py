@@ -12,6 +12,7 @@ from modalbase.client.files import MESH_FORMATS, fetch_file, format_of, send_fil
 from modalbase.client.finding import BATCH, MONITOR, PROJECT, STRUCTURE, Kind
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.forecasts import Forecast
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.models import Model
 from modalbase.objects.thing import Editable, Figure, Table, Thing
@@ -142,7 +143,8 @@ class Structure(Editable):
         """Send a deck; once it was read, the structure's next version is that model.
 
         Args:
-            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas).
+            file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas), or a .zip of one with what it includes; or
+                matrices of any solver (.zip, .npz).
             units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch` and the like. A deck has
                 none; without them the error says which fit.
             accept: names of cards that may be left out although modes change by that.
@@ -175,6 +177,22 @@ class Structure(Editable):
         chosen = format_of(target, MESH_FORMATS)
         fetch_file(self.lab.connection, f"{self.address}/model/mesh", target, format=chosen)
         return target
+
+    def forecast(self, **asked: Any) -> Forecast:
+        """Solve its nominal model, before anything is measured: modes, where to hit, and FRFs where damping is stated.
+
+        Args:
+            asked: `boundary`, `modes` or `highest_hz`, `points` among which to choose, `points_to_measure`, `references`,
+                `damping_ratio`, `line_spacing_hz`.
+
+        Raises:
+            ClientError: the structure lacks what a model needs.
+        """
+        return Forecast(self.lab, self.lab.connection.post(f"{self.address}/forecasts", asked))
+
+    def forecasts(self) -> list[Forecast]:
+        """Its forecasts, newest first."""
+        return self._list(Forecast)
 
     def new_campaign(self, name: str, boundary: str, *, confirm: bool = False, **fields: Any) -> Campaign:
         """Make a campaign.

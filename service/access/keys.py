@@ -101,7 +101,7 @@ Scope = Literal["read", "write", "jobs", "admin"]
 SCOPES: tuple[Scope, ...] = get_args(Scope)
 
 _ADMIN = ("api-keys", "members", "webhooks", "purge")
-_JOBS = ("update-jobs", "identifications", "runs", "cancel", "retry", "plans", "processings")
+_JOBS = ("update-jobs", "identifications", "runs", "cancel", "retry", "plans", "forecasts", "processings")
 
 
 def scope_of(method: str, path: str) -> Scope:

@@ -15,6 +15,7 @@ from service.access.lookup import project_for
 from service.access.routes import router as access
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
+from service.show.results.forecasts import router as forecasts_shown
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
 from service.store.archives.routes import router as archives
@@ -23,6 +24,7 @@ from service.store.campaigns.routes import points_router as grid_points
 from service.store.campaigns.routes import router as campaigns
 from service.store.coupons.operations import batch_for, coupon_for
 from service.store.coupons.routes import router as coupons
+from service.store.forecasts.routes import router as forecasts
 from service.store.frfs.routes import router as frfs
 from service.store.imports.routes import purging
 from service.store.imports.routes import router as imports
@@ -58,12 +60,14 @@ ROUTERS: tuple[APIRouter, ...] = (
     mode_sets,
     identifications,
     coupons,
+    forecasts,
     updating,
     plans,
     search,
     saved_searches,
     archives,
     results,
+    forecasts_shown,
     measured_figures,
     monitoring,
     webhooks,

@@ -81,11 +81,11 @@ def _shapes(shapes: ModeShapes | None) -> dict[str, Any]:
         "shapes_updated": shapes.updated.astype(np.float32),
         "shape_pairs": np.array(shapes.pairs, dtype=np.int64).reshape(-1, 2),
         "shape_directions": shapes.directions.astype(np.float32),
-        **_on_mesh(shapes.mesh, shapes.everywhere),
+        **on_mesh(shapes.mesh, shapes.everywhere),
     }
 
 
-def _on_mesh(mesh: Mesh, everywhere: FloatArray) -> dict[str, Any]:
+def on_mesh(mesh: Mesh, everywhere: FloatArray) -> dict[str, Any]:
     """The model's mesh, and its shapes at the nodes: each by its largest component, which single precision keeps."""
     largest = np.abs(everywhere).max(axis=(1, 2), initial=1e-300)
     return {

@@ -169,6 +169,29 @@ def a_shape_moves(page: Page) -> None:
     page.click("[data-space-run]")
 
 
+def test_a_structure_is_solved_before_it_is_measured(
+    running: Browser, service: LocalService, bracket: dict[str, str]
+) -> None:
+    with watched_page(running, service.url) as seen:
+        page = signed_in(seen, bracket["key"], bracket["structure"])
+        page.click("summary:text('Solve the nominal model')")
+        page.fill("[name=modes]", "3")
+        page.fill("[name=damping_ratio]", "0.01")
+        page.click("button:text('Solve')")
+        page.wait_for_selector("[aria-label='Modes of the nominal model'] td:text('torsion')")
+        card = page.locator("section[aria-labelledby=forecast]")
+        assert "shows mode" in card.inner_text()
+        card.locator("[data-space]").scroll_into_view_if_needed()
+        page.wait_for_selector(f"section[aria-labelledby=forecast] {READY}")
+        card.locator("[data-space-model]").select_option("2")
+        until(lambda: "model mode 2" in card.locator("[data-space-said]").inner_text(), "the second mode")
+        assert card.locator("[data-space-measured]").is_hidden()
+        with page.expect_download() as download:
+            card.locator("a:text('UFF')").last.click()
+        assert download.value.suggested_filename == "forecast.uff"
+        assert (hindrances(page), overflow(seen), seen.complaints) == ([], 0, [])
+
+
 def test_a_deck_is_sent_and_is_the_next_version(running: Browser, service: LocalService) -> None:
     key = service.new_key("sending")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:

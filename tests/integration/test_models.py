@@ -16,6 +16,12 @@ from tests.support.places import shared_file
 from tests.support.profiles import TRUTH, deck, measured, points
 from tests.support.rest import finished, ok
 
+HEAD, CARDS = (
+    "SOL 103\nCEND\nBEGIN BULK\n",
+    "CQUAD4,1,1,1,2,3,4\nPSHELL,1,1,.01,1,,1\nMAT1,1,7.+10,,.3,2700.\nENDDATA\n",
+)
+GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,.2,0.\nGRID,4,,0.,.2,0.\n"
+
 
 @pytest.fixture
 def bare(api: httpx.Client, project: str) -> str:
@@ -97,6 +103,20 @@ def test_a_deck_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: st
     two = sent(api, bare, zipped(**{"a.inp": whole, "b.inp": whole}), units="m-N-kg", filename="two.zip")
     assert "a.inp, b.inp, expected one deck" in two["message"]
     assert "no zip" in sent(api, bare, whole, units="m-N-kg", filename="no.zip")["message"]
+
+
+def test_a_deck_of_nastran_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: str) -> None:
+    whole = (HEAD + GRIDS + CARDS).encode()
+    main = (HEAD + "include 'mesh/grids.bdf'\n" + CARDS).encode()
+    plain = sent(api, bare, whole, units="m-N-kg", filename="plate.bdf")["found"]
+    model = sent(
+        api, bare, zipped(**{"a/plate.bdf": main, "a/mesh/grids.bdf": GRIDS.encode()}), units="m-N-kg", filename="p.zip"
+    )
+    assert model["status"] == "succeeded", model["message"]
+    assert {**model["found"], "materials": None, "sets": None} == {**plain, "materials": None, "sets": None}
+    assert model["found"]["mass_kg"] == pytest.approx(0.2 * 0.01 * 2700)
+    lacking = sent(api, bare, zipped(**{"a/plate.bdf": main}), units="m-N-kg", filename="p.zip")
+    assert "mesh/grids.bdf" in lacking["message"]
 
 
 def test_units_are_asked_for_with_those_that_fit(api: httpx.Client, bare: str) -> None:
@@ -230,10 +250,11 @@ def test_versions_go_to_and_fro(api: httpx.Client, project: str, bare: str) -> N
     edit = {"If-Match": api.get(f"structures/{bare}").headers["ETag"]}
     flat = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
     strip = ok(api.patch(f"structures/{bare}", json={"geometry": flat}, headers=edit), 200)
-    assert (strip["version"], strip["model"]) == (3, None)
+    assert (strip["version"], strip["model"], strip["replaced"]) == (3, None, ["model"])
     edit = {"If-Match": api.get(f"structures/{bare}").headers["ETag"]}
     back = ok(api.patch(f"structures/{bare}", json={"model": first["id"]}, headers=edit), 200)
     assert (back["version"], back["model"], back["geometry"]) == (4, first["id"], None)
+    assert back["replaced"] == ["geometry"]
     other = ok(api.post(f"projects/{project}/structures", json={"name": "other"}), 201)["id"]
     edit = {"If-Match": api.get(f"structures/{other}").headers["ETag"]}
     problem = ok(api.patch(f"structures/{other}", json={"model": first["id"]}, headers=edit), 422)

@@ -85,6 +85,7 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
         "model_id": made(
             f"structures/{structure}/model", content=b"*HEADING\n", headers=RAW, params={"filename": f"{mark}.inp"}
         )["id"],
+        "forecast_id": made(f"structures/{structure}/forecasts", {})["id"],
         "processing_id": made(f"{campaign}/processings", {})["id"],
         "identification_id": made(f"{campaign}/identifications", {})["id"],
         "job_id": made(f"{campaign}/update-jobs", {})["id"],
@@ -142,6 +143,9 @@ write   editor  POST /projects/{project_id}/structures, PATCH /structures/{struc
 write   editor  POST /structures/{structure_id}/restore, POST /structures/{structure_id}/campaigns
 read    viewer  GET /structures/{structure_id}, GET /structures/{structure_id}/versions/{number}
 read    viewer  GET /structures/{structure_id}/campaigns, GET /structures/{structure_id}/models, GET /models/{model_id}
+read    viewer  GET /structures/{structure_id}/forecasts, GET /forecasts/{forecast_id}
+read    viewer  GET /forecasts/{forecast_id}/frfs/data, GET /forecasts/{forecast_id}/mesh
+read    viewer  GET /forecasts/{forecast_id}/mesh/shapes
 write   editor  POST /structures/{structure_id}/model
 read    viewer  GET /structures/{structure_id}/model, GET /structures/{structure_id}/model/mesh
 read    viewer  GET /structures/{structure_id}/model/original
@@ -179,6 +183,7 @@ read    viewer  GET /update-jobs/{job_id}/cards, GET /update-jobs/{job_id}/deck,
 read    viewer  GET /update-jobs/{job_id}/figures/{name}, GET /projects/{project_id}/joint-updates
 read    viewer  GET /update-jobs/{job_id}/mesh, GET /update-jobs/{job_id}/mesh/shapes
 jobs    editor  POST /joint-updates/{joint_id}/cancel, POST /structures/{structure_id}/plans
+jobs    editor  POST /structures/{structure_id}/forecasts, POST /forecasts/{forecast_id}/cancel
 read    viewer  GET /joint-updates/{joint_id}, GET /joint-updates/{joint_id}/events, GET /joint-updates/{joint_id}/result
 read    viewer  GET /joint-updates/{joint_id}/figures, GET /joint-updates/{joint_id}/figures/{name}
 
@@ -237,6 +242,7 @@ BODIES: dict[str, Any] = {
     "POST /update-jobs": {"jobs": [{"campaign": "00000000-0000-0000-0000-000000000000"}]},
     "POST /structures/{structure_id}/monitors": MONITOR,
     "POST /structures/{structure_id}/plans": {"tests": [{"boundary": "free", "highest_hz": 300}]},
+    "POST /structures/{structure_id}/forecasts": {},
     "PATCH /monitors/{monitor_id}": {"name": "m"},
     "POST /monitors/{monitor_id}/runs": {},
     "POST /alarms/{alarm_id}/acknowledge": {"note": "n"},

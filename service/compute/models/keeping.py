@@ -15,7 +15,9 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.model import FiniteElementModel
+from service.compute.models.matrices import matrices_of
 
 _ARRAY = "array"
 
@@ -29,9 +31,11 @@ def kept(model: FiniteElementModel) -> bytes:
     return buffer.getvalue()
 
 
-def model_of(data: bytes) -> FiniteElementModel:
-    """The model of `kept`."""
+def model_of(data: bytes) -> FiniteElementModel | MatrixModel:
+    """The model of `kept` or of `kept_matrices`."""
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+        if "model" not in arrays.files:
+            return matrices_of({name: arrays[name] for name in arrays.files})
         packed = json.loads(arrays["model"].tobytes())
         found = _unpacked(FiniteElementModel, packed, {name: arrays[name] for name in arrays.files})
     assert isinstance(found, FiniteElementModel)

@@ -23,13 +23,14 @@ from modalbase.formats.models.model import BeamSection, FiniteElementModel, Shel
 from modalbase.formats.models.units import check, guess, in_si
 from service.compute.models.bodies import body_of_model
 from service.compute.models.keeping import kept
+from service.compute.models.matrices import are_matrices, describe_matrices, kept_matrices, matrices_in_si
 from service.errors import Fault, Invalid
 
 if TYPE_CHECKING:
     from service.jobs.kinds import Report
 
-ZIP = ".zip"
-"""End of the name of an archive of a deck and what it includes."""
+ZIP, NPZ = ".zip", ".npz"
+"""End of the name of an archive of a deck and what it includes, or of matrices; and of matrices in one file."""
 
 MOST_FILES, MOST_BYTES = 1000, 500_000_000
 """Of an archive, unpacked."""
@@ -82,13 +83,25 @@ def read_deck(inputs: DeckInputs, report: Report) -> Iterator[DeckOutput]:
         InputError: no body can be made of it.
     """
     report("reading the model", 0.0)
-    model = parsed(inputs.path.read_bytes(), inputs.filename)
+    content = inputs.path.read_bytes()
+    files = files_of(content, inputs.filename)
+    if are_matrices(files):
+        yield _of_matrices(files, inputs.units)
+        return
+    model = parsed(content, inputs.filename)
     _require_units(model, inputs.units)
     _require_accepted(model, inputs.accepted)
     si = in_si(model, inputs.units or "")
     report("looking for joints", 0.5)
     body = body_of_model(si)
     yield DeckOutput(describe(si, body), kept(si))
+
+
+def _of_matrices(files: Mapping[str, bytes], units: str | None) -> DeckOutput:
+    if units is None:
+        raise Invalid("units", "are not stated, and matrices have none: say length-force-mass, such as mm-N-t")
+    model = faults_of(lambda: matrices_in_si(files, units, MOST_BYTES))
+    return DeckOutput(describe_matrices(model), kept_matrices(model))
 
 
 def parsed(content: bytes, filename: str) -> FiniteElementModel:
@@ -117,16 +130,9 @@ def unpacked(content: bytes, filename: str) -> Deck:
     Raises:
         Invalid: it is no zip, has more than it may, or no or several such decks.
     """
+    files = files_of(content, filename)
     if PurePosixPath(filename).suffix.lower() != ZIP:
         return Deck(filename, content, {})
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            infos = [info for info in archive.infolist() if not info.is_dir()]
-            if len(infos) > MOST_FILES or sum(info.file_size for info in infos) > MOST_BYTES:
-                raise Invalid("file", f"has more than {MOST_FILES} files, or {MOST_BYTES // 10**6} MB of them")
-            files = {info.filename: archive.read(info) for info in infos}
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, zlib.error) as error:
-        raise Invalid("file", f"is no zip that can be read: {error}") from None
     named = {PurePosixPath(each.decode("latin-1")).name for text in files.values() for each in _INCLUDE.findall(text)}
     decks = [name for name in files if PurePosixPath(name).suffix.lower() in READERS]
     mains = [name for name in decks if PurePosixPath(name).name not in named]
@@ -140,6 +146,24 @@ def unpacked(content: bytes, filename: str) -> Deck:
         files[mains[0]],
         {_beside(name, folder): text for name, text in files.items() if name != mains[0]},
     )
+
+
+def files_of(content: bytes, filename: str) -> dict[str, bytes]:
+    """The files of a zip by name, or the file itself.
+
+    Raises:
+        Invalid: it is no zip, or has more than it may.
+    """
+    if PurePosixPath(filename).suffix.lower() != ZIP:
+        return {filename: content}
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            infos = [info for info in archive.infolist() if not info.is_dir()]
+            if len(infos) > MOST_FILES or sum(info.file_size for info in infos) > MOST_BYTES:
+                raise Invalid("file", f"has more than {MOST_FILES} files, or {MOST_BYTES // 10**6} MB of them")
+            return {info.filename: archive.read(info) for info in infos}
+    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, zlib.error) as error:
+        raise Invalid("file", f"is no zip that can be read: {error}") from None
 
 
 def _beside(name: str, folder: PurePosixPath) -> str:
@@ -170,7 +194,7 @@ def reader_of(filename: str) -> Callable[[bytes, dict[str, bytes]], FiniteElemen
     reader = READERS.get(PurePosixPath(filename).suffix.lower())
     if reader is None:
         raise Invalid(
-            "filename", f"{filename!r} ends in none of {', '.join([*READERS, ZIP])}: which kind of deck is it?"
+            "filename", f"{filename!r} ends in none of {', '.join([*READERS, ZIP, NPZ])}: which kind of deck is it?"
         )
     return reader
 
@@ -181,7 +205,7 @@ def require_deck(filename: str) -> None:
     Raises:
         Invalid: as said.
     """
-    if PurePosixPath(filename).suffix.lower() != ZIP:
+    if PurePosixPath(filename).suffix.lower() not in (ZIP, NPZ):
         reader_of(filename)
 
 

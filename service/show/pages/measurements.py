@@ -22,6 +22,7 @@ from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaign_for, frame_of, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
 from service.store.coupons import routes as coupons
+from service.store.forecasts import routes as forecasts
 from service.store.frfs import routes as frfs
 from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import FrfFilter
@@ -57,12 +58,14 @@ def get_structure(
     newest = _newest(name_jobs(visit, jobs, ("verdict", "parameters", "modes")))
     context = visit.in_structure(structure_id)
     sent = models.of_jobs.page(visit.session, visit.user, structure_id, limit=1).items
+    forecast = forecasts.of_jobs.page(visit.session, visit.user, structure_id, limit=1).items
     return visit.show(
         "structure.html",
         **context,
         has_mesh=has_mesh(context["structure"]),
         model=models.get_model(structure_id, visit.session, visit.user) if context["structure"].model else None,
         sent=sent[0] if sent else None,
+        forecast=forecast[0] if forecast else None,
         campaigns=sorted(shown, key=lambda c: c.performed_at or c.created_at),
         all_campaigns=len(listed.items),
         following=listed.next_cursor,
@@ -81,6 +84,17 @@ def get_model(model_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = 
     """A model's structure; `part` is the piece that says how far its reading is, and replaces itself."""
     model = models.of_jobs.one(visit.session, visit.user, model_id)
     return visit.show_progress(model, "models") if part else RedirectResponse(f"../structures/{model.structure_id}")
+
+
+@router.get("/forecasts/{forecast_id}")
+def get_forecast(forecast_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> Response:
+    """A forecast's structure; `part` is the piece that says how far it is, and replaces itself."""
+    forecast = forecasts.of_jobs.one(visit.session, visit.user, forecast_id)
+    return (
+        visit.show_progress(forecast, "forecasts")
+        if part
+        else RedirectResponse(f"../structures/{forecast.structure_id}")
+    )
 
 
 def _wanted(campaign: CampaignOut, boundary: str | None, name: str) -> bool:

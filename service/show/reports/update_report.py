@@ -113,7 +113,8 @@ def _size(structure: Mapping[str, Any]) -> str:
 
 def _section(structure: Mapping[str, Any]) -> str:
     if structure["model"] is not None:
-        return f"model {structure['model']['filename']}: {', '.join(_set(each) for each in structure['model']['sets'])}"
+        sets = ", ".join(_set(each) for each in structure["model"]["sets"])
+        return f"model {structure['model']['filename']}" + (f": {sets}" if sets else ", matrices")
     if (shape := structure["shape"]) is not None:
         walls = (f"{name} {_wall(wall)}" for name, wall in shape["walls"].items())
         return f"{shape['kind']}: {', '.join(walls)}"

@@ -12,8 +12,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from fecore.body.specimen import LayeredSpecimen
-from fecore.body.structure import Structure
+from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
 from service.errors import Conflict, Invalid
@@ -90,7 +89,7 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     if structure.shape is not None:
         raise Conflict(NO_DECK_OF_A_SHAPE)
     specimen = body_of(structure, campaign.boundary, recipe)
-    assert not isinstance(specimen, Structure), "what is in space has a shape or is a model"
+    assert isinstance(specimen, Specimen | LayeredSpecimen), "what is in space has a shape or is a model"
     if isinstance(specimen, LayeredSpecimen) or specimen.pieces:
         raise Conflict(
             "a deck describes one homogenised layer of one thickness; this structure has constants of plies, or pieces"

@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy.orm import Session
 
+from modalbase.formats.models.matrices import MatrixModel
 from service.compute.models.decks import DeckOrder
 from service.errors import Conflict
 from service.show.results.cards import NO_DECK_OF_A_SHAPE, origin
 from service.store.campaigns.operations import campaign_of
-from service.store.structures.models import deck_of
+from service.store.structures.models import deck_of, load_model
 from service.store.structures.operations import version_of
 from service.store.updating.operations import result_document
 
@@ -39,6 +40,8 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
     constants = _constants(document)
     if not constants:
         raise Conflict("the result has no elastic constants, so the deck stays as it is")
+    if isinstance(load_model(session, key), MatrixModel):
+        raise Conflict("the structure is matrices, which stay as they are: multiply each by its factor of the result")
     filename, units, content = deck_of(session, key)
     return DeckOrder(
         content=content,

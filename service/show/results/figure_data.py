@@ -17,6 +17,7 @@ from service.errors import Conflict
 from service.show.results.predictions import used_frfs
 from service.store.frfs.data import FrfTable, frequency_axis
 from service.store.frfs.operations import frfs_of
+from service.store.imports.operations import trace_lines_of
 from service.store.structures.operations import describe_version, version_of
 from service.store.updating.document import StoredArrays
 from service.store.updating.operations import result_arrays, result_document, result_parts
@@ -60,6 +61,11 @@ class UpdateFigures:
             Conflict: the job has no result, yet or ever.
         """
         return result_arrays(self.session, self.job)
+
+    @property
+    def trace_lines(self) -> list[list[int]]:
+        """How the campaign's files join their points."""
+        return trace_lines_of(self.session, self.job.campaign_id)
 
     def require_prediction(self) -> None:
         """Make sure that FRFs were predicted.

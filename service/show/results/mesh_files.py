@@ -8,13 +8,12 @@ import numpy as np
 
 from modalbase.formats.meshes import Cells, MeshFile, columns
 from modalbase.formats.uff.content import ModeShape
-from service.show.results.figure_data import UpdateFigures
-from service.show.results.space import MotionOut, ShapeOut, measured_shape, mesh_of_result, model_shape
+from service.show.results.space import InSpace, MotionOut, ShapeOut, measured_shape, mesh_of_result, model_shape
 
 At = Literal["nodes", "points"]
 
 
-def file_of_result(data: UpdateFigures, at: At) -> MeshFile:
+def file_of_result(data: InSpace, at: At) -> MeshFile:
     """The mesh with the model's shapes and the measured ones expanded; or the measured points with both as they are there.
 
     Raises:
@@ -23,7 +22,7 @@ def file_of_result(data: UpdateFigures, at: At) -> MeshFile:
     found = mesh_of_result(data)
     if at == "nodes":
         nodes = columns(found.nodes.model_dump())
-        numbers = np.arange(1, len(nodes) + 1)
+        numbers = data.arrays["mesh_numbers"] if "mesh_numbers" in data.arrays else np.arange(1, len(nodes) + 1)
         cells = [Cells(block.kind, block.set, np.array(block.numbers), np.array(block.nodes)) for block in found.blocks]
     else:
         nodes = np.array([(point.x_m, point.y_m, point.z_m) for point in found.points])

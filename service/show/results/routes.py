@@ -28,7 +28,7 @@ from service.show.results.predictions import Chosen, Model, predicted_table
 from service.show.results.reporting import report_of
 from service.show.results.space import ResultMeshOut, ShapeOut, measured_shape, mesh_of_result, model_shape
 from service.store.frfs.data import Cut
-from service.store.frfs.routes import FORMATS
+from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
 from service.store.structures.mesh_answers import MESH_FILES, MeshForm, mesh_answer
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
@@ -38,8 +38,6 @@ from service.web.parameters import not_modified
 
 router = api_router(tags=["update jobs"])
 
-MEDIA_TYPES = {name: form.media_type for name, form in FORMATS.items()}
-FILES = {200: {"content": {kind: {} for kind in MEDIA_TYPES.values()}, "description": "The spectra."}}
 Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
 Point = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 REPORTS: dict[int | str, dict[str, Any]] = {

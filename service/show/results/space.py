@@ -8,7 +8,8 @@ and combinations of them that the points hardly see are left out of the pseudo-i
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -19,8 +20,6 @@ from service.errors import Conflict, NotFound
 from service.show.figures.joining import joined_as
 from service.show.figures.marks import counted
 from service.show.figures.shapes import turned
-from service.show.results.figure_data import UpdateFigures
-from service.store.imports.operations import trace_lines_of
 from service.store.structures.model_routes import MeshBlockOut
 from service.web import StrictModel
 
@@ -28,6 +27,25 @@ UNSEEN = 0.03
 """Share of the best seen combination of modes below which the points leave open how much there is of one."""
 
 DIGITS = 5
+
+
+class InSpace(Protocol):
+    """What is drawn: the result of an update, or a forecast."""
+
+    @property
+    def document(self) -> Mapping[str, Any]:
+        """With `modes`, measured, and `model_modes`."""
+        ...
+
+    @property
+    def arrays(self) -> Mapping[str, Any]:
+        """With mesh and shapes, by the names of a result's."""
+        ...
+
+    @property
+    def trace_lines(self) -> Sequence[Sequence[int]]:
+        """How files join the points."""
+        ...
 
 
 class PlacesOut(StrictModel):
@@ -58,7 +76,7 @@ class MeasuredModeOut(StrictModel):
 
 
 class ModelModeOut(StrictModel):
-    """A mode of the updated model."""
+    """A mode of the model."""
 
     number: int = Field(description="as columns of the MAC count them, from 1")
     frequency_hz: float
@@ -94,7 +112,7 @@ class ShapeOut(StrictModel):
     words: str = Field(description="what was measured and what expanded")
 
 
-def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
+def mesh_of_result(data: InSpace) -> ResultMeshOut:
     """The mesh of a result.
 
     Raises:
@@ -104,7 +122,6 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
     labels, first, _ = _points(data)
     places = arrays["shape_places_m"][first]
     known = arrays["shapes_measured"].shape[1]
-    lines = trace_lines_of(data.session, data.job.campaign_id)
     own = np.flatnonzero(first < (known or len(arrays["shape_points"])))
     partners = {int(i): int(j) + 1 for i, j in arrays["shape_pairs"].tolist()}
     nodes = arrays["mesh_nodes_m"].astype(float)
@@ -123,7 +140,9 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
             )
             for k, (label, (x, y, z)) in enumerate(zip(labels, places.tolist(), strict=True))
         ],
-        joined=[(int(own[i]), int(own[j])) for i, j in joined_as(lines, [labels[k] for k in own], places[own])],
+        joined=[
+            (int(own[i]), int(own[j])) for i, j in joined_as(data.trace_lines, [labels[k] for k in own], places[own])
+        ],
         measured=[
             MeasuredModeOut(number=k + 1, frequency_hz=mode["measured_hz"], model=partners.get(k))
             for k, mode in enumerate(measured)
@@ -135,7 +154,7 @@ def mesh_of_result(data: UpdateFigures) -> ResultMeshOut:
     )
 
 
-def measured_shape(data: UpdateFigures, number: int) -> ShapeOut:
+def measured_shape(data: InSpace, number: int) -> ShapeOut:
     """A measured shape at its points, and expanded over the mesh.
 
     Raises:
@@ -160,7 +179,7 @@ def measured_shape(data: UpdateFigures, number: int) -> ShapeOut:
     return _shape(data, shape, everywhere, missed, words)
 
 
-def model_shape(data: UpdateFigures, number: int) -> ShapeOut:
+def model_shape(data: InSpace, number: int) -> ShapeOut:
     """A shape of the updated model on its mesh, and at the measured points.
 
     Raises:
@@ -177,16 +196,16 @@ def model_shape(data: UpdateFigures, number: int) -> ShapeOut:
     if partner is not None and measured.shape[1]:  # in step with its partner, which is turned to be real
         against = float(turned(measured[partner].astype(complex)).real @ at_points[: measured.shape[1]])
         everywhere, at_points = (np.sign(against) or 1.0) * everywhere, (np.sign(against) or 1.0) * at_points
-    return _shape(data, at_points, everywhere, None, "of the updated model")
+    return _shape(data, at_points, everywhere, None, "of the model")
 
 
-def _nearest(data: UpdateFigures, hz: float, most: int) -> IntArray:
+def _nearest(data: InSpace, hz: float, most: int) -> IntArray:
     """Numbers from 0 of the model's modes that are nearest in frequency."""
     away = np.abs(np.array([mode["frequency_hz"] for mode in data.document["model_modes"]]) - hz)
     return np.sort(np.argsort(away, kind="stable")[:most])
 
 
-def _arrays(data: UpdateFigures) -> Any:
+def _arrays(data: InSpace) -> Any:
     arrays = data.arrays
     if "mesh_shapes" not in arrays:
         raise Conflict(
@@ -200,7 +219,7 @@ def _require_mode(number: int, count: int, side: str) -> None:
         raise NotFound(f"shape of the {side} mode {number} in this result; there are {count}")
 
 
-def _points(data: UpdateFigures) -> tuple[list[int], IntArray, IntArray]:
+def _points(data: InSpace) -> tuple[list[int], IntArray, IntArray]:
     """Labels of the points, their first rows among those of the shapes, and the point of each row."""
     labels, first, of = np.unique(data.arrays["shape_points"], return_index=True, return_inverse=True)
     return labels.tolist(), first, of
@@ -212,7 +231,7 @@ def _directions(arrays: Any, label: int) -> list[list[float]]:
 
 
 def _shape(
-    data: UpdateFigures, values: ComplexArray | FloatArray, everywhere: Any, missed: float | None, words: str
+    data: InSpace, values: ComplexArray | FloatArray, everywhere: Any, missed: float | None, words: str
 ) -> ShapeOut:
     """Values along the directions of the first rows of the points, and displacements of the nodes, by one scale."""
     labels, _, of = _points(data)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
@@ -94,6 +94,11 @@ class FrfTable:
     def description(self) -> str:
         """A second line beside each label, in files that have one."""
         return "NONE"
+
+    @property
+    def points(self) -> Mapping[int, tuple[float, float, float]]:
+        """Label to coordinates of the campaign's points, m."""
+        return stored_points(self.session, self.frfs[0].campaign_id)
 
     def spectra(self) -> Iterator[tuple[Frf, Values]]:
         """Each FRF with its (L,) values, in order."""

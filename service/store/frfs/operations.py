@@ -290,12 +290,28 @@ def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tu
 
 def row_of_prediction(measured: Frf, frequency_hz: FloatArray, dtype: np.dtype[np.complexfloating]) -> Frf:
     """A row that describes a prediction of a measured FRF, and is never stored; its id is the measured FRF's."""
+    same = {name: getattr(measured, name) for name in ("id", "campaign_id", "label", "quantity", *DOFS)}
+    return _unstored(frequency_hz, dtype, **same)
+
+
+def row_of_forecast(
+    key: UUID,
+    response: Sequence[int],
+    reference: Sequence[int],
+    frequency_hz: FloatArray,
+    dtype: np.dtype[np.complexfloating],
+) -> Frf:
+    """A row that describes an accelerance of a forecast between a response's and a reference's (point, direction); its id is
+    the forecast's.
+    """
+    dofs = dict(zip(DOFS, (*response, *reference), strict=True))
+    label = f"{response[0]} {'xyz'[response[1] - 1]} by {reference[0]} {'xyz'[reference[1] - 1]}"
+    return _unstored(frequency_hz, dtype, id=key, label=label, quantity="accelerance", **dofs)
+
+
+def _unstored(frequency_hz: FloatArray, dtype: np.dtype[np.complexfloating], **own: Any) -> Frf:
     return Frf(
-        id=measured.id,
-        campaign_id=measured.campaign_id,
-        label=measured.label,
-        **{name: getattr(measured, name) for name in DOFS},
-        quantity=measured.quantity,
+        **own,
         averages=None,
         start_hz=float(frequency_hz[0]),
         end_hz=float(frequency_hz[-1]),

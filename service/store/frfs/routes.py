@@ -69,8 +69,7 @@ def write_uff(tables: Sequence[FrfTable], file: IO[bytes], *, binary: bool) -> N
     campaigns = {frf.campaign_id for table in tables for frf in table.frfs}
     if len(campaigns) > 1:
         raise Invalid("format", f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}")
-    points = stored_points(tables[0].session, *campaigns)
-    contents: Iterator[uff.Content] = (uff.GridPoint(label, xyz) for label, xyz in points.items())
+    contents: Iterator[uff.Content] = (uff.GridPoint(label, xyz) for label, xyz in tables[0].points.items())
     for block in encode(itertools.chain(contents, _functions(tables)), binary=binary):
         file.write(block)
 

@@ -13,6 +13,7 @@ from fecore.arrays import FloatArray, IntArray
 from fecore.body.generators import strip
 from fecore.body.mesh import Block, Mesh
 from fecore.body.supports import of_boundary
+from modalbase.formats.models.matrices import MatrixModel
 from service.compute.models.bodies import AS_MODELLED
 from service.errors import Conflict
 from service.store.structures.models import load_model
@@ -63,7 +64,15 @@ def described_mesh(version: StructureVersion) -> Mesh:
     return strip(g.length_m, g.width_m, pieces=pieces, thickness=g.thickness_m)
 
 
-def _of_model(model: FiniteElementModel, *, held: bool) -> dict[str, Any]:
+def _of_model(model: FiniteElementModel | MatrixModel, *, held: bool) -> dict[str, Any]:
+    if isinstance(model, MatrixModel):
+        every = np.arange(len(model.numbers))
+        return {
+            "nodes": {"numbers": model.numbers.tolist(), **_columns(model.nodes)},
+            "blocks": [_block(Block("point", every[:, None], "nodes"), every + 1)],
+            "supports": [],
+            "masses": [],
+        }
     return {
         "nodes": {"numbers": model.numbers.tolist(), **_columns(model.nodes)},
         "blocks": [_block(block, block.numbers) for block in model.elements],

@@ -115,7 +115,7 @@ class JunctionOut(StrictModel):
 class FoundModelOut(StrictModel):
     """What was read of a deck, in SI."""
 
-    format: str = Field(description="inp or bdf")
+    format: str = Field(description="inp, bdf or matrices")
     title: str = Field(description="the deck's heading")
     counts: CountsOut = Field(description="how many of each there are")
     size_m: list[float] = Field(description="extent along x, y and z, m")
@@ -126,6 +126,10 @@ class FoundModelOut(StrictModel):
     supports: list[ModelSupportOut] = Field(description="nodes that are held")
     ignored: list[IgnoredOut] = Field(description="cards that were not used")
     junctions: list[JunctionOut] = Field(description="lines along which walls meet")
+    factors: list[str] | None = Field(
+        None, description="of matrices: what parameters of an update can be; null of a deck"
+    )
+    rows: int | None = Field(None, description="of matrices: degrees of freedom; null of a deck")
 
 
 class ModelOut(JobOut):
@@ -210,6 +214,8 @@ def send_model(
     ] = None,
 ) -> ModelOut:
     """Send a deck of Abaqus, CalculiX (.inp) or Nastran (.bdf) as raw body or as multipart field `file`; a job reads it.
+
+    Or matrices of any solver: a .npz, or a .zip of .mtx, .sti, .mas or .pch with nodes.csv.
 
     A deck has no units, so `units` states them; without, the job fails and says which fit. Once it was read, the structure's
     next version is this model.

@@ -31,6 +31,7 @@ from service.store.structures.operations import (
 )
 
 if TYPE_CHECKING:
+    from modalbase.formats.models.matrices import MatrixModel
     from modalbase.formats.models.model import FiniteElementModel
     from service.web.uploads import Spooled
 
@@ -96,8 +97,8 @@ def model_of_structure(session: Session, structure: Structure) -> StructureModel
     return session.get_one(StructureModel, key)
 
 
-def load_model(session: Session, key: UUID) -> FiniteElementModel:
-    """A model in SI, whoever asks.
+def load_model(session: Session, key: UUID) -> FiniteElementModel | MatrixModel:
+    """A model in SI, of elements or of matrices, whoever asks.
 
     Raises:
         Damaged: what was stored is not what was read.

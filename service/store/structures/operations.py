@@ -147,8 +147,8 @@ def change_structure(session: Session, user: User, structure: Structure, patch: 
 
 
 def describe(session: Session, structure: Structure) -> StructureOut:
-    """The structure in its current version, as clients see it: one query, for the version."""
-    return _described(structure, current_version(session, structure))
+    """The structure in its current version, as clients see it: one query, for the version and the one before."""
+    return describe_all(session, [structure])[0]
 
 
 def describe_all(session: Session, structures: Sequence[Structure]) -> list[StructureOut]:
@@ -158,14 +158,19 @@ def describe_all(session: Session, structures: Sequence[Structure]) -> list[Stru
     query = (
         select(StructureVersion)
         .join(Structure, Structure.id == StructureVersion.structure_id)
-        .where(Structure.id.in_([s.id for s in structures]), StructureVersion.number == Structure.version)
+        .where(
+            Structure.id.in_([s.id for s in structures]),
+            StructureVersion.number.in_([Structure.version, Structure.version - 1]),
+        )
     )
-    versions = {version.structure_id: version for version in session.scalars(query)}
-    return [_described(structure, versions[structure.id]) for structure in structures]
+    versions = {(version.structure_id, version.number): version for version in session.scalars(query)}
+    return [_described(s, versions[s.id, s.version], versions.get((s.id, s.version - 1))) for s in structures]
 
 
-def _described(structure: Structure, version: StructureVersion) -> StructureOut:
-    return shown_as(StructureOut, structure, **_physical(version))
+def _described(structure: Structure, version: StructureVersion, before: StructureVersion | None) -> StructureOut:
+    now, then = _physical(version), {} if before is None else _physical(before)
+    replaced = [name for name in _BODIES if then.get(name) and not now[name]]
+    return shown_as(StructureOut, structure, **now, replaced=replaced)
 
 
 def describe_version(version: StructureVersion, name: str) -> StructureIn:

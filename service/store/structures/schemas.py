@@ -228,6 +228,9 @@ class StructureOut(StrictModel):
     pieces: Pieces | None
     shape: Shape | None
     model: UUID | None = Field(description="id of the model that it is; null where it is none")
+    replaced: list[str] = Field(
+        description="what the version before had and another member has taken the place of, such as `shape`"
+    )
     tags: list[str]
     meta: dict[str, Any]
     created_at: datetime

@@ -8,13 +8,16 @@ from dataclasses import replace
 
 from fecore.body.constants import Body, kind_of
 from fecore.body.laminate import OrthotropicMaterial, homogenise, section
+from fecore.body.matrices import MatrixBody
 from fecore.body.sections import PLY_CONSTANTS, ShellSection
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen, carrying
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.errors import InputError
+from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.model import FiniteElementModel
 from service.compute.models.bodies import body_of_model
+from service.compute.models.matrices import body_of_matrices
 from service.store.structures.schemas import Geometry, Laminate, Material, StructureIn
 from service.store.updating.schemas import RecipeIn
 
@@ -24,8 +27,8 @@ def body_of(
     boundary: str,
     recipe: RecipeIn,
     masses: tuple[PointMass, ...] = (),
-    model: FiniteElementModel | None = None,
-) -> Specimen | LayeredSpecimen | Structure:
+    model: FiniteElementModel | MatrixModel | None = None,
+) -> Specimen | LayeredSpecimen | Structure | MatrixBody:
     """What a recipe updates: with its springs, and with plies where it names constants of plies (E1, angle_2).
 
     A recipe that names no parameters updates one homogenised layer where the laminate has one, else the plies; of a body in
@@ -46,6 +49,10 @@ def body_of(
     if is_in_space(structure):
         if recipe.zones_m:
             raise InputError("zones_m", "are of strips and plates; a body in space has sets")
+        if isinstance(model, MatrixModel):
+            if recipe.junctions == "off" or any(spring.edge is not None for spring in recipe.springs):
+                raise InputError("recipe", "names junctions or an edge, and matrices have neither")
+            return carrying(replace(body_of_matrices(model, boundary), springs=springs), masses)
         body = nominal_body(structure, boundary) if model is None else body_of_model(model, boundary)
         _require_edges(recipe, body)
         joined = recipe.junctions == "on"

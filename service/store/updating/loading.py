@@ -12,6 +12,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
+from fecore.body.matrices import MatrixBody
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
@@ -283,9 +284,11 @@ def joint_body(
     """
     if is_in_space(structure):
         model = None if structure.model is None else load_model(session, structure.model)
-        found = body_of(structure, boundary, recipe, masses, model)
-        assert isinstance(found, Structure), "a structure in space is one"
-        return found
+        body = body_of(structure, boundary, recipe, masses, model)
+        if isinstance(body, MatrixBody):
+            raise InputError(f"jobs.{number}.campaign_id", "has matrices as its structure, which update alone")
+        assert isinstance(body, Structure), "a structure in space is one"
+        return body
     require_no_choice_of_joints(recipe)
     plain = nominal_specimen(of_its_material(structure, number), boundary, masses)
     own = material_of(structure, number)[1] if angle_deg is None else angle_deg

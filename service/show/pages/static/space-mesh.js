@@ -1,7 +1,7 @@
 /* A mesh as triangles, wires, outlines and junctions; and a still picture of it, for a browser without WebGL. */
 
 /* Corners in order, then the middles of their sides: the ring around an element is corner, middle, corner, middle. */
-const CORNERS = { quad8: 4, quad4: 4, tri6: 3, tri3: 3, beam2: 2, beam3: 2 };
+const CORNERS = { quad8: 4, quad4: 4, tri6: 3, tri3: 3, beam2: 2, beam3: 2, point: 1 };
 const SHARP = Math.cos((20 * Math.PI) / 180); // walls that meet at a larger angle make a junction
 
 function ringOf(kind, nodes) {
@@ -51,6 +51,7 @@ export function meshOf(said) {
     for (const nodes of block.nodes) {
       const ring = ringOf(block.kind, nodes);
       set.elements += 1;
+      if (corners === 1) continue; // a node alone
       if (corners === 2) { for (let i = 1; i < ring.length; i += 1) set.wires.push(ring[i - 1], ring[i]); continue; }
       const triangles = trianglesOf(ring, corners);
       set.triangles.push(...triangles.flat());

@@ -75,10 +75,10 @@ class Viewer {
     await this.first();
     this.place.dataset.ready = this.space ? "webgl" : "still";
   }
-  /* A result has its own mesh and points; a test has points, and its structure may have a mesh. */
+  /* A result or a forecast has its own mesh and points; a test has points, and its structure may have a mesh. */
   async data() {
     const { result, mesh, points } = this.place.dataset;
-    if (result) { const found = await ask(`update-jobs/${result}/mesh`); return { mesh: found, said: found }; }
+    if (result) { const found = await ask(`${result}/mesh`); return { mesh: found, said: found }; }
     const said = points ? JSON.parse(document.getElementById(points).textContent) : null;
     try { return { mesh: mesh ? await ask(mesh) : null, said }; } catch (error) {
       if (!said?.points.length) throw error;
@@ -105,7 +105,7 @@ class Viewer {
   legend() {
     const { scene, colors } = this;
     const listed = this.place.dataset.result
-      ? [[colors.hint, "measured, expanded over the mesh"], [colors.updated, "updated model"]]
+      ? [...(this.said.measured.length ? [[colors.hint, "measured, expanded over the mesh"]] : []), [colors.updated, "the model"]]
       : scene.mesh.sets.map((set, i) => [colors.sets[i % colors.sets.length], `${set.name}, ${counted(set.elements, "element")}`]);
     const of = (count, color, words) => { if (count) listed.push([color, words]); };
     of(scene.mesh.held.length, colors.care, `held: ${counted(scene.mesh.held.length, "node")}`);
@@ -143,6 +143,7 @@ class Viewer {
       fill("model", this.said.model, (m) => `${m.number}: ${number(m.frequency_hz, 5)} Hz, ${m.kind}`);
       const pair = this.said.measured.find((m) => String(m.number) === this.part("measured").value);
       if (!this.asked.has("space-model") && pair) this.part("model").value = pair.model ?? "";
+      for (const name of ["measured", "layout"]) this.part(name).closest("label").hidden = !this.said.measured.length;
       this.part("layout").value = this.asked.get("space-layout") ?? (matchMedia("(max-width: 640px)").matches ? "over" : "beside");
       await this.compare();
     }
@@ -153,7 +154,7 @@ class Viewer {
   async compare() {
     const wanted = ["measured", "model"].map((side) => [side, this.part(side).value]).filter(([, value]) => value);
     try {
-      const found = await Promise.all(wanted.map(([side, value]) => ask(`update-jobs/${this.place.dataset.result}/mesh/shapes?${side}=${value}`)));
+      const found = await Promise.all(wanted.map(([side, value]) => ask(`${this.place.dataset.result}/mesh/shapes?${side}=${value}`)));
       const words = found.map((shape, i) => (wanted[i][0] === "measured" ? `Measured mode ${wanted[i][1]}, ${shape.words}` : `model mode ${wanted[i][1]}`)).join("; ");
       this.show(found.map((shape, i) => ({ ...shape, measured: wanted[i][0] === "measured" })), words);
     } catch (error) { this.say(error.message); }

@@ -1,0 +1,292 @@
+"""A model before anything is measured: its modes, the points that show them, and the FRFs between these.
+
+With s_kp the motion at point p, along its direction, in mode k by the mode's largest displacement, the accelerance at the
+resonance of mode k between points p and q is s_kp s_kq by that at its liveliest place. So
+
+- a reference, where one hits all the time or where the one sensor stays, is chosen by the mode that it shows least: the first
+  has the largest min_k s_kp² of driving-point residues, each further one the largest min_k max_q s_kq² of all of them;
+- points to measure are chosen by the determinant of the information about the modes' shares, Σ_p s_p s_pᵀ, one after the other
+  (effective independence: Kammer, J. Guidance 14, 1991), and judged by the largest MAC between two modes at them.
+
+Points are sought among nodes that lie far apart, so that no two of them say the same, each along the axis in which the modes
+move it most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.body.constants import Body
+from fecore.body.kinds import mode_kinds
+from fecore.body.locate import evenly_spread
+from fecore.body.mesh import Mesh
+from fecore.body.model import observed_at
+from fecore.correlation import auto_mac
+from fecore.dynamics.eigen import NormalModes, modes_below, normal_modes
+from fecore.dynamics.synthesis import ModalFrfModel
+from fecore.errors import InputError
+from fecore.updating.discretisation import meshed
+from fecore.updating.state import PointPairs
+
+CANDIDATES = 200
+"""Nodes among which points are sought."""
+
+MOST_MODES, MOST_LINES = 300, 20_000
+
+_COVERED = 1.5  # times the highest frequency: modes up to there are summed, those beyond are in the residual's series
+_LITTLE = 1e-3  # of a lively point's information, known beforehand so that the determinant is never 0
+
+
+@dataclass(frozen=True)
+class ForecastOrder:
+    """What is asked of a model.
+
+    Attributes:
+        modes: how many of the lowest, where no band is stated.
+        highest_hz: of the band; None: by the number of modes.
+        places: (p, 3) points among which to choose, m; None: nodes of the mesh.
+        labels: of these, for errors.
+        axes: (p,) axis 1, 2 or 3 along which each of these moves or is hit; 0: that in which the modes move it most.
+        points: how many to measure at.
+        references: how many of them.
+        damping_ratio: of all modes; None: no FRFs.
+        spacing_hz: of the lines; None: four in the first mode's half-power width.
+    """
+
+    modes: int = 10
+    highest_hz: float | None = None
+    places: FloatArray | None = None
+    labels: Sequence[int] | None = None
+    axes: IntArray | None = None
+    points: int = 12
+    references: int = 1
+    damping_ratio: float | None = None
+    spacing_hz: float | None = None
+
+
+@dataclass(frozen=True)
+class ModelForecast:
+    """What a model says.
+
+    Attributes:
+        mesh: the mesh that was solved.
+        rigid: number of rigid-body modes, which are not among the others.
+        frequency_hz: (n,) of the elastic modes.
+        kinds: of them, in words.
+        everywhere: (n, nodes, 3) mass-normalised shapes on the mesh.
+        numbers: (p,) of the chosen points, of the places or else of the nodes, from 0.
+        places: (p, 3) m.
+        axes: (p,) 1, 2 or 3.
+        shapes: (n, p) mass-normalised shapes at the points.
+        seen: (n, p) share of each mode's largest displacement there.
+        references: numbers of references among the points.
+        measured: numbers of points to measure at among the points.
+        mac: (n, n) between the modes at these.
+        lines_hz: (L,) of the FRFs.
+        frfs: (references × measured, L) accelerances, the measured points of one reference after another; m/s² per N.
+    """
+
+    mesh: Mesh
+    rigid: int
+    frequency_hz: FloatArray
+    kinds: tuple[str, ...]
+    everywhere: FloatArray
+    numbers: IntArray
+    places: FloatArray
+    axes: IntArray
+    shapes: FloatArray
+    seen: FloatArray
+    references: tuple[int, ...]
+    measured: tuple[int, ...]
+    mac: FloatArray
+    lines_hz: FloatArray
+    frfs: ComplexArray
+
+
+def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
+    """Solve the nominal model of a body.
+
+    Raises:
+        InputError: no mode lies in the band, the model has fewer modes, or a point lies off the body.
+        ModelError: the eigenproblem cannot be solved.
+    """
+    highest = order.highest_hz or _Nominal(body).lowest(order.modes)
+    fine, _ = meshed(body, highest)
+    nominal = _Nominal(fine)
+    modes, count = nominal.up_to(highest, 0 if order.highest_hz else order.modes)
+    elastic = slice(modes.rigid, modes.rigid + count)
+    shapes, frequency = modes.shapes[:, elastic], modes.frequency_hz[elastic]
+    everywhere = fine.model.at_nodes(shapes)
+    largest = np.linalg.norm(everywhere, axis=2).max(axis=1)
+    rows = _Rows.of(fine, shapes / largest, order)
+    references = rows.shown_least(order.references)
+    measured = rows.independent(order.points)
+    kept = np.unique([*references, *measured])
+    among = [tuple(np.searchsorted(kept, chosen).tolist()) for chosen in (references, measured)]
+    lines = _lines(order, frequency[0], highest)
+    return ModelForecast(
+        mesh=fine.model.mesh,
+        rigid=modes.rigid,
+        frequency_hz=frequency,
+        kinds=mode_kinds(fine.model, shapes),
+        everywhere=everywhere,
+        numbers=rows.numbers[kept],
+        places=rows.places[kept],
+        axes=rows.axes[kept],
+        shapes=rows.shares[:, kept] * largest[:, None],
+        seen=np.abs(rows.shares[:, kept]),
+        references=among[0],
+        measured=among[1],
+        mac=auto_mac(rows.shares[:, measured]),
+        lines_hz=lines,
+        frfs=nominal.frfs(modes, rows.observation[kept], among, lines, order.damping_ratio or 0.0),
+    )
+
+
+@dataclass(frozen=True)
+class _Nominal:
+    """A body's matrices at nominal constants."""
+
+    body: Body
+
+    @cached_property
+    def stiffness(self) -> scipy.sparse.csc_array:
+        springs = [spring.stiffness for spring in self.body.springs]
+        return self.body.model.stiffness.at(
+            np.concatenate([self.body.stiffness_coefficients(self._constants), springs])
+        )
+
+    @cached_property
+    def mass(self) -> scipy.sparse.csc_array:
+        return self.body.model.mass.at(self.body.mass_coefficients(self._constants))
+
+    @property
+    def _constants(self) -> FloatArray:
+        return np.array(list(self.body.nominal.values()))
+
+    def lowest(self, count: int) -> float:
+        """Frequency of so manyth elastic mode, Hz."""
+        return float(self._modes(count).frequency_hz[-1])
+
+    def up_to(self, highest_hz: float, count: int) -> tuple[NormalModes, int]:
+        """The modes that FRFs up to a frequency are summed of, and how many elastic ones are in the band, or `count`."""
+        below = modes_below(self.stiffness, self.mass, (2 * np.pi * _COVERED * highest_hz) ** 2)
+        rigid = self.body.model.rigid_modes.shape[1]
+        modes = self._modes(min(max(below - rigid, count + 1), self.stiffness.shape[0] - rigid))
+        elastic = modes.frequency_hz[rigid:]
+        count = count or int(np.sum(elastic <= highest_hz))
+        if not 1 <= count <= MOST_MODES:
+            found = f"holds {count} modes; the first is at {elastic[0]:.4g} Hz"
+            raise InputError("highest_hz", f"is {highest_hz:g} Hz and {found}, expected 1 to {MOST_MODES} modes")
+        return modes, count
+
+    def _modes(self, elastic: int) -> NormalModes:
+        rigid = self.body.model.rigid_modes
+        return normal_modes(self.stiffness, self.mass, elastic + rigid.shape[1], rigid)
+
+    def frfs(
+        self,
+        modes: NormalModes,
+        observation: scipy.sparse.csr_array,
+        among: Sequence[tuple[int, ...]],
+        lines_hz: FloatArray,
+        damping_ratio: float,
+    ) -> ComplexArray:
+        """(references × measured, L) accelerances."""
+        references, measured = among
+        pairs = PointPairs(
+            np.tile(measured, len(references)),
+            np.repeat(references, len(measured)),
+            np.ones(len(references) * len(measured)),
+        )
+        if not lines_hz.size:
+            return np.zeros((len(pairs.sign), 0), dtype=complex)
+        shapes = (observation @ modes.shapes).T
+        residual = pairs.residual(modes, self.mass, observation, shapes)
+        model = ModalFrfModel(modes.eigenvalue, pairs.products(shapes), residual, modes.shift)
+        return model.synthesise(lines_hz, 2 * damping_ratio * modes.omega)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Points among which to choose.
+
+    Attributes:
+        numbers: (p,) of the nodes, or of the places that were named.
+        places: (p, 3) m.
+        axes: (p,) 1, 2 or 3.
+        observation: (p, dofs) displacement along these.
+        shares: (n, p) of each mode, by its largest displacement.
+    """
+
+    numbers: IntArray
+    places: FloatArray
+    axes: IntArray
+    observation: scipy.sparse.csr_array
+    shares: FloatArray
+
+    @classmethod
+    def of(cls, body: Body, shapes: FloatArray, order: ForecastOrder) -> _Rows:
+        """The points of an order on a body whose (dofs, n) shapes have the largest displacement 1."""
+        model = body.model
+        numbers = _apart(model.mesh) if order.places is None else np.arange(len(order.places))
+        places = model.mesh.nodes[numbers] if order.places is None else order.places
+        labels = numbers.tolist() if order.labels is None else order.labels
+        free = [axis for axis in range(3) if axis in model.dofs]
+        along = [observed_at(model, labels, places, np.tile(np.eye(3)[axis], (len(places), 1))) for axis in free]
+        choice = np.argmax([np.sum((rows @ shapes) ** 2, axis=1) for rows in along], axis=0)
+        for point, axis in enumerate(() if order.axes is None else order.axes.tolist()):
+            if axis and axis - 1 not in free:
+                raise InputError(
+                    "points", f"{labels[point]} has direction {axis}, along which this model does not move"
+                )
+            choice[point] = free.index(axis - 1) if axis else choice[point]
+        observation = scipy.sparse.vstack(along, format="csr")[choice * len(places) + np.arange(len(places))]
+        return cls(numbers, places, np.array(free)[choice] + 1, observation, (observation @ shapes).T)
+
+    def shown_least(self, count: int) -> IntArray:
+        """Points with the largest share of the mode that they show least, one after the other."""
+        seen, chosen = np.abs(self.shares), np.zeros(0, dtype=np.int64)
+        shown = np.zeros(len(seen))
+        for _ in range(min(count, seen.shape[1])):
+            least = np.maximum(seen, shown[:, None]).min(axis=0) + _LITTLE * seen.mean(axis=0)
+            least[chosen] = -1.0
+            chosen = np.append(chosen, np.argmax(least))
+            shown = np.maximum(shown, seen[:, chosen[-1]])
+        return chosen
+
+    def independent(self, count: int) -> IntArray:
+        """Points with the largest determinant of information, one after the other: det(A + ssᵀ) = det A (1 + sᵀA⁻¹s)."""
+        s, chosen = self.shares, np.zeros(0, dtype=np.int64)
+        information = _LITTLE * np.eye(len(s))
+        for _ in range(min(count, s.shape[1])):
+            gain = np.sum(s * np.linalg.solve(information, s), axis=0)
+            gain[chosen] = -1.0
+            chosen = np.append(chosen, np.argmax(gain))
+            information += np.outer(s[:, chosen[-1]], s[:, chosen[-1]])
+        return chosen
+
+
+def _apart(mesh: Mesh) -> IntArray:
+    """Numbers of some nodes of elements that lie far apart."""
+    used = np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))
+    return np.asarray(used[evenly_spread(mesh.nodes[used], CANDIDATES)])
+
+
+def _lines(order: ForecastOrder, first_hz: float, highest_hz: float) -> FloatArray:
+    """Lines of the FRFs from one spacing up to the highest frequency."""
+    if order.damping_ratio is None:
+        return np.zeros(0)
+    fine = highest_hz / MOST_LINES
+    spacing = order.spacing_hz or max(order.damping_ratio * first_hz / 2, fine)
+    if spacing < fine * (1 - 1e-9):
+        raise InputError(
+            "line_spacing_hz", f"of {spacing:g} makes more than {MOST_LINES} lines up to {highest_hz:g} Hz"
+        )
+    return spacing * np.arange(1, int(highest_hz / spacing) + 1)

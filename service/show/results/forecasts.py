@@ -1,0 +1,135 @@
+"""Routes of what is shown of a forecast: its FRFs, its mesh and its shapes, as those of a result are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from uuid import UUID
+
+from fastapi import Header, Query, Response
+from fastapi.responses import FileResponse
+from sqlalchemy.orm import Session
+
+from service.access import CurrentUser, SessionDep
+from service.errors import Conflict
+from service.show.results.mesh_files import At, file_of_result
+from service.show.results.predictions import PredictedTable
+from service.show.results.space import ResultMeshOut, ShapeOut, mesh_of_result, model_shape
+from service.store.forecasts.operations import forecast_arrays, forecast_for
+from service.store.frfs.operations import row_of_forecast
+from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
+from service.store.structures.mesh_answers import MESH_FILES, MeshForm, mesh_answer
+from service.web import api_router
+from service.web.downloads import spooled
+from service.web.negotiation import choose_format, one_of
+
+if TYPE_CHECKING:
+    from service.store.forecasts.operations import Forecast
+
+router = api_router(tags=["forecasts"])
+
+
+@dataclass(frozen=True)
+class ForecastInSpace:
+    """A forecast as it is drawn: without measured modes or trace lines."""
+
+    session: Session
+    row: Forecast
+    trace_lines: ClassVar[tuple[tuple[int, ...], ...]] = ()
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """With the model's modes."""
+        return {"modes": [], **(self.row.document or {})}
+
+    @cached_property
+    def arrays(self) -> Mapping[str, Any]:
+        """As of `forecast_arrays`."""
+        return forecast_arrays(self.session, self.row)
+
+
+@dataclass(frozen=True)
+class ForecastTable(PredictedTable):
+    """FRFs of a nominal model, at points that no campaign has."""
+
+    places: Mapping[int, tuple[float, float, float]]
+
+    @property
+    def points(self) -> Mapping[int, tuple[float, float, float]]:
+        """Label to coordinates in the structure's frame, m."""
+        return self.places
+
+
+def _table(session: Session, row: Forecast) -> ForecastTable:
+    """The FRFs of a forecast.
+
+    Raises:
+        Conflict: it has no result, or nobody stated a damping.
+    """
+    arrays = forecast_arrays(session, row)
+    frequency, values = arrays["frequency_hz"], arrays["frfs"]
+    if not frequency.size:
+        raise Conflict("this forecast has no FRFs: ask again with a damping_ratio")
+    dofs = zip(arrays["responses"].tolist(), arrays["references"].tolist(), strict=True)
+    return ForecastTable(
+        session=session,
+        frfs=[row_of_forecast(row.id, response, reference, frequency, values.dtype) for response, reference in dofs],
+        frequency_hz=frequency,
+        lines=slice(None),
+        values=values,
+        origin=f"of the nominal model, forecast {row.id}",
+        places=dict(zip(arrays["shape_points"].tolist(), map(tuple, arrays["shape_places_m"].tolist()), strict=True)),
+    )
+
+
+@router.get("/forecasts/{forecast_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
+def get_forecast_frfs(
+    forecast_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    file_format: Annotated[
+        Annotated[str, one_of(MEDIA_TYPES)] | None,
+        Query(alias="format", description="as of measured FRFs; default: by Accept"),
+    ] = None,
+    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+) -> Response:
+    """Accelerances of the nominal model: every point to measure by every reference, in the formats of measured FRFs.
+
+    Values are in single precision, in the structure's frame. Without a damping ratio there are none, and the answer is 409.
+    """
+    form = FORMATS[choose_format(file_format, accept, MEDIA_TYPES)]
+    table = _table(session, forecast_for(session, user, forecast_id))
+    return spooled(
+        lambda file: form.write([table], file), form.media_type, f"forecast.{form.suffix}", {"Vary": "Accept"}
+    )
+
+
+@router.get("/forecasts/{forecast_id}/mesh", response_model=ResultMeshOut, responses=MESH_FILES)
+def get_forecast_mesh(
+    forecast_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    form: MeshForm,
+    at: Annotated[At, Query(description="of a file: shapes at the mesh's nodes, or at the chosen points")] = "nodes",
+) -> Any:
+    """The mesh that was solved, the chosen points on it, and its modes.
+
+    As VTU or UFF (sets 2411, 2412, 55) it has all shapes too, each with its largest displacement 1, in the structure's frame.
+    """
+    shown = ForecastInSpace(session, forecast_for(session, user, forecast_id))
+    if form == "json":
+        return mesh_of_result(shown)
+    return mesh_answer(file_of_result(shown, at), form, f"forecast-{forecast_id}")
+
+
+@router.get("/forecasts/{forecast_id}/mesh/shapes")
+def get_forecast_shape(
+    forecast_id: UUID,
+    session: SessionDep,
+    user: CurrentUser,
+    model: Annotated[int, Query(ge=1, le=10_000, description="number of a mode of the model")] = 1,
+) -> ShapeOut:
+    """A shape of the nominal model on its mesh, in space."""
+    return model_shape(ForecastInSpace(session, forecast_for(session, user, forecast_id)), model)

@@ -1,0 +1,168 @@
+"""Forecasts: what a client may ask of a nominal model, and the job that solves it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Self
+from uuid import UUID
+
+import numpy as np
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+from sqlalchemy import JSON, ForeignKey, Index, LargeBinary
+from sqlalchemy.orm import Mapped, Session, mapped_column
+
+from fecore.body.constants import Body
+from fecore.updating.forecasts import MOST_MODES, ForecastOrder
+from service.access import Lookup, User
+from service.compute.forecasting import ForecastInputs, ForecastOutput, compute_forecast
+from service.db.base import Base
+from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.resource import JobNoun
+from service.store.campaigns.schemas import Boundary, GridPoint
+from service.store.storage import book, require_room
+from service.store.structures.models import load_model
+from service.store.structures.operations import (
+    describe_version,
+    present_structure,
+    structure_for,
+    structure_of,
+    version_of,
+)
+from service.store.structures.schemas import StructureIn
+from service.store.updating.bodies import usual_boundary
+from service.store.updating.loading import body_for
+from service.store.updating.schemas import RecipeIn
+from service.web import StrictModel, example
+
+Hertz = Annotated[float, Field(gt=0, le=1e6, description="Hz")]
+
+
+class ForecastPointIn(GridPoint):
+    """A point that could be hit or measured, in the structure's frame."""
+
+    direction: int | None = Field(
+        None, ge=1, le=3, description="1, 2, 3 along x, y, z; default: that in which the modes move it most"
+    )
+
+
+class ForecastIn(StrictModel):
+    """What to solve; `{}` gives the ten lowest modes and twelve points that show them."""
+
+    model_config = example(damping_ratio=0.01)
+
+    boundary: Boundary | None = Field(
+        None, description="default: cantilever; of a model that was sent free, and as_modelled with its own supports"
+    )
+    modes: int = Field(10, ge=1, le=MOST_MODES, description="how many of the lowest, where no band is stated")
+    highest_hz: Hertz | None = Field(None, description="of the band; all modes in it are solved for")
+    points: list[ForecastPointIn] | None = Field(
+        None,
+        min_length=1,
+        max_length=2000,
+        description="that can be hit or measured; default: nodes of the mesh, far apart",
+    )
+    points_to_measure: int = Field(12, ge=1, le=500, description="how many of them to choose")
+    references: int = Field(
+        1, ge=1, le=20, description="how many places to choose where one hits all the time, or where sensors stay"
+    )
+    damping_ratio: float | None = Field(None, gt=0, lt=1, description="of all modes; states it who wants FRFs")
+    line_spacing_hz: Hertz | None = Field(
+        None, description="of the FRFs; default: four lines in the half-power width of the first mode"
+    )
+
+    @model_validator(mode="after")
+    def _labels_once(self) -> Self:
+        labels = [point.label for point in self.points or ()]
+        if twice := next((label for n, label in enumerate(labels) if label in labels[:n]), None):
+            raise PydanticCustomError("twice", "point {label} is there twice", {"label": twice})
+        return self
+
+    def to_core(self) -> ForecastOrder:
+        """The core's order."""
+        own = self.points
+        return ForecastOrder(
+            modes=self.modes,
+            highest_hz=self.highest_hz,
+            places=None if own is None else np.array([(p.x_m, p.y_m, p.z_m) for p in own]),
+            labels=None if own is None else [p.label for p in own],
+            axes=None if own is None else np.array([p.direction or 0 for p in own]),
+            points=self.points_to_measure,
+            references=self.references,
+            damping_ratio=self.damping_ratio,
+            spacing_hz=self.line_spacing_hz,
+        )
+
+
+class Forecast(Base):
+    """A forecast, and what was found when it was; its key is its job's."""
+
+    __tablename__ = "forecasts"
+    __table_args__ = (Index(None, "structure_id", "id"),)
+
+    id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
+    structure_id: Mapped[UUID] = mapped_column(ForeignKey("structures.id", ondelete="CASCADE"))
+    structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id", deferrable=True))
+    request: Mapped[dict[str, Any]]
+    document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
+    arrays: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+
+
+def _load(session: Session, job_id: UUID, _workspace: Path) -> ForecastInputs:
+    row = session.get_one(Forecast, job_id)
+    structure = describe_version(version_of(session, row.structure_version_id), "")
+    asked = ForecastIn.model_validate(row.request)
+    labels: tuple[int, ...] | None = None
+    if asked.points is not None:
+        labels = tuple(point.label for point in asked.points)
+    elif structure.model is not None:
+        labels = tuple(load_model(session, structure.model).numbers.tolist())
+    return ForecastInputs(_body(session, structure, asked), asked.to_core(), labels)
+
+
+def _body(session: Session, structure: StructureIn, asked: ForecastIn) -> Body:
+    return body_for(session, structure, asked.boundary or usual_boundary(structure), RecipeIn.model_validate({}))
+
+
+def _store(session: Session, job_id: UUID, items: Iterator[ForecastOutput]) -> None:
+    row = session.get_one(Forecast, job_id)
+    for output in items:
+        project_id = structure_of(session, row.structure_id).project_id
+        book(session, project_id, "results", len(output.arrays), structure_id=row.structure_id)
+        row.document, row.arrays = output.document, output.arrays
+
+
+FORECAST = JobKind("forecast", load=_load, compute=compute_forecast, store=_store, libraries=CORE_LIBRARIES)
+
+forecast_for = Lookup(Forecast, "forecast", "structure_id", structure_for)
+"""The forecast, if the user has at least a role in its project."""
+FORECASTS = JobNoun(FORECAST, forecast_for, "forecasts")
+
+
+def start_forecast(session: Session, user: User, structure_id: UUID, asked: ForecastIn) -> Forecast:
+    """Queue a forecast of a structure as it is now, in the caller's transaction.
+
+    Raises:
+        InputError: the structure lacks what a model needs, or the boundary is none of it.
+        QuotaExceeded: the project has no room for a result.
+    """
+    structure = structure_for(session, user, structure_id, "editor")
+    version, described = present_structure(session, structure.id)
+    _body(session, described, asked)
+    require_room(session, structure.project_id)
+    row = Forecast(structure_id=structure.id, structure_version_id=version.id, request=asked.model_dump(mode="json"))
+    return FORECASTS.start(session, user, row)
+
+
+def forecast_arrays(session: Session, row: Forecast) -> Mapping[str, Any]:
+    """The arrays of a forecast: mesh, shapes and FRFs, by the names of a result's.
+
+    Raises:
+        Conflict: it has none, yet or ever.
+    """
+    if row.arrays is None:
+        raise FORECASTS.no_result(session, row)
+    with np.load(io.BytesIO(row.arrays), allow_pickle=False) as arrays:
+        return dict(arrays)

@@ -1,0 +1,105 @@
+"""Matrices of a solver over HTTP: they go in, are solved before a test, and an update finds the factor of each part."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from service.store.structures.schemas import StructureIn
+from service.store.updating.bodies import nominal_body
+from tests.integration.test_bodies import updated
+from tests.integration.test_forecasts import forecast
+from tests.integration.test_models import sent
+from tests.support.matrices import archived, zipped
+from tests.support.profiles import ANGLE, uff
+from tests.support.rest import ok
+
+FACTORS = {"flange": 1.08, "web": 0.93}
+MODULI = ("E1", "E2", "G12", "G13", "G23")
+
+
+@pytest.fixture
+def bare(api: httpx.Client, project: str) -> str:
+    """A structure that nothing is said of."""
+    return str(ok(api.post(f"projects/{project}/structures", json={"name": "bracket"}), 201)["id"])
+
+
+def body(boundary: str = "free") -> Any:
+    return nominal_body(StructureIn.model_validate(ANGLE), boundary)
+
+
+def measured(boundary: str = "free") -> bytes:
+    """FRFs along both walls at nodes of the mesh, of a body whose walls are stiffer and softer than stated."""
+    true = body(boundary)
+    truth = {f"{wall}.{c}": true.nominal[f"{wall}.{c}"] * f for wall, f in FACTORS.items() for c in MODULI}
+    nodes, places = true.mesh.nodes, {}
+    for k, x in enumerate(np.linspace(0.03, 0.38, 7)):
+        for n, wanted in ((1, (x, 0.025 - 0.004 * (k % 3), -0.038)), (2, (x, -0.028, 0.034 - 0.02 * (k % 3)))):
+            nearest = nodes[np.argmin(np.linalg.norm(nodes - wanted, axis=1))]
+            places[2 * k + n] = (float(nearest[0]), float(nearest[1]), float(nearest[2]))
+    return uff(true, truth, places, 0)
+
+
+def test_an_update_of_matrices_finds_the_factor_of_each_part(api: httpx.Client, bare: str) -> None:
+    model = sent(api, bare, zipped(body(), 1e-3), units="mm-N-t", filename="angle.zip")
+    assert model["status"] == "succeeded", model["message"]
+    found = model["found"]
+    assert (found["format"], found["factors"]) == ("matrices", ["flange.factor", "web.factor"])
+    assert found["mass_kg"] == pytest.approx(0.4 * (0.06 + 0.076) * 0.004 * 1850, rel=1e-6)
+    assert found["size_m"] == pytest.approx([0.4, 0.058, 0.078])
+    mesh = ok(api.get(f"structures/{bare}/model/mesh"), 200)
+    assert mesh["nodes"]["numbers"][0] == 101
+    (block,) = mesh["blocks"]
+    assert block["kind"] == "point"
+    seen = forecast(api, bare, modes=6)["found"]
+    assert seen["rigid_modes"] == 6
+    assert all(101 <= point["label"] < 101 + found["counts"]["nodes"] for point in seen["points"])
+    address, result = updated(api, bare, measured(), "free")
+    assert result["verdict"]["level"] in ("usable", "with_care")
+    rows = {row["name"]: row for row in result["parameters"]}
+    for name, value in FACTORS.items():
+        low, high = rows[f"{name}.factor"]["interval_95"]
+        assert low < value < high, name
+        assert rows[f"{name}.factor"]["estimate"] == pytest.approx(value, rel=0.02)
+    base = api.base_url.join(address)
+    assert "each by its factor" in ok(api.get(f"{base}/deck"), 409)["detail"]
+    assert len(ok(api.get(f"{base}/mesh"), 200)["nodes"]["x_m"]) == found["counts"]["nodes"]
+    assert b"angle.zip" in api.get(f"{base}/report").content
+
+
+def test_matrices_that_hold_the_body_are_as_modelled(api: httpx.Client, bare: str) -> None:
+    assert sent(api, bare, archived(body("cantilever")), units="m-N-kg", filename="a.npz")["status"] == "succeeded"
+    held = forecast(api, bare, modes=3, boundary="as_modelled")
+    assert held["found"]["rigid_modes"] == 0
+    page = api.get(str(api.base_url.copy_with(path=f"/ui/structures/{bare}"))).text
+    assert "flange.factor, web.factor" in page
+    assert held["found"]["sentence"] in page
+    refused = ok(api.post(f"structures/{bare}/forecasts", json={"boundary": "free"}), 422)
+    assert "the matrices hold the body" in refused["detail"]
+    clamped = ok(api.post(f"structures/{bare}/forecasts", json={"boundary": "cantilever"}), 422)
+    assert "this structure is matrices" in clamped["detail"]
+
+
+def test_what_is_wrong_with_matrices_is_said_by_file(api: httpx.Client, bare: str) -> None:
+    whole = zipped(body())
+    assert "matrices have none" in sent(api, bare, whole, filename="a.zip")["message"]
+    files = {}
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    for lost, said in (("nodes.csv", "nodes.csv"), ("M_0.mtx", "no matrix of the mass"), ("dofs.csv", "")):
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w") as archive:
+            for name, content in files.items():
+                if not name.endswith(lost):
+                    archive.writestr(name, content)
+        model = sent(api, bare, buffer.getvalue(), units="m-N-kg", filename="a.zip")
+        assert (model["status"], said in (model["message"] or "")) == (
+            ("failed", True) if said else ("succeeded", True)
+        )
+    damaged = sent(api, bare, b"PK nothing", units="m-N-kg", filename="a.npz")
+    assert "a.npz" in damaged["message"]
