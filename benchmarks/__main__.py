@@ -63,6 +63,7 @@ TABLES = {
     "speed": (
         Case("forward", "core", "the forward model beside scikit-fem, pyfe3d and CalculiX", quick="3"),
         Case("updating", "core", "the default update by step, beside scipy's least_squares", quick="400"),
+        Case("mixed_deck", "mixed_deck", "a deck of 8,000 mixed elements from file to update", quick="20"),
         Case(
             "measurements",
             "database",

@@ -5,6 +5,9 @@ to where they would be something. What each does to the natural frequencies is e
 
 - a clamp's compliance C lets the edge move by C times the reaction R of a mode, δλ = -R² C; and as a rigid motion r of the
   whole body strains nothing, its reaction is that of the inertia, R = λ rᵀMφ;
+- of a body in space that one clamp holds, the clamp is a block on an even bed over the clamped nodes and their walls: 1 for
+  translations, about its middle J = mean(r²1 − rrᵀ) + t²/12 for rotations, so δλ = -c Rᵀ diag(1, J)⁻¹ R, and c is that which
+  lowers the first mode by what EI/kL lowers a strip's, δλ/λ = -4 EI/kL;
 - a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²;
 - fibres askew by an angle change it by the angle's square, so the model is solved with them at one standard deviation.
 """
@@ -19,7 +22,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.beam_specimen import BeamSpecimen
+from fecore.body.sections import ShellSection
 from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
+from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
@@ -80,6 +85,8 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
     """Rotation of the clamp, and its translation and roll: EI/kL and (t/L)² of it."""
     body = state.forward.specimen
     sd = inputs.standard_deviation("clamp_compliance")
+    if isinstance(body, Structure) and sd:
+        return _block(state, body, sd, stated=inputs.is_stated("clamp_compliance"))
     if (
         not isinstance(body, FlatBody | BeamSpecimen)
         or body.boundary != "cantilever"
@@ -109,6 +116,25 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         Excursion("clamp_rotation", rotation, "one-sided", stated, f"EI/kL = {sd:.3g}"),
         Excursion("clamp_translation", translation, "one-sided", stated, f"EI/kL³ = {sd * (t / L) ** 2:.2g}"),
     ]
+
+
+def _block(state: ForwardState, body: Structure, sd: float, *, stated: bool) -> list[Excursion]:
+    """The one clamp of a body in space, as a block on an even bed."""
+    held = [support for support in body.supports if support.how == "clamped"]
+    skew = [link for link in body.links if not link.leaders]
+    if len(held) != 1 or len(body.supports) > 1 or skew or body.springs or body.clamps:
+        return []
+    nodes = body.mesh.nodes
+    places = nodes[body.mesh.select(held[0].where)]
+    arms = places - places.mean(axis=0)
+    walls = [section.thickness for section in body.sections.values() if isinstance(section, ShellSection)]
+    inertia = np.mean(np.sum(arms**2, axis=1)) * np.eye(3) - arms.T @ arms / len(arms)
+    inertia += max(walls, default=0.0) ** 2 / 12 * np.eye(3)
+    shift, turn = np.split(state.participation(body.model.motions), 2)
+    turn = turn + np.cross((nodes.mean(axis=0) - places.mean(axis=0))[None], shift.T).T  # about the clamp's middle
+    yields = np.sum(shift**2, axis=0) + np.einsum("in,ij,jn->n", turn, np.linalg.pinv(inertia), turn)
+    yields *= state.modes.eigenvalue[state.modes.rigid :]
+    return [Excursion("clamp", -2 * sd * yields / yields[0], "one-sided", stated, f"EI/kL = {sd:.3g}")]
 
 
 def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> list[Excursion]:

@@ -61,6 +61,29 @@ def measured(seed: int = 0, boundary: str = "free") -> bytes:
     return uff(body, TRUTH, points(), seed)
 
 
+I_PROFILE: dict[str, Any] = {
+    **ANGLE,
+    "name": "I-beam",
+    "shape": {
+        **ANGLE["shape"],
+        "kind": "i",
+        "length_m": 0.9,
+        "height_m": 0.12,
+        "walls": {"flange": {"thickness_m": 0.006}, "web": {"thickness_m": 0.006}},
+    },
+}
+"""The profile of the tutorial."""
+
+
+def i_profile() -> bytes:
+    """FRFs of it, hung freely: its upper flange hit from above, its web from the side."""
+    places = {}
+    for k, x in enumerate(np.linspace(0.03, 0.87, 9)):
+        places[2 * k + 1] = (float(x), 0.026 - 0.026 * (k % 3), 0.06)
+        places[2 * k + 2] = (float(x), -0.003, 0.03 - 0.03 * (k % 3))
+    return uff(nominal_body(StructureIn.model_validate(I_PROFILE), "free"), TRUTH, places, 0)
+
+
 def deck(length: float = 1.0) -> bytes:
     """The angle as an engineer's deck for CalculiX: S8R on middle surfaces, both walls of one material, one end clamped.
 

@@ -12,10 +12,11 @@ from fecore.body.generators import profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
-from fecore.body.supports import of_boundary
+from fecore.body.supports import Link, Mass, NodeSpring, of_boundary
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
+from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
@@ -121,6 +122,35 @@ def test_a_set_that_has_lost_stiffness_is_found_among_others() -> None:
     assert factors["web_3.factor"].interval_95[0] < 0.8 < factors["web_3.factor"].interval_95[1]
     assert factors["web_3.factor"].estimate == pytest.approx(0.8, abs=0.02)
     assert all(abs(factors[name].estimate - 1) < 0.01 for name in set(names) - {"web_3.factor"})
+
+
+def test_a_clamp_that_yields_moves_the_frequencies_as_a_block_on_springs_does() -> None:
+    prior = parametrise(clamped := replace(BEAM, supports=of_boundary("cantilever")), [Parameter("web.E1")])
+    state = ForwardModel(clamped, prior, (), np.zeros((0, 3)), MODES, reduced=False).solve(prior.prior_mean)
+    (found,) = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
+    assert (found.name, found.kind) == ("clamp", "one-sided")
+    assert found.shift[0] == pytest.approx(-0.02)
+    assert excursions(state, Inputs.exact(), ()) == ()
+    root = BEAM.mesh.node_sets["start"]
+    arms = BEAM.mesh.nodes[root] - (middle := BEAM.mesh.nodes[root].mean(axis=0))
+    inertia = np.mean(np.sum(arms**2, axis=1)) * np.eye(3) - arms.T @ arms / len(arms) + 0.006**2 / 12 * np.eye(3)
+    hub, bed = len(BEAM.mesh.nodes), 1e10
+    springs = [
+        NodeSpring(f"k{dof}", bed * each, np.array([[hub]]), np.eye(6)[dof][None, None])
+        for dof, each in enumerate([1.0, 1.0, 1.0, *np.diag(inertia)])
+    ]
+    on_springs = replace(
+        BEAM,
+        mesh=replace(BEAM.mesh, nodes=np.vstack([BEAM.mesh.nodes, middle])),
+        links=tuple(Link(int(node), (hub,)) for node in root),
+        springs=tuple(springs),
+        masses=(Mass(1e-6, hub, 1e-9),),
+    )
+    prior = parametrise(on_springs, [Parameter("web.E1")])
+    moved = ForwardModel(on_springs, prior, (), np.zeros((0, 3)), MODES, reduced=False).solve(prior.prior_mean)
+    exact = moved.frequency_hz[:MODES] / state.frequency_hz[:MODES] - 1
+    assert -0.01 < exact[0] < -1e-4  # little enough for the first order
+    np.testing.assert_allclose(found.shift[:MODES] / found.shift[0], exact / exact[0], rtol=0.02, atol=2e-3)
 
 
 def test_rows_that_a_body_does_not_move_along_are_named() -> None:
