@@ -37,14 +37,12 @@ FALSE_DISCOVERY = 0.75
 
 _PRIOR = 10.0  # n₀
 _BESIDE = 2.5  # standard deviations about the shortest half up to which a value is a usual one
-_OTHER_RANGE = np.log(4.0)  # of ln |H|, from which a range was another and a hit cannot be located
 _FAR_M = 0.008  # that good hits land beside their point
 _TYPICAL_M = 0.006  # that a typical distance stands for at most
 _ALONE_IN = 24  # hits up to which each is held against the others; of more, against all
 _OWN = 5.0  # hits of its own point that the campaign's scale of distances is worth
 _FULL_SCALE = 0.998  # of what is stated, from which a channel is overloaded
-_FAR = 1e6  # u beyond which nothing more is learnt
-_NEVER = 20.0  # u that a number would have to reach to refuse a hit alone: none does
+_FAR = 20.0  # u beyond which nothing more is learnt; a number that refuses a hit alone from there on refuses none
 _HEAVY = 3.0  # part of the logit that is a reason by itself
 _REASON = 0.5  # of the weightiest feature's part of the logit, from which another is a reason too
 
@@ -118,7 +116,7 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
     for point, part in zip(points, parts, strict=True):
         numbers[part, -3:] = compare(point.pairs, turned[part], seems[part], usual)
     numbers[:, _DISTANCE] /= _in_common(numbers[:, _DISTANCE], parts, good)
-    comparable = good & ~(numbers[:, -3] > 1) & ~(np.abs(np.log(numbers[:, -1])) > _OTHER_RANGE)
+    comparable = good & ~(numbers[:, -3] > 1)
     _locate(points, positions, [comparable[part] for part in parts], [numbers[part] for part in parts])
     u, usual_numbers, step = _scaled(numbers, good)
     numbers[:, _FLOOR] *= louder
@@ -243,7 +241,7 @@ def judge(
     probability = _probability(_logit(found.u, found.alone))
     slack = max(CONSTANT - float(np.log(level / (1 - level))), 0.0) if level > 0 else np.inf
     at = np.expm1(slack / np.array([WEIGHTS[name].weight for name in NAMES])) ** 0.25
-    limit = found.usual + np.where(at < _NEVER, at, np.inf) * found.step
+    limit = found.usual + np.where(at < _FAR, at, np.inf) * found.step
     limit = np.where([bool(WEIGHTS[name].unit) for name in NAMES], limit, np.exp(np.where(limit < 500, limit, np.inf)))
     every = enumerate(traits for point in points for traits in point.traits)
     verdicts = (

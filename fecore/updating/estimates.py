@@ -283,7 +283,9 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
             "law from the FRFs against that of the identified modes: errors of the model's shapes, delay"
         )
         words["modes not measured"] = "tails of modes that nobody measured"
-        words["window"] = "stated" if inputs.window_known else f"no window was stated, {_ASSUMED}"
+        words["window"] = (
+            "stated, or seen in the noise of hits" if inputs.window_known else f"no window was stated, {_ASSUMED}"
+        )
     return words
 
 
