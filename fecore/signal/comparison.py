@@ -54,7 +54,6 @@ class Point:
     Attributes:
         force: where it was hit.
         responses: where the sensors stood.
-        numbers: of its hits.
         traits: the hits' own numbers.
         pairs: the hits beside one another.
         shares: (h, K) what each resonance has in each hit; None where places are not asked for.
@@ -63,7 +62,6 @@ class Point:
 
     force: Dof
     responses: tuple[Dof, ...]
-    numbers: tuple[int, ...]
     traits: tuple[Traits, ...]
     pairs: Pairs
     shares: FloatArray | None

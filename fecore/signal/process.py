@@ -172,7 +172,7 @@ def _second_pass(
         if rows and sum(len(row[2]) for row in rows) + len(estimates) > most:
             yield _averages(spectra, rows)
             rows = []
-        rows.append((point, tuple(point.numbers[i] for i in own), estimates))
+        rows.append((point, tuple(point.traits[i].number for i in own), estimates))
     yield _averages(spectra, rows)
 
 
