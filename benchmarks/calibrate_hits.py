@@ -76,7 +76,7 @@ def usual(campaigns: Sequence[Looked]) -> dict[str, tuple[float, float, float]]:
     for own in campaigns:
         numbers = features_of(own.points, own.positions).numbers
         logs = np.log(np.maximum(numbers, [WEIGHTS[name].least for name in NAMES]))
-        numbers = np.where([bool(WEIGHTS[name].unit) for name in NAMES], numbers, logs)
+        numbers = np.where([WEIGHTS[name].between == 0 for name in NAMES], numbers, logs)
         good = np.array([fault is None for fault in own.faults])
         for name, values in zip(NAMES, numbers.T, strict=True):
             known = values[good & np.isfinite(values)]
@@ -190,10 +190,11 @@ def report(learned: Sequence[Looked], others: Sequence[Looked]) -> None:
     print_worth(learn, test)
     print(f"CONSTANT = {b[0]:.2f}\nALONE = {b[1]:.2f}")
     for name, weight, row in zip(NAMES, b[2:], usual(learned).values(), strict=True):
-        unit = WEIGHTS[name].unit
-        said = f"unit={unit:g}" if unit else "centre={:.2f}, between={:.2f}, within={:.2f}".format(*row)
-        if unit and WEIGHTS[name].within:
-            said += f", centre={row[0]:.2g}, within={row[1]:.2g}"
+        unit, between = WEIGHTS[name].unit, WEIGHTS[name].between
+        parts = [f"unit={unit:g}"] * bool(unit) + ["centre={:.2f}, between={:.2f}, within={:.2f}".format(*row)] * bool(
+            between
+        )
+        said = ", ".join(parts)
         least = WEIGHTS[name].least
         said += f", least={least:g}" if least != LEAST else ""
         print(f'    "{name}": Weight({weight:.2f}, {said}),')

@@ -330,5 +330,6 @@ def _updated(body: Body, stated: Specimen, laboratory: Laboratory, rng: np.rando
     processed = process(by_point(hits), Processing(positions=points))
     frfs = replace(processed.frfs, responses=tuple(Dof(len(points), 3) for _ in processed.frfs.responses))
     band = (float(frfs.frequency_hz[0]), processed.strong_hz)
-    measurement = Measurement(frfs, points, inputs=Inputs(window_rate=processed.rate_per_s, sensor_mass_sd=0.0))
+    inputs = Inputs(window_rate=processed.rate_per_s, window_rate_sd=processed.rate_sd_per_s, sensor_mass_sd=0.0)
+    measurement = Measurement(frfs, points, inputs=inputs)
     return update(measurement, stated, Recipe(identification=Options(band_hz=band)))

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -154,8 +155,10 @@ def _off(bench: MadeBench, spectra: Spectra, hit: Hit) -> tuple[FloatArray, Bool
 
 
 def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
-    """Print how many hits of each kind are refused, by how many hits a point has where only these show the fault."""
-    hits, refused = Counter[str](), Counter[str]()
+    """Print how many hits of each kind are refused, by how many hits a point has where only these show the fault; and how many
+    of these have two good hits beside them.
+    """
+    hits, refused, shown = Counter[str](), Counter[str](), Counter[bool]()
     for number in range(seed, seed + campaigns):
         own = made(number)
         points = by_point(own.hits)
@@ -164,14 +167,19 @@ def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
         except InputError:  # not one good hit: all are refused
             accepted = [False] * len(own.hits)
         beside = [len(hits) for hits in points for _ in hits]
-        for fault, biases, count, used in zip(own.faults, own.biases, beside, accepted, strict=True):
+        edges = np.cumsum([0, *map(len, points)])
+        good = [own.faults[a:b].count(None) for a, b in pairwise(edges) for _ in range(a, b)]
+        for fault, biases, count, sound, used in zip(own.faults, own.biases, beside, good, accepted, strict=True):
             kind = fault or "none: good"
             kind += "" if biases or fault is None else ", harmless"
             kind += ", 1 or 2 hits" if fault in (*COMPARED, "turned") and count < 3 else ""
             hits[kind] += 1
             refused[kind] += not used
+            if biases and not (fault in (*COMPARED, "turned") and sound < 2):
+                shown[used] += 1
     for kind in sorted(hits):
         print(f"{kind:36}{refused[kind]:6} of {hits[kind]:5}{refused[kind] / hits[kind]:8.1%}")
     bad = [kind for kind in hits if "," not in kind and kind != "none: good"]
     total = sum(hits[kind] for kind in bad)
     print(f"bad hits that bias, missed: {total - sum(refused[kind] for kind in bad)} of {total}")
+    print(f"without those that fewer than two good hits could show: {shown[True]} of {shown.total()}")

@@ -54,7 +54,6 @@ class Point:
     Attributes:
         force: where it was hit.
         responses: where the sensors stood.
-        numbers: of its hits.
         traits: the hits' own numbers.
         pairs: the hits beside one another.
         shares: (h, K) what each resonance has in each hit; None where places are not asked for.
@@ -63,22 +62,10 @@ class Point:
 
     force: Dof
     responses: tuple[Dof, ...]
-    numbers: tuple[int, ...]
     traits: tuple[Traits, ...]
     pairs: Pairs
     shares: FloatArray | None
     used: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What the other hits of its point say of each hit: (h,) distance, likeness, and the height of its FRF over theirs; NaN
-    where too few others seem good.
-    """
-
-    distance: FloatArray
-    likeness: FloatArray
-    height: FloatArray
 
 
 def compare_lines(start: int, stop: int) -> slice:
@@ -117,22 +104,28 @@ def usual_apart(found: Sequence[Pairs], good: Sequence[BoolArray]) -> FloatArray
     return np.maximum(np.median(rows, axis=0), 1e-12) if len(rows) else np.ones(BANDS)
 
 
-def compare(own: Pairs, probability: FloatArray, usual: FloatArray) -> Comparison:
-    """What a point's hits say of each other, each by its (h,) probability of being good by its own numbers. Most faults
-    leave the sign as it is, so it is asked of all hits.
+def compare(own: Pairs, turned: BoolArray, probability: FloatArray, usual: FloatArray) -> FloatArray:
+    """(h, 3) what the other hits of its point say of each hit: 1 less the correlation of its FRF with theirs, its distance, and
+    the height of its FRF over theirs; NaN where too few of them seem good, or are there to decide the sign.
+
+    Args:
+        own: the point's hits beside one another.
+        turned: (h,) whose pulse points the other way, which is known to reverse their FRF.
+        probability: (h,) that each is good by its own numbers. Most faults leave the sign as it is, so it is asked of all.
+        usual: u_b.
     """
     distance = np.sqrt(own.apart / usual).mean(axis=2)
-    found = np.full((3, len(probability)), np.nan)
+    sign = np.where(turned, -1, 1)
+    found = np.full((len(probability), 3), np.nan)
     for i, partner in enumerate(own.partner):
         weight = probability[partner]
         if partner.size >= _SIGNS:
-            found[1, i] = (0.5 + 0.5 * weight) @ own.likeness[i] / partner.size
+            found[i, 0] = 1 - sign[i] * float(np.mean(sign[partner] * own.likeness[i]))
         if weight.sum() >= _FEWEST:
             off = np.array([_common(rows) for rows in own.level[:, i : i + 1] - own.level[:, partner]])
             off = np.array([row[_middle(np.abs(row), weight)] for row in off])
-            found[0, i] = distance[i, _middle(distance[i], weight)]
-            found[2, i] = np.exp(off[np.argmax(np.abs(off))])
-    return Comparison(*found)
+            found[i, 1:] = distance[i, _middle(distance[i], weight)], np.exp(off[np.argmax(np.abs(off))])
+    return found
 
 
 def _common(off: FloatArray) -> FloatArray:

@@ -83,6 +83,7 @@ class Findings:
         verdicts: one a hit, in the order of the hits.
         processing: the choices, with those that were made here filled in.
         rate_per_s: rate of the exponential window that the FRFs carry.
+        rate_sd_per_s: its standard deviation, 0 where the hits state one; None where nothing shows whether there was another.
         coupling: the tail of the AC coupled force channel that stands behind the force window; None for none.
         delay: how much later the response is than the force, where resonances show it.
         excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
@@ -93,6 +94,7 @@ class Findings:
     verdicts: tuple[Verdict, ...]
     processing: Processing
     rate_per_s: float
+    rate_sd_per_s: float | None
     coupling: Coupling | None
     delay: Delay | None
     excited_hz: float

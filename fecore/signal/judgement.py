@@ -1,9 +1,8 @@
 """Which hits are good: one probability for each, and the reasons against a bad one.
 
-Each number v of a hit (`traits`, `comparison`) is held against what is usual, as u = v/unit, or, where each campaign has a
-measure of its own, as one of
+Each number v of a hit (`traits`, `comparison`, `placing`) is held against what is usual: as u = v/unit; where each campaign has
+a level of its own as u = v/(unit e^(c - c₀)); and where it has a scatter of its own as
 
-    u = (v - c)/(unit + c + 4 s),    c = (n₁ c₀ + n c_c)/(n₁ + n),    s = (n₁ s₀ + n s_c)/(n₁ + n),
     u = (ln v - c)/(3 s),    s² = (n₀ s₀² + n s_c²)/(n₀ + n),    c = (c₀/τ² + n c_c/2s²)/(1/τ² + n/2s²),
 
 c_c and s_c middle and standard deviation of those of the campaign's n other hits that lie about their shortest half (Rousseeuw
@@ -37,21 +36,18 @@ FALSE_DISCOVERY = 0.75
 """Largest probability of being good that a refused hit has."""
 
 _PRIOR = 10.0  # n₀
-_FEW = 2.0  # n₁
 _BESIDE = 2.5  # standard deviations about the shortest half up to which a value is a usual one
-_OTHER_RANGE = np.log(4.0)  # of ln |H|, from which a range was another and a hit cannot be located
 _FAR_M = 0.008  # that good hits land beside their point
 _TYPICAL_M = 0.006  # that a typical distance stands for at most
 _ALONE_IN = 24  # hits up to which each is held against the others; of more, against all
 _OWN = 5.0  # hits of its own point that the campaign's scale of distances is worth
 _FULL_SCALE = 0.998  # of what is stated, from which a channel is overloaded
-_FAR = 1e6  # u beyond which nothing more is learnt
-_NEVER = 20.0  # u that a number would have to reach to refuse a hit alone: none does
+_FAR = 20.0  # u beyond which nothing more is learnt; a number that refuses a hit alone from there on refuses none
 _HEAVY = 3.0  # part of the logit that is a reason by itself
 _REASON = 0.5  # of the weightiest feature's part of the logit, from which another is a reason too
 
 NAMES = (*OWN, "offset", "unlike", "distance", "gain")
-_FLOOR, _OFFSET, _DISTANCE = OWN.index("floor"), len(OWN), len(OWN) + 2
+_TURNED, _FLOOR, _OFFSET, _DISTANCE = OWN.index("turned"), OWN.index("floor"), len(OWN), len(OWN) + 2
 _LOW = {"height": 1, "gain": 1, "floor": 3}  # bad where they are low, too, and how much wider u is there
 
 
@@ -105,28 +101,26 @@ class Features:
 def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> Features:
     """The features of all hits of a campaign."""
     own = np.array([traits.own for point in points for traits in point.traits])
-    turned = own[:, OWN.index("turned")]
-    own[:, OWN.index("turned")] = turned != (np.median(turned) > 0.5)
-    floor = np.maximum(own[:, OWN.index("floor")], WEIGHTS["floor"].least)
+    turned = own[:, _TURNED] != (np.median(own[:, _TURNED]) > 0.5)
+    own[:, _TURNED] = turned
+    floor = np.maximum(own[:, _FLOOR], WEIGHTS["floor"].least)
     own[:, OWN.index("early")] /= np.maximum(floor, np.median(floor))
     numbers = np.concatenate((own, np.full((len(own), 4), np.nan)), axis=1)
     edges = np.cumsum([0, *(len(point.traits) for point in points)])
     parts = [slice(a, b) for a, b in pairwise(edges)]
-    common = _in_common(numbers[:, _FLOOR], parts, np.ones(len(own), bool))
-    numbers[:, _FLOOR] /= common
-    u = _scaled(numbers)[0]
-    seems = _probability(_logit(u, np.zeros(len(own), bool)))
+    louder = np.maximum(_in_common(numbers[:, _FLOOR], parts, np.ones(len(own), bool)), 1.0)
+    numbers[:, _FLOOR] /= louder
+    seems = _probability(_logit(_scaled(numbers)[0], np.zeros(len(own), bool)))
     good = seems > 0.5
     usual = usual_apart([point.pairs for point in points], [good[part] for part in parts])
     for point, part in zip(points, parts, strict=True):
-        found = compare(point.pairs, seems[part], usual)
-        numbers[part, -3:] = np.stack((1 - found.likeness, found.distance, found.height), axis=1)
+        numbers[part, -3:] = compare(point.pairs, turned[part], seems[part], usual)
     numbers[:, _DISTANCE] /= _in_common(numbers[:, _DISTANCE], parts, good)
-    comparable = good & ~(numbers[:, -3] > 1) & ~(np.abs(np.log(numbers[:, -1])) > _OTHER_RANGE)
+    comparable = good & ~(numbers[:, -3] > 1)
     _locate(points, positions, [comparable[part] for part in parts], [numbers[part] for part in parts])
     u, usual_numbers, step = _scaled(numbers, good)
-    numbers[:, _FLOOR] *= common
-    usual_numbers[:, _FLOOR] += np.log(common)
+    numbers[:, _FLOOR] *= louder
+    usual_numbers[:, _FLOOR] += np.log(louder)
     return Features(numbers, u, usual_numbers, step, ~np.isfinite(numbers[:, _DISTANCE]))
 
 
@@ -189,19 +183,17 @@ def _scaled(numbers: FloatArray, good: BoolArray | None = None) -> tuple[FloatAr
 
 def _usual(values: FloatArray, known: BoolArray, row: Weight) -> tuple[FloatArray, FloatArray]:
     """(N,) usual value and step of u that each hit is held against."""
-    if row.unit and not row.within:
+    if row.unit and not row.between:
         return np.zeros(len(values)), np.full(len(values), row.unit)
+    if row.unit:
+        centre, _ = _usual(np.log(np.maximum(values, row.least)), known, row._replace(unit=0.0))
+        return np.zeros(len(values)), row.unit * np.exp(centre - row.centre)
     count = np.count_nonzero(known)
     if count > _ALONE_IN:
         middle, spread, n = np.tile((*_usual_of_most(values[known]), float(count)), (len(values), 1)).T
     else:
         others = [values[known & (np.arange(len(values)) != i)] for i in range(len(values))]
         middle, spread, n = np.array([(*_usual_of_most(o), o.size) if o.size else (0.0, 0.0, 0) for o in others]).T
-    if row.unit:
-        middle, spread = (
-            (n * own + _FEW * prior) / (n + _FEW) for own, prior in ((middle, row.centre), (spread, row.within))
-        )
-        return middle, row.unit + middle + 4 * spread
     square = (_PRIOR * row.within**2 + n * spread**2) / (_PRIOR + n)
     certain = 1 / row.between**2 + n / (2 * square)
     centre = (row.centre / row.between**2 + middle * n / (2 * square)) / certain
@@ -249,7 +241,7 @@ def judge(
     probability = _probability(_logit(found.u, found.alone))
     slack = max(CONSTANT - float(np.log(level / (1 - level))), 0.0) if level > 0 else np.inf
     at = np.expm1(slack / np.array([WEIGHTS[name].weight for name in NAMES])) ** 0.25
-    limit = found.usual + np.where(at < _NEVER, at, np.inf) * found.step
+    limit = found.usual + np.where(at < _FAR, at, np.inf) * found.step
     limit = np.where([bool(WEIGHTS[name].unit) for name in NAMES], limit, np.exp(np.where(limit < 500, limit, np.inf)))
     every = enumerate(traits for point in points for traits in point.traits)
     verdicts = (

@@ -70,12 +70,12 @@ def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, Floa
         if len(shares[i]) < _FEWEST_HITS:
             continue
         own = np.array(list(shares[i].values())) - middle[row]
-        at = slopes(grid, middle, row)
+        slope, unknown = slopes(grid, middle, row)
         size = middle[row] ** 2
         sigma = np.sqrt(
-            _SHARE_ERROR**2 * (size + _LEAST_SHARE * size.mean()) + _CHARGED_M**2 * at.variance.sum(axis=0) + 1e-300
+            _SHARE_ERROR**2 * (size + _LEAST_SHARE * size.mean()) + _CHARGED_M**2 * unknown.sum(axis=0) + 1e-300
         )
-        placed = [_displacement(at.values / sigma, values / sigma) for values in own]
+        placed = [_displacement(slope / sigma, values / sigma) for values in own]
         off = _from_most(np.array([d for d, _ in placed]))
         if off is None:
             continue

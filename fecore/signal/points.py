@@ -53,7 +53,6 @@ def numbers_of(spectra: Spectra, hits: Sequence[Hit]) -> tuple[Point, ComplexArr
     point = Point(
         force=hits[0].force.dof,
         responses=hits[0].pair[1],
-        numbers=tuple(h.number for h in hits),
         traits=traits,
         pairs=pairs(forces[:, spectra.compared], [r[:, spectra.compared] for r in responses]),
         shares=spectra.shares(forces, responses),

@@ -30,9 +30,6 @@ from fecore.signal.points import Preliminary, frfs_of, judge_points, preliminary
 from fecore.signal.spectra import Source, Spectra
 from fecore.signal.unstated import with_unstated_window
 
-_PART_BYTES = 4 * 2**20
-"""Of FRFs, their variance and coherence that are given together; those of one point are not parted."""
-
 _AHEAD = 2  # results a thread that wait for the one before them
 
 Progress = Callable[[float], None]
@@ -59,9 +56,8 @@ def process(source: Source, processing: Processing | None = None, progress: Prog
         InputError: no hits; hits of unlike sampling rate, length, window or kind of response; no hit of any point is
         good.
     """
-    found = list(process_in_parts(source, processing, progress, shelf={}))
-    parts = [item for item in found if isinstance(item, Averages)]
-    return Processed(**{**vars(_joined(parts)), **vars(found[-1])})
+    whole, found = process_in_parts(source, processing, progress, shelf={}, part_bytes=None)
+    return Processed(**{**vars(whole), **vars(found)})
 
 
 def process_in_parts(
@@ -71,6 +67,7 @@ def process_in_parts(
     *,
     shelf: Shelf,
     threads: int = 1,
+    part_bytes: int | None = 4 * 2**20,
 ) -> Iterator[Averages | Findings]:
     """The same for campaigns of any size: the FRFs in parts, in the order of the points, and in the end what was found.
 
@@ -80,6 +77,8 @@ def process_in_parts(
         progress: called with the share of the work that is done, 0 to 1.
         shelf: where the FRFs lie between the passes.
         threads: that look at points at the same time; the result does not depend on them.
+        part_bytes: of FRFs, their variance and coherence that are given together; those of one point are not parted. None
+            gives all as one part.
 
     Raises:
         InputError: as `process`; before the first part is given.
@@ -98,7 +97,8 @@ def process_in_parts(
     )
     count = sum(len(point.responses) for point, own in zip(points, good, strict=True) if own)
     search, heights = DelaySearch(count, spectra.rate), Heights(spectra.frequency, strong)
-    for part in _second_pass(spectra, source, points, good, shelf):
+    most = count if part_bytes is None else max(1, part_bytes // (32 * spectra.lines.size))
+    for part in _second_pass(spectra, source, points, good, shelf, most):
         search.add(part.frfs)
         heights.add(part.frfs)
         yield part
@@ -108,12 +108,13 @@ def process_in_parts(
         verdicts=tuple(v for judged in verdicts for v in judged),
         processing=spectra.processing,
         rate_per_s=spectra.rate,
+        rate_sd_per_s=0.0 if window is None else window.sd,
         coupling=spectra.coupling,
         delay=delay,
         excited_hz=excited,
         strong_hz=strong,
         warnings=(
-            *([] if window is None else [window.sentence]),
+            *([window.sentence] if window is not None and window.rate_per_s else []),
             *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
             *heights.wrong(spectra.processing.strip, spectra.strong_window()),
         ),
@@ -159,10 +160,9 @@ def batched(work: Callable[[int], Result], count: int, threads: int) -> Iterator
 
 
 def _second_pass(
-    spectra: Spectra, source: Source, points: Sequence[Point], good: Sequence[tuple[int, ...]], shelf: Shelf
+    spectra: Spectra, source: Source, points: Sequence[Point], good: Sequence[tuple[int, ...]], shelf: Shelf, most: int
 ) -> Iterator[Averages]:
-    """The FRFs of the good hits, in parts."""
-    most = max(1, _PART_BYTES // (32 * spectra.lines.size))
+    """The FRFs of the good hits, in parts of so many at most."""
     rows: list[tuple[Point, tuple[int, ...], tuple[Estimate, ...]]] = []
     for number, (point, own) in enumerate(zip(points, good, strict=True)):
         if not own:
@@ -172,7 +172,7 @@ def _second_pass(
         if rows and sum(len(row[2]) for row in rows) + len(estimates) > most:
             yield _averages(spectra, rows)
             rows = []
-        rows.append((point, tuple(point.numbers[i] for i in own), estimates))
+        rows.append((point, tuple(point.traits[i].number for i in own), estimates))
     yield _averages(spectra, rows)
 
 
@@ -192,27 +192,6 @@ def _averages(spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tup
         hits=np.array([estimate.hits for estimate in found]),
         used=tuple(numbers for point, numbers, _ in rows for _ in point.responses),
         rate_per_s=spectra.rate,
-    )
-
-
-def _joined(parts: Sequence[Averages]) -> Averages:
-    """All parts as one."""
-    first = parts[0]
-    if len(parts) == 1:
-        return first
-    return Averages(
-        frfs=FrfSet(
-            first.frfs.frequency_hz,
-            np.concatenate([part.frfs.values for part in parts]),
-            tuple(dof for part in parts for dof in part.frfs.responses),
-            tuple(dof for part in parts for dof in part.frfs.references),
-            first.frfs.quantity,
-            np.concatenate([part.frfs.variance for part in parts if part.frfs.variance is not None]),
-        ),
-        coherence=np.concatenate([part.coherence for part in parts]),
-        hits=np.concatenate([part.hits for part in parts]),
-        used=tuple(numbers for part in parts for numbers in part.used),
-        rate_per_s=first.rate_per_s,
     )
 
 

@@ -38,14 +38,6 @@ _SMOOTH = (0.04, 0.1, 0.15, 0.22, 0.33, 0.5)
 
 
 @dataclass(frozen=True)
-class Slopes:
-    """Of K shares at one point: (2, K) slopes along the two axes, 1/m, and their (2, K) variances."""
-
-    values: FloatArray
-    variance: FloatArray
-
-
-@dataclass(frozen=True)
 class _Kernels:
     """Kernels along one axis: k(x_a, x_b) as (F, P, P), ∂k(x, x_b)/∂x at the point asked as (F, P), ∂²k/∂x∂x' there as (F,)."""
 
@@ -61,8 +53,8 @@ def plane(positions: FloatArray) -> FloatArray:
     return found
 
 
-def slopes(places: FloatArray, shares: FloatArray, point: int) -> Slopes:
-    """The slopes at one of the points.
+def slopes(places: FloatArray, shares: FloatArray, point: int) -> tuple[FloatArray, FloatArray]:
+    """(2, K) slopes of K shares at one of the points along the two axes, 1/m, and their (2, K) variances.
 
     Args:
         places: (P, 2) coordinates, m, as `plane` gives them.
@@ -79,7 +71,7 @@ def slopes(places: FloatArray, shares: FloatArray, point: int) -> Slopes:
         along, across = (axis.kernels(*tried) for axis, tried in zip((x, y), _PLATE_WAVES, strict=True))
     scale = np.sqrt((shares[near] ** 2).mean(axis=0)) + 1e-300
     mean, variance = _averaged(along, across, shares[near] / scale)
-    return Slopes(mean * scale, variance * scale**2)
+    return mean * scale, variance * scale**2
 
 
 def _averaged(along: _Kernels, across: _Kernels, values: FloatArray) -> tuple[FloatArray, FloatArray]:

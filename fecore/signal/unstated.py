@@ -7,7 +7,7 @@ and drift hardly reach, is taken in equal parts of a block; under exp(-r t)
 
 r is the mean of the hits' slopes, without those of double hits and the like that lie far from their median. It counts where it
 stands out of their scatter, and where ln s bends far less than it falls: what else rings in a hammer dies away into a floor,
-and a window has none.
+and a window has none. Noise that does not fall shows that there is no window, as surely as its slopes agree.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ _BENT = 0.25  # of the fall, that ln s may bend over the block
 
 @dataclass(frozen=True)
 class SeenRate:
-    """Rate of an exponential window and its standard deviation, 1/s."""
+    """Rate of an exponential window, 0 for none, and its standard deviation, 1/s; None where the noise does not show it."""
 
     rate_per_s: float
-    sd: float
+    sd: float | None
 
     @property
     def sentence(self) -> str:
-        """What a user should know."""
+        """What a user should know of a rate that was seen."""
         return (
             f"the force's noise decays by {self.rate_per_s:.3g} ± {self.sd:.1g} per second in all hits: an exponential window "
             "that is not stated, and that is taken out like a stated one"
@@ -49,26 +49,25 @@ class SeenRate:
 class UnderWindow:
     """Hits whose blocks state the window that was seen."""
 
-    def __init__(self, source: Source, seen: SeenRate) -> None:
-        self.source, self.seen = source, seen
+    def __init__(self, source: Source, rate_per_s: float) -> None:
+        self.source, self.rate = source, rate_per_s
 
     def __len__(self) -> int:
         return len(self.source)
 
     def __getitem__(self, point: int) -> Sequence[Hit]:
-        rate = self.seen.rate_per_s
         return [
             replace(
                 hit,
-                force=replace(hit.force, window_rate_per_s=rate),
-                responses=tuple(replace(block, window_rate_per_s=rate) for block in hit.responses),
+                force=replace(hit.force, window_rate_per_s=self.rate),
+                responses=tuple(replace(block, window_rate_per_s=self.rate) for block in hit.responses),
             )
             for hit in self.source[point]
         ]
 
 
 def with_unstated_window(source: Source) -> tuple[Source, SeenRate | None]:
-    """The same hits with the window that their noise shows, and which; hits that state one, or show none, as they are."""
+    """The same hits with the window that their noise shows, and which; hits that state one as they are, and None."""
     step = max(1, -(-len(source) // _LOOKED_AT))
     sample = [
         hit for number in range(0, len(source), step) for hit in source[number][: max(_LOOKED_AT // len(source), 1)]
@@ -76,25 +75,27 @@ def with_unstated_window(source: Source) -> tuple[Source, SeenRate | None]:
     if any(block.window_rate_per_s for hit in sample for block in (hit.force, *hit.responses)):
         return source, None
     seen = seen_rate(sample)
-    return (source, None) if seen is None else (UnderWindow(source, seen), seen)
+    return (UnderWindow(source, seen.rate_per_s) if seen.rate_per_s else source), seen
 
 
-def seen_rate(hits: Sequence[Hit]) -> SeenRate | None:
-    """The rate by which the noise of the hits' force decays; None where it does not, or there is none."""
+def seen_rate(hits: Sequence[Hit]) -> SeenRate:
+    """The rate by which the noise of the hits' force decays."""
     found = np.array([row for hit in hits if (row := _decay(hit)) is not None])
     if len(found) < _FEWEST_HITS:
-        return None
+        return SeenRate(0.0, None)
     off = np.abs(found - np.median(found, axis=0))
     near = found[(off <= _NEAR * 1.4826 * np.median(off, axis=0)).all(axis=1)]
     if len(near) < _FEWEST_HITS:
-        return None
-    rate, bend = near.mean(axis=0)
+        return SeenRate(0.0, None)
+    rate, bend = (float(x) for x in near.mean(axis=0))
     block = hits[0].samples / hits[0].sample_rate_hz
     least = np.sqrt(6 / hits[0].samples) * np.array([1 / block, 1.0])  # what white noise leaves open, of a few hits too
-    sd, bend_sd = np.maximum(near.std(axis=0), least) / np.sqrt(len(near))
-    if rate < _CERTAIN * sd or abs(bend) > _BENT * rate * block + _CERTAIN * bend_sd:
-        return None
-    return SeenRate(float(rate), float(sd))
+    sd, bend_sd = (float(x) for x in np.maximum(near.std(axis=0), least) / np.sqrt(len(near)))
+    if rate < _CERTAIN * sd:
+        return SeenRate(0.0, float(np.hypot(rate, sd)))
+    if abs(bend) > _BENT * rate * block + _CERTAIN * bend_sd:
+        return SeenRate(0.0, None)
+    return SeenRate(rate, sd)
 
 
 def _decay(hit: Hit) -> tuple[float, float] | None:

@@ -22,23 +22,23 @@ class Weight(NamedTuple):
     least: float = LEAST
 
 
-CONSTANT = 5.07  # b₀
-ALONE = 2.06
+CONSTANT = 5.35  # b₀
+ALONE = 2.00
 """What is taken from the logit of a hit that none is beside."""
 
 WEIGHTS = {
     "lost": Weight(3.00, unit=0.1),
-    "second": Weight(3.00, unit=0.045),
-    "swing": Weight(2.82, unit=0.25),
+    "second": Weight(3.58, unit=0.045),
+    "swing": Weight(3.42, unit=0.25),
     "turned": Weight(3.00, unit=0.1),
-    "flat": Weight(3.11, unit=1),
-    "beyond": Weight(3.16, unit=0.02, centre=0.005, within=0.01),
-    "height": Weight(3.02, centre=4.25, between=0.96, within=0.28),
-    "early": Weight(1.38, centre=0.06, between=1.53, within=0.35),
-    "jump": Weight(1.28, centre=1.01, between=0.19, within=0.13),
-    "floor": Weight(0.57, centre=-8.07, between=1.28, within=0.40),
-    "offset": Weight(3.00, unit=6.3),  # fitted 1.94; so 8 mm refuse a hit alone
-    "unlike": Weight(4.97, unit=1.25),
-    "distance": Weight(1.14, unit=0.5, centre=1, within=0.3),
-    "gain": Weight(0.62, centre=-0.00, between=0.04, within=0.10),
+    "flat": Weight(4.00, unit=1),
+    "beyond": Weight(1.75, unit=0.03, centre=-5.30, between=0.53, within=0.10, least=0.005),
+    "height": Weight(2.32, centre=4.32, between=0.97, within=0.28),
+    "early": Weight(1.66, centre=-0.03, between=1.39, within=0.36),
+    "jump": Weight(1.17, centre=1.01, between=0.19, within=0.12),
+    "floor": Weight(0.77, centre=-7.91, between=1.25, within=0.43),
+    "offset": Weight(3.00, unit=6.3),  # fitted 1.5; so 8 mm refuse a hit alone
+    "unlike": Weight(6.05, unit=1.25),
+    "distance": Weight(1.00, unit=2, centre=0.10, between=0.32, within=0.46),
+    "gain": Weight(0.38, centre=0.00, between=0.01, within=0.10),
 }

@@ -193,14 +193,15 @@ class DampingData:
         return FrfMisfit(frfs, self.model, weighting, variance, gain, common_gain_sd=_COMMON_GAIN_SD, delay_sd=delay)
 
     def window_sd(self) -> float:
-        """Standard deviation of an exponential window's rate 1/τ, 1/s; where none was stated it is one-sided.
+        """Standard deviation of an exponential window's rate 1/τ, 1/s; where none is known it is one-sided.
 
-        A window that nobody stated cannot decay faster than the slowest mode was seen to.
+        A window that nobody stated cannot decay faster than the slowest mode was seen to, less what was stated.
         """
-        if self.inputs.window_rate is not None:
+        if self.inputs.window_rate is not None and self.inputs.window_rate_sd is not None:
             return self.inputs.window_rate_sd
         spacing = float(np.median(np.diff(self.frfs.frequency_hz))) if self.frfs.frequency_hz.size > 1 else 0.0
-        return min(UNSTATED_WINDOW * spacing, float((self.first_ratio * self.row_omega).min()))
+        slowest = float((self.first_ratio * self.row_omega).min()) - (self.inputs.window_rate or 0.0)
+        return min(UNSTATED_WINDOW * spacing, max(slowest, 0.0))
 
 
 def damping_data(

@@ -202,8 +202,8 @@ def coefficient_estimates(
     """Coefficients of the fitted damping law."""
     fit, excursions, pulls = damping.fit, elastic.every_excursion, damping.pulls
     if np.any(damping.window):  # it may have been more than was stated
-        stated = inputs.window_rate is not None
-        window = Excursion("window", np.zeros(0), "both" if stated else "one-sided", stated, "")
+        known = inputs.window_known
+        window = Excursion("window", np.zeros(0), "both" if known else "one-sided", known, "")
         excursions, pulls = (*excursions, window), np.column_stack([pulls, damping.window])
     provenance = _provenance(elastic, inputs, damping)
     estimates = []
@@ -283,7 +283,9 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
             "law from the FRFs against that of the identified modes: errors of the model's shapes, delay"
         )
         words["modes not measured"] = "tails of modes that nobody measured"
-        words["window"] = "stated" if inputs.window_rate is not None else f"no window was stated, {_ASSUMED}"
+        words["window"] = (
+            "stated, or seen in the noise of hits" if inputs.window_known else f"no window was stated, {_ASSUMED}"
+        )
     return words
 
 

@@ -47,7 +47,7 @@ class Inputs:
         delay_sd: of the delay between response and force channel, s.
         window_rate: 1/τ of an exponential window exp(-t/τ) on the response, 1/s, or of both channels; 0 for none, None where
             nobody said.
-        window_rate_sd: of a stated rate, 1/s.
+        window_rate_sd: of a stated rate, 1/s; None where there may have been another window beside it.
 
     Raises:
         InputError: a value is negative or not finite, or the clamp is none.
@@ -65,7 +65,7 @@ class Inputs:
     sensor_mass_sd: float | None = None
     delay_sd: float | None = None
     window_rate: float | None = None
-    window_rate_sd: float = 0.0
+    window_rate_sd: float | None = 0.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -84,6 +84,11 @@ class Inputs:
         """Everything exactly known: no clamp compliance, sensor, window or delay that was not stated."""
         known = cls()
         return replace(known, **{field.name: 0.0 for field in fields(known)})
+
+    @property
+    def window_known(self) -> bool:
+        """Whether the laboratory stated, or its data showed, the window's rate."""
+        return self.window_rate is not None and self.window_rate_sd is not None
 
     def is_stated(self, name: str) -> bool:
         """Whether the laboratory stated a standard deviation itself; names as of `TOLERANCES`."""

@@ -241,14 +241,15 @@ def unstated_window(damping: DampingResult, inputs: Inputs, record_s: float) -> 
         inputs: what the laboratory says of the window.
         record_s: T, the length of the records that the FRFs' line spacing is of.
     """
-    if inputs.window_rate is not None:
+    if inputs.window_known:
         return []
     values, names = damping.fit.coefficients, damping.fit.law.coefficient_names
     shares = np.abs(damping.window / np.where(values == 0, 1.0, values))
     worst = int(np.argmax(shares))
     if shares[worst] < _MATTERS:
         return []
-    rate = looks_windowed(damping.reference.ratios.omega, damping.reference.ratios.ratio, record_s)
+    omega, ratio = damping.reference.ratios.omega, damping.reference.ratios.ratio
+    rate = looks_windowed(omega, ratio - (inputs.window_rate or 0.0) / omega, record_s)
     if rate is None:
         return [found("window_unstated", name=names[worst], percent=100 * shares[worst])]
     return [found("looks_windowed", rate=rate, record=record_s, end=100 * np.exp(-rate * record_s))]

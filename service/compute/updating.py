@@ -135,7 +135,7 @@ def _measured(hits: Hits, processed: Processed) -> Measurement:
         references=tuple(hits.frame.dof(dof) for dof in frfs.references),
     )
     if inputs.window_rate is None:
-        inputs = replace(inputs, window_rate=processed.rate_per_s)
+        inputs = replace(inputs, window_rate=processed.rate_per_s, window_rate_sd=processed.rate_sd_per_s)
     return Measurement(moved, hits.points, None, hits.roving_mass, inputs, hits.frame.point_axes(hits.points))
 
 

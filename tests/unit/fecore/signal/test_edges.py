@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,18 @@ import pytest
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.signal import Block, Hit, Processed, Processing, by_point, each_hit, process
+from fecore.signal import (
+    Averages,
+    Block,
+    Findings,
+    Hit,
+    Processed,
+    Processing,
+    by_point,
+    each_hit,
+    process,
+    process_in_parts,
+)
 from fecore.signal.process import batched
 from fecore.signal.windows import Windows
 
@@ -113,13 +123,17 @@ def test_many_hits_of_a_point_are_compared_as_few_are() -> None:
     assert faults == [[]] * 13 + [["polarity"]]
 
 
-def test_frfs_in_parts_are_those_of_one_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_frfs_in_parts_are_those_of_one_part() -> None:
     hits = [a_hit(n, point=point) for point in (1, 2, 3) for n in (1, 2, 3)]
     whole = processed(*hits)
-    monkeypatch.setattr(import_module("fecore.signal.process"), "_PART_BYTES", 1)
-    parted = processed(*hits)
-    assert np.array_equal(parted.frfs.values, whole.frfs.values)
-    assert (parted.used, parted.warnings, parted.frfs.references) == (whole.used, whole.warnings, whole.frfs.references)
+    *parts, found = process_in_parts(by_point(hits), shelf={}, part_bytes=1)
+    assert isinstance(found, Findings)
+    averages = [part for part in parts if isinstance(part, Averages)]
+    assert len(averages) == 3
+    assert np.array_equal(np.concatenate([part.frfs.values for part in averages]), whole.frfs.values)
+    assert tuple(used for part in averages for used in part.used) == whole.used
+    assert tuple(dof for part in averages for dof in part.frfs.references) == whole.frfs.references
+    assert found.warnings == whole.warnings
 
 
 def test_a_force_window_that_is_longer_than_the_block_takes_nothing() -> None:

@@ -7,7 +7,9 @@ import pytest
 
 from benchmarks.hammer import Bench, random_body, random_laboratory
 from fecore.signal import Hit, Processing, Windows, by_point, process
-from fecore.signal.unstated import seen_rate
+from fecore.signal.unstated import SeenRate, seen_rate
+
+NOT_SHOWN = SeenRate(0.0, None)
 
 
 def hits(rate: float, seed: int = 4, count: int = 6) -> list[Hit]:
@@ -30,13 +32,17 @@ def hits(rate: float, seed: int = 4, count: int = 6) -> list[Hit]:
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_a_window_that_nobody_stated_is_seen(rate: float, seed: int) -> None:
     seen = seen_rate(hits(rate, seed))
-    assert seen is not None
+    assert seen.sd is not None
+    assert seen.rate_per_s > 0
     assert abs(seen.rate_per_s - rate) < max(4 * seen.sd, 0.01)
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_noise_without_a_window_shows_none(seed: int) -> None:
-    assert seen_rate(hits(0.0, seed)) is None
+    seen = seen_rate(hits(0.0, seed))
+    assert seen.rate_per_s == 0
+    assert seen.sd is not None
+    assert seen.sd < 0.1  # and that there is none is sure
 
 
 def test_a_hammer_that_rings_into_its_noise_shows_no_window() -> None:
@@ -46,18 +52,23 @@ def test_a_hammer_that_rings_into_its_noise_shows_no_window() -> None:
         late = np.arange(x.size - np.argmax(x)) / hit.sample_rate_hz
         x[np.argmax(x) :] += 0.02 * x.max() * np.exp(-8 * late) * np.sin(0.3 * hit.sample_rate_hz * late)
         ringing.append(replace(hit, force=replace(hit.force, samples=x)))
-    assert seen_rate(ringing) is None
+    assert seen_rate(ringing) == NOT_SHOWN
 
 
 def test_a_force_without_noise_and_few_hits_show_none() -> None:
     silent = [replace(h, force=replace(h.force, samples=np.where(h.force.samples > 5, 1.0, 0.0))) for h in hits(3.0)]
-    assert seen_rate(silent) is None
-    assert seen_rate(hits(3.0, count=3)) is None
+    assert seen_rate(silent) == NOT_SHOWN
+    assert seen_rate(hits(3.0, count=3)) == NOT_SHOWN
 
 
 def test_the_frfs_carry_the_window_that_was_seen_and_a_warning_says_so() -> None:
     found = process(by_point(hits(1.0)), Processing(windows=Windows()))
     assert found.rate_per_s == pytest.approx(1.0, abs=0.02)
+    assert found.rate_sd_per_s is not None
+    assert 0 < found.rate_sd_per_s < 0.05
     assert any("an exponential window that is not stated" in warning for warning in found.warnings)
     stated = [replace(h, force=replace(h.force, window_rate_per_s=0.7)) for h in hits(1.0)]
-    assert process(by_point(stated), Processing(windows=Windows())).rate_per_s == 0.7
+    found = process(by_point(stated), Processing(windows=Windows()))
+    assert (found.rate_per_s, found.rate_sd_per_s) == (0.7, 0.0)
+    few = process(by_point(hits(0.0, count=3)), Processing(windows=Windows()))
+    assert (few.rate_per_s, few.rate_sd_per_s) == (0.0, None)

@@ -132,6 +132,10 @@ def test_what_is_not_stated_widens_and_what_is_known_does_not(
         assert narrow[name].interval_95[0] < true[name] < narrow[name].interval_95[1]
 
 
+def _half_widths(result: UpdateResult) -> dict[str, float]:
+    return {p.name: (p.interval_95[1] - p.interval_95[0]) / 2 for p in result.parameters}
+
+
 def test_a_stated_window_is_taken_off_the_damping(identified: Measurement, exact: UpdateResult) -> None:
     # 1/τ = 4 1/s on top of what the body has: a0 comes out 8 1/s lower, and nothing else moves.
     seen = {p.name: p.estimate for p in exact.parameters}
@@ -140,6 +144,13 @@ def test_a_stated_window_is_taken_off_the_damping(identified: Measurement, exact
     assert found["a0"] == pytest.approx(seen["a0"] - 8, abs=0.25)
     assert found["a1"] == pytest.approx(seen["a1"], rel=0.01)
     assert found["Ex"] == pytest.approx(seen["Ex"], rel=1e-4)
+    rough = _half_widths(update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=0.5)), COARSE))
+    sure = _half_widths(update(windowed, COARSE))
+    assert rough["a0"] == pytest.approx(np.hypot(sure["a0"], 1.96 * 2 * 0.5), rel=0.1)  # a0 has twice the window's rate
+    assert rough["Ex"] == pytest.approx(sure["Ex"])
+    unsure = update(replace(windowed, inputs=replace(windowed.inputs, window_rate_sd=None)), COARSE)
+    assert _half_widths(unsure)["a0"] > 1.5 * sure["a0"]
+    assert "the response seems to have had an exponential window that is not stated" in unsure.warnings[-1]
     with pytest.raises(InputError, match="more than measured mode 1 decays by"):
         update(replace(identified, inputs=replace(Inputs.exact(), window_rate=40.0)), COARSE)
 
