@@ -116,10 +116,8 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
         InputError: no mode lies in the band, the model has fewer modes, or a point lies off the body.
         ModelError: the eigenproblem cannot be solved.
     """
-    highest = order.highest_hz or _Nominal(body).lowest(order.modes)
-    fine, _ = meshed(body, highest)
-    nominal = _Nominal(fine)
-    modes, count = nominal.up_to(highest, 0 if order.highest_hz else order.modes)
+    fine, nominal, modes, count = _solved(body, order)
+    highest = order.highest_hz or float(modes.frequency_hz[modes.rigid + count - 1])
     elastic = slice(modes.rigid, modes.rigid + count)
     shapes, frequency = modes.shapes[:, elastic], modes.frequency_hz[elastic]
     everywhere = fine.model.at_nodes(shapes)
@@ -149,6 +147,21 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
     )
 
 
+def _solved(body: Body, order: ForecastOrder) -> tuple[Body, _Nominal, NormalModes, int]:
+    """The body on a mesh for the band, its matrices and modes, and how many elastic ones are asked for."""
+    if order.highest_hz is not None:
+        fine, _ = meshed(body, order.highest_hz)
+        nominal = _Nominal(fine)
+        return fine, nominal, *nominal.up_to(order.highest_hz)
+    nominal = _Nominal(body)
+    modes = nominal.lowest(order.modes)
+    fine, _ = meshed(body, float(modes.frequency_hz[modes.rigid + order.modes - 1]))
+    if fine is not body:
+        nominal = _Nominal(fine)
+        modes = nominal.lowest(order.modes)
+    return fine, nominal, modes, order.modes
+
+
 @dataclass(frozen=True)
 class _Nominal:
     """A body's matrices at nominal constants."""
@@ -170,17 +183,18 @@ class _Nominal:
     def _constants(self) -> FloatArray:
         return np.array(list(self.body.nominal.values()))
 
-    def lowest(self, count: int) -> float:
-        """Frequency of so manyth elastic mode, Hz."""
-        return float(self._modes(count).frequency_hz[-1])
+    def lowest(self, count: int) -> NormalModes:
+        """So many elastic modes, and half as many more that FRFs are summed of."""
+        most = self.stiffness.shape[0] - self.body.model.rigid_modes.shape[1]
+        return self._modes(max(count, min(count + count // 2 + 1, most)))
 
-    def up_to(self, highest_hz: float, count: int) -> tuple[NormalModes, int]:
-        """The modes that FRFs up to a frequency are summed of, and how many elastic ones are in the band, or `count`."""
+    def up_to(self, highest_hz: float) -> tuple[NormalModes, int]:
+        """The modes that FRFs up to a frequency are summed of, and how many elastic ones are in the band."""
         below = modes_below(self.stiffness, self.mass, (2 * np.pi * _COVERED * highest_hz) ** 2)
         rigid = self.body.model.rigid_modes.shape[1]
-        modes = self._modes(min(max(below - rigid, count + 1), self.stiffness.shape[0] - rigid))
+        modes = self._modes(min(max(below - rigid, 1), self.stiffness.shape[0] - rigid))
         elastic = modes.frequency_hz[rigid:]
-        count = count or int(np.sum(elastic <= highest_hz))
+        count = int(np.sum(elastic <= highest_hz))
         if not 1 <= count <= MOST_MODES:
             found = f"holds {count} modes; the first is at {elastic[0]:.4g} Hz"
             raise InputError("highest_hz", f"is {highest_hz:g} Hz and {found}, expected 1 to {MOST_MODES} modes")
