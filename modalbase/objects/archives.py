@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 from zipfile import BadZipFile, ZipFile
 
+from modalbase.archive import FORMAT, MANIFEST
 from modalbase.client.errors import ClientError, Exit
-from modalbase.formats.archives import FORMAT, MANIFEST
 
 if TYPE_CHECKING:
     from modalbase.objects.campaigns import Campaign
