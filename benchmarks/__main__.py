@@ -74,6 +74,7 @@ TABLES = {
         Case("recordings", "recordings", "a long wav: hits found and cut, memory", quick="1"),
         Case("live_hits", "database", "the judgement of one hit after another over HTTP", quick="2"),
         Case("search", "search", "the questions of search and an import as the database grows", quick="20"),
+        Case("fleet", "fleet", "monitors' reruns by one worker and two, and what they share", quick="1 4"),
         Case("jobs", "jobs", "what the queue costs, cancelling, two workers over one", quick="20 2 2"),
         Case("pages", "screen", "figure, report and page of a result", quick="3 1 1"),
         Case("start", "screen", "modalbase up on an existing data folder", quick="1"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
+from math import floor, log10
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -52,8 +53,11 @@ def _rate_heading(line: Mapping[str, Any]) -> str:
 
 
 def _rate(line: Mapping[str, Any]) -> str:
+    """A change a year with its interval, to the second digit of the interval's length."""
     low, high = line["relative_interval_95"]
-    return f"{100 * line['relative_per_year']:+.2g} ({100 * low:+.2g} to {100 * high:+.2g})"
+    places = min(6, max(0, 1 - floor(log10(100 * (high - low))))) if high > low else 2
+    middle, low, high = (f"{100 * value:+.{places}f}" for value in (line["relative_per_year"], low, high))
+    return f"{middle} ({low} to {high})"
 
 
 def search(

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 from zipfile import BadZipFile, ZipFile
 
-from modalbase.archives import FORMAT, MANIFEST
+from modalbase.archive import FORMAT, MANIFEST
 from modalbase.client.errors import ClientError, Exit
 
 if TYPE_CHECKING:

@@ -12,6 +12,8 @@ from typing import Any
 import httpx
 import psycopg
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import modalbase
 from modalbase.client.errors import ClientError
@@ -210,3 +212,47 @@ def test_a_constant_of_a_set_is_searched(api: httpx.Client, aged: str) -> None:
     assert rows == sorted(rows, key=lambda row: -row["flange.E1"])
     answer = api.get("search/results", params={"filter": "flange.strength > 0"})
     assert "there is no field 'flange.strength'" in answer.json()["errors"][0]["detail"]
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    noun=st.sampled_from(["results", "modes"]),
+    value=st.one_of(st.sampled_from(["Ex", "frequency_hz", "damping_ratio", "flange.E1"]), st.text(max_size=20)),
+    covariates=st.one_of(
+        st.sampled_from(["", "temperature_c,humidity_percent", "humidity_percent"]), st.text(max_size=20)
+    ),
+    suffix=st.sampled_from(["", "/figure"]),
+)
+def test_no_trend_is_an_error_of_the_service(
+    api: httpx.Client, noun: str, value: str, covariates: str, suffix: str
+) -> None:
+    answer = api.get(f"search/{noun}/trend{suffix}", params={"value": value, "covariates": covariates})
+    assert answer.status_code in (200, 422), answer.text
+
+
+def test_unusual_modes_are_followed(api: httpx.Client, project: str) -> None:
+    """Extreme frequencies, shapes of nothing, campaigns of one moment, unknown climate: lines or notes, and no error."""
+    structure = ok(api.post(f"projects/{project}/structures", json=BEAM), 201)["id"]
+    nothing = [{"point": n, "direction": 3, "real": 0.0, "imag": 0.0} for n in range(1, 10)]
+    nothing.append({**nothing[0], "point": 99, "real": 1.0})  # at a point that the other shapes do not have
+    for number, hz in enumerate([1e-3, 1e-3, 5.0, 5.0, 1e5, 1e5, 5.0, 5.0, 5.0]):
+        body: dict[str, Any] = {"name": str(number), "boundary": "free", "performed_at": "2025-01-01T00:00:00Z"}
+        body["temperature_c"] = None if number % 2 else 20.0
+        campaign = ok(api.post(f"structures/{structure}/campaigns", json=body), 201)["id"]
+        mode = {
+            "frequency_hz": hz,
+            "damping_ratio": 0.0,
+            "frequency_sd_hz": 1e-12,
+            "shape": nothing if number % 2 else shape(1),
+        }
+        ok(
+            api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": [mode, {"frequency_hz": hz}]}),
+            201,
+        )
+    wanted = {"filter": f"project.id = '{project}'"}
+    for value in ("frequency_hz", "damping_ratio"):
+        series = ok(api.get("search/modes/trend", params={**wanted, "value": value}), 200)["series"]
+        assert sum(len(one["points"]) for one in series) == (18 if value == "frequency_hz" else 9)
+        assert all(one["notes"] for one in series)
+        ok(api.get("search/modes/trend/figure", params={**wanted, "value": value}), 200)
+        assert api.get("search/modes/trend/figure", params={**wanted, "value": value, "format": "png"}).is_success

@@ -260,22 +260,3 @@ def _extent(model: FiniteElementModel) -> float:
 
 def _within(value: float, limits: tuple[float, float]) -> bool:
     return limits[0] <= value <= limits[1]
-
-
-def scale_of(constant: str, units: str) -> float:
-    """SI value of one deck unit of a constant that an update has: `E1`, `nu12`, `density`, `t`, `area`, `I1`, `J`, `factor`.
-
-    >>> scale_of("E1", "mm-N-t"), scale_of("nu12", "mm-N-t"), scale_of("t", "mm-N-t")
-    (1000000.0, 1.0, 0.001)
-
-    Raises:
-        FormatError: `units` names none.
-    """
-    u = units_of(units)
-    power = {"t": 1, "area": 2, "I1": 4, "I2": 4, "J": 4}.get(constant)
-    if power is not None:
-        return u.length**power
-    name = constant.partition("_")[0]
-    if name == "density":
-        return u.density
-    return u.stress if name[0] in "EG" else 1.0

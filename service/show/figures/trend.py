@@ -12,6 +12,7 @@ from service.show.figures.marks import (
     Z_95,
     Axis,
     Curve,
+    Dash,
     Figure,
     Mark,
     Panel,
@@ -58,38 +59,21 @@ def trend_figure(trend: Row) -> Figure:
 def _over_time(one: Row, factor: float, color: str, *, alone: bool) -> Iterator[Mark]:
     points, name = one["points"], shortened(f"{one['structure_name']}, {one['name']}")
     times = [point["performed_at"] for point in points]
-    said: Any = {"ids": [str(point["id"]) for point in points], "text": [shortened(p["campaign_name"]) for p in points]}
-    raw = factor * np.array([point["value"] for point in points])
-    corrected = next((line for line in one["lines"] if line["covariates"]), None)
-    if corrected is None:
-        yield Points(times, raw, name, color, error_y=_reach(points, factor), group=name, **said)
-    else:
-        shown = factor * np.array(corrected["corrected"], dtype=float)
-        yield Points(
-            times,
-            raw,
-            f"{name}, as measured",
-            QUIET if alone else color,
-            "circle-open",
-            group=name,
-            listed=alone,
-            **said,
-        )
-        yield Points(
-            times,
-            shown,
-            f"{name}, corrected" if alone else name,
-            color,
-            error_y=_reach(points, factor),
-            group=name,
-            **said,
-        )
+    said: Any = {"group": name, "text": [shortened(point["campaign_name"]) for point in points]}
+    said["ids"] = [point["id"] for point in points]
+    values = factor * np.array([point["value"] for point in points])
+    corrected = next((line["corrected"] for line in one["lines"] if line["covariates"]), None)
+    if corrected is not None:
+        as_it_is = f"{name}, as it is", QUIET if alone else color, "circle-open"
+        yield Points(times, values, *as_it_is, listed=alone, **said)
+        values = factor * np.array(corrected, dtype=float)
+    yield Points(times, values, name, color, error_y=_reach(points, factor), **said)
     for line in one["lines"]:
-        ends, dashed = [factor * value for value in line["ends"]], not line["covariates"]
         beside = " with " + ", ".join(each.split("_")[0] for each in line["covariates"]) if line["covariates"] else ""
         rate = f"{100 * line['relative_per_year']:+.2g} % a year{beside}"
-        said = {"listed": alone, "hover": None, "group": name}
-        yield Curve([times[0], times[-1]], ends, rate, color, "dot" if dashed else "solid", **said)
+        dash: Dash = "solid" if beside else "dot"
+        ends = [factor * value for value in line["ends"]]
+        yield Curve([times[0], times[-1]], ends, rate, color, dash, listed=alone, hover=None, group=name)
 
 
 def _over(one: Row, covariate: str, factor: float, color: str, panel: Panel) -> Mark:

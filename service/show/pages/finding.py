@@ -12,7 +12,6 @@ from urllib.parse import urlencode
 from fastapi import Query, Request
 from fastapi.responses import HTMLResponse
 
-from modalbase.client.searching import rate_rows
 from service.access import CurrentUser, SessionDep
 from service.access import routes as access
 from service.errors import Invalid
@@ -170,7 +169,7 @@ def _trend(visit: Visit, asked: Asked, query: Mapping[str, str]) -> dict[str, An
         found = trend_of(visit.session, visit.user, asked.noun, wanted, asked.trend, COVARIATES[:1])
     address = urlencode({**{k: v for k, v in query.items() if k in ("filter", "q")}, "value": asked.trend})
     notes = [*found.notes, *(note for one in found.series for note in one.notes)]
-    return {"query": address, "rows": rate_rows(found.model_dump()), "notes": list(dict.fromkeys(notes))}
+    return {"query": address, "series": found.series, "notes": list(dict.fromkeys(notes))}
 
 
 def _is_empty(column: Column, rows: Sequence[Mapping[str, Any]]) -> bool:

@@ -20,7 +20,7 @@ from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
 from fecore import __version__
-from modalbase.archives import FORMAT, MANIFEST
+from modalbase.archive import FORMAT, MANIFEST
 from modalbase.formats.frfs.table import DOFS
 from service.access import User
 from service.store.campaigns.operations import campaigns_of, list_points, to_csv

@@ -1,0 +1,89 @@
+"""Three years of a footbridge, with fewer campaigns: each question has the same answer by page, library and command."""
+
+import html
+import json
+import re
+import sys
+from collections.abc import Callable
+
+import httpx
+import pytest
+
+import modalbase
+from examples.footbridge import HAMMERS, LOSS, PER_KELVIN, QUESTIONS, campaign_of, main
+from service.app.supervisor import LocalService
+from tests.support.command import modalbase_here
+from tests.support.places import ROOT
+from tests.support.rest import session_client
+
+CAMPAIGNS = 8
+PAGE = (ROOT / "docs" / "footbridge.md").read_text(encoding="utf-8")
+
+
+def expected() -> dict[str, int]:
+    """What the first six questions must find, from what is made."""
+    made = [campaign_of(number, CAMPAIGNS) for number in range(CAMPAIGNS)]
+    lapsed = sum("2024-04-01" <= f"{when:%Y-%m-%d}" < "2024-10-01" for _, when in made)
+    counts = {
+        "campaigns above 25 °C": 2 * sum(stated["temperature_c"] > 25 for stated, _ in made),
+        "winters of the north stringer": sum(stated["tags"] == ["winter"] for stated, _ in made),
+        "what was measured with the other hammer": 2
+        * sum(stated["instruments"]["hammer"]["model"] != HAMMERS[0] for stated, _ in made),
+        "what the expired calibration touched": 2 * lapsed,
+        "driving-point FRFs of sensor 30517": 2 * CAMPAIGNS,
+        "FRFs of 2024 with the force at point 3": 2 * sum(when.year == 2024 for _, when in made),
+        "first bending modes": 2 * CAMPAIGNS,
+    }
+    assert all(counts.values())
+    return counts
+
+
+@pytest.fixture(scope="module")
+def key(service: LocalService) -> str:
+    """The key of a laboratory that has run the script as a user does."""
+    key = service.new_key("bridge warden")
+    with pytest.MonkeyPatch.context() as patch:
+        words = ["--url", service.url, "--key", key, "--campaigns", str(CAMPAIGNS)]
+        patch.setattr(sys, "argv", ["examples.footbridge", *words])
+        main()
+    return key
+
+
+def test_every_question_is_on_the_page_of_the_documents() -> None:
+    for number, (words, noun, text) in enumerate(QUESTIONS, 1):
+        assert f"| {number} | {words} | `{noun}` | `{text}` |" in PAGE
+    assert len(QUESTIONS) == 10
+
+
+def test_page_library_and_command_give_one_answer(
+    service: LocalService, key: str, new_client: Callable[..., httpx.Client]
+) -> None:
+    place = {"MODALBASE_URL": service.url, "MODALBASE_API_KEY": key}
+    headers = {"Authorization": f"Bearer {key}"}
+    known = expected()
+    with modalbase.connect(service.url, key) as lab, session_client(new_client(), headers, service.url) as browser:
+        for words, noun, text in QUESTIONS:
+            count = lab.find(noun, text).count
+            assert count == known.get(words, count), words
+            assert count > 0, words
+            said = modalbase_here("find", noun, text, "--json", **place)
+            assert json.loads(said.stdout)["count"] == count, said.stderr
+            page = browser.get("/ui/search", params={"noun": noun, "for": text}).text
+            shown = re.search(r'<h2 id="count">([\d,]+) ', page)
+            assert shown is not None, html.unescape(page)
+            assert int(shown[1].replace(",", "")) == count
+
+
+def test_the_trends_have_what_was_made(service: LocalService, key: str) -> None:
+    with modalbase.connect(service.url, key) as lab:
+        constants = lab.find(*QUESTIONS[-1][1:]).trend("Ex").series
+        modes = lab.find(*QUESTIONS[-2][1:]).trend().series
+    for series, share in [*((one, 1.0) for one in constants), *((one, 0.5) for one in modes)]:
+        beside = series["lines"][1]
+        low, high = beside["relative_interval_95"]
+        made = -LOSS[series["structure_name"]] * share
+        assert low - 0.001 < made < high + 0.001, series["structure_name"]  # the loss is of the stiffness when new
+        effect, _ = beside["effects"]["temperature_c"]
+        mean = sum(point["value"] for point in series["points"]) / len(series["points"])
+        assert effect / mean == pytest.approx(-PER_KELVIN * share, rel=0.2)
+    assert {series["name"] for series in modes} == {"mode 1"}
