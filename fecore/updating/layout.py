@@ -250,12 +250,6 @@ class Layout:
         loose = [replace(c, forward=c.forward.unverified(), seek_excursions=lambda _: ()) for c in self.campaigns]
         return replace(self, campaigns=tuple(loose))
 
-    def with_priors(self, sd: Sequence[float] | FloatArray) -> Layout:
-        """The layout of one campaign with other prior standard deviations of its parameters, SI."""
-        (only,) = self.campaigns
-        parametrisation = replace(only.prior, prior_sd=np.asarray(sd))
-        return Layout.of_one(replace(only.forward, parametrisation=parametrisation), only.modes, only.seek_excursions)
-
 
 def with_common(prior: Parametrisation) -> tuple[FloatArray, FloatArray | None]:
     """(p,) standard deviations of ξ by themselves, and the precision that couples constants with a common prior.

@@ -20,10 +20,9 @@ from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
-from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.elastic_starts import sparse_zones, update_from_several_starts
+from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
@@ -39,6 +38,7 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
+from fecore.updating.zones import with_stretches
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
@@ -182,13 +182,7 @@ def _elastic(
     if data.modes is not None:
         layout = Layout.of_one(forward, data.modes, seek)
         elastic = update_from_several_starts(layout, progress, use_shapes=recipe.use_shapes, seed=recipe.seed)
-        if elastic.unlike:
-            return elastic, data.modes
-
-        def refit(other: Layout, former: ElasticResult) -> ElasticResult:
-            return fit(other, use_shapes=recipe.use_shapes, start=former.x, held=former.held)
-
-        return sparse_zones(elastic, refit), data.modes
+        return (elastic if elastic.unlike else with_stretches(elastic, use_shapes=recipe.use_shapes)), data.modes
     assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
