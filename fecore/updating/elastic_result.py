@@ -12,10 +12,12 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
+from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Coupon, Layout
+from fecore.updating.mixing import Mixing, mixings
 from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
@@ -260,6 +262,14 @@ class ElasticResult:
                 )
             )
         return tuple(found)
+
+    def mixings(self, number: int, rows: Sequence[int], columns: Sequence[int], hz: FloatArray) -> tuple[Mixing, ...]:
+        """Which of a campaign's (n,) measured modes, with their elastic partners and frequencies, may be mixed with others."""
+        campaign, state = self.layout.campaigns[number], self.states[number]
+        chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
+        shapes = campaign.modes.shapes
+        seen = None if shapes is None or not rows else np.array([turn_real(shapes[row]).real for row in rows])
+        return mixings(state, columns, hz, seen, self.discrepancy, chain @ self.spanning.total @ chain.T)
 
     # --- of an update of one campaign
 

@@ -301,7 +301,7 @@ def _damping_of_frfs(
 
 def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> DampingOutcome:
     """Laws from the damping ratios of the paired modes, without FRFs."""
-    rows, ratios = paired_ratios(modes, elastic.updated, elastic.believed(0))
+    rows, ratios = paired_ratios(elastic, 0, modes)
     if not rows:
         return DampingOutcome("skipped", "there are no FRFs, and no paired mode has a damping ratio")
     asked = laws_of(recipe, ModalDamping(tuple(np.sort(ratios.omega))), elastic.updated.forward.specimen)

@@ -27,6 +27,9 @@ from fecore.arrays import BoolArray, FloatArray
 DISCREPANCY = 0.001
 """Prior scale s₀ of the model's error in a natural frequency, as a share of it."""
 
+SHAPE_DISCREPANCY = 0.01
+"""Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
+
 DISCREPANCY_DOF = 2.0
 """Degrees of freedom ν₀ of that prior: what two modes would say."""
 
