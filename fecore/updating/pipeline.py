@@ -182,7 +182,7 @@ def _elastic(
     if data.modes is not None:
         layout = Layout.of_one(forward, data.modes, seek)
         elastic = update_from_several_starts(layout, progress, use_shapes=recipe.use_shapes, seed=recipe.seed)
-        return (elastic if elastic.unlike else with_stretches(elastic, use_shapes=recipe.use_shapes)), data.modes
+        return (elastic if elastic.unlike else with_stretches(elastic, recipe)), data.modes
     assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)

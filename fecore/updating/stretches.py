@@ -71,16 +71,11 @@ class Compliance:
 
     Attributes:
         factors: (X,) whether an unknown is the logarithm of a factor over its prior mean.
-        nominal: (X,) prior means of the factors; 1 elsewhere.
+        nominal: (X,) prior means.
     """
 
     factors: BoolArray
     nominal: FloatArray
-
-    @classmethod
-    def of_some(cls, factors: BoolArray, prior_mean: FloatArray) -> Compliance:
-        """With the (X,) prior means of all unknowns."""
-        return cls(factors, np.where(factors, prior_mean, 1.0))
 
     def of(self, x: FloatArray) -> FloatArray:
         """(…, X) unknowns with changes of compliance in the places of factors."""
@@ -88,8 +83,9 @@ class Compliance:
 
     def back(self, y: FloatArray) -> FloatArray:
         """(…, X) unknowns of those with changes of compliance."""
-        change = np.where(self.factors, np.maximum(y * self.nominal, _STIFFEST), 0.0)
-        return np.where(self.factors, -np.log1p(change), y)
+        return np.where(
+            self.factors, -np.log1p(np.maximum(np.where(self.factors, y * self.nominal, 0.0), _STIFFEST)), y
+        )
 
     def slope(self, x: FloatArray) -> FloatArray:
         """(…, X) ∂x/∂y."""
@@ -113,7 +109,7 @@ class Partitions:
             lines: (F + 1,) x of the lines between parts, m.
             part: number of the part that each factor belongs to.
         """
-        self.compliance = compliance
+        self.compliance, self.part, self.count = compliance, part, lines.size - 1
         stretch, log_prior = _stretches(lines, part)
         size = problem.sd(0.0)[compliance.factors].max() / compliance.nominal[compliance.factors].min()
         found = [
@@ -129,6 +125,13 @@ class Partitions:
         mean, covariance = (np.array(each) for each in zip(*moments, strict=True))
         weight = scipy.special.softmax([log for log, *_ in found])
         self.mixture = Mixture(weight, mean, covariance, np.array([given.spread for _, given, *_ in found]))
+
+    @property
+    def change(self) -> FloatArray:
+        """(m, F) changes of compliance of all parts by partition."""
+        change = np.zeros((self.mixture.weight.size, self.count))
+        change[:, self.part] = self.mixture.shift[:, self.compliance.factors]
+        return change
 
     @cached_property
     def mean(self) -> FloatArray:
