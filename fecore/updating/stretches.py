@@ -5,9 +5,10 @@ compliance δ = 1/s - 1/s₀, in which frequencies are more nearly linear than i
 
     δ = V α,     α ~ N(0, σ²),     p(none) = p(one) = p(two),     p(stretch) ∝ 1/length,
 
-the columns of V being 1 in a stretch and 0 outside; σ is one of three sizes. With the other unknowns integrated out, the misfit
-of the frequencies at a discrepancy s is ½ δᵀAδ - cᵀδ, and the evidence of a partition (O'Hagan and Forster, Kendall's Advanced
-Theory of Statistics 2B, 11)
+the columns of V being 1 in a stretch and 0 outside; σ is one of three sizes. As a stretch that is softer and a rest that is
+stiffer are the same body with other moduli, stretches over more than half of it are taken for rare. With the other unknowns
+integrated out, the misfit of the frequencies at a discrepancy s is ½ δᵀAδ - cᵀδ, and the evidence of a partition (O'Hagan and
+Forster, Kendall's Advanced Theory of Statistics 2B, 11)
 
     log p(f | V, s, σ) = ½ cᵀV Q⁻¹Vᵀc - ½ ln |σ²Q| + const(s),     Q = VᵀAV + σ⁻².
 
@@ -28,6 +29,7 @@ from fecore.updating.posterior import LinearProblem, Mixture, grid_of_discrepanc
 _SIZES = (1 / 3, 1.0, 3.0)  # σ over the prior standard deviation of a factor
 _KEPT, _MOST = 1e-5, 600  # of the likest partition's weight, from which others take part, and so many at most
 _COARSE = 5  # of the grid of discrepancies, one in so many
+_HALF, _RARE = 0.5, 0.01  # of a body: the moduli are those of the longer part of it, all but once in a hundred times
 _STIFFEST = -0.9  # least change of a compliance, over its prior mean
 
 
@@ -110,14 +112,15 @@ class Partitions:
             part: number of the part that each factor belongs to.
         """
         self.compliance, self.part, self.count = compliance, part, lines.size - 1
-        stretch, log_prior = _stretches(lines, part)
+        stretch = _stretches(lines, part)
+        share = stretch.T @ np.diff(lines) / (lines[-1] - lines[0])
         size = problem.sd(0.0)[compliance.factors].max() / compliance.nominal[compliance.factors].min()
         found = [
             (log, given, ratio * size, stretch[:, list(chosen)])
             for spread, log_spread in zip(*grid_of_discrepancies(_COARSE), strict=True)
             for given in [_Given(problem, compliance, float(spread), float(log_spread))]
             for ratio in _SIZES
-            for log, chosen in given.likeliest(stretch[part], log_prior, ratio * size)
+            for log, chosen in given.likeliest(stretch[part], share, ratio * size)
         ]
         least = max(log for log, *_ in found) + np.log(_KEPT)
         found = sorted((each for each in found if each[0] > least), key=lambda each: -each[0])[:_MOST]
@@ -169,15 +172,23 @@ class _Given:
         squares = misfit + y @ (g + b) - b[self.rest] @ self.mean
         self.log = log_spread - float(logs + squares + np.linalg.slogdet(own)[1]) / 2
 
-    def likeliest(self, inside: FloatArray, log_prior: FloatArray, size: float) -> list[tuple[float, tuple[int, ...]]]:
-        """The partitions that count, each the numbers of its stretches, with the logarithms of their evidence."""
+    def likeliest(self, inside: FloatArray, share: FloatArray, size: float) -> list[tuple[float, tuple[int, ...]]]:
+        """The partitions that count, each the numbers of its stretches, with the logarithms of their evidence.
+
+        Args:
+            inside: (F, n) of each stretch, 1 for the factors inside.
+            share: (n,) of the body's length.
+            size: σ.
+        """
+        log_prior = -np.log(share) - scipy.special.logsumexp(-np.log(share))
         G, c = inside.T @ self.A @ inside, inside.T @ self.c
         d = np.diag(G) + size**-2
-        one = log_prior + (c**2 / d - np.log(size**2 * d)) / 2
+        one = log_prior + np.log(_RARE) * (share > _HALF) + (c**2 / d - np.log(size**2 * d)) / 2
         i, j = np.triu_indices(c.size, 1)
         both = d[i] * d[j] - G[i, j] ** 2
         squares = (d[j] * c[i] ** 2 + d[i] * c[j] ** 2 - 2 * G[i, j] * c[i] * c[j]) / both
         two = np.log(2) + log_prior[i] + log_prior[j] + (squares - np.log(size**4 * both)) / 2
+        two += np.log(_RARE) * (share[i] + share[j] > _HALF)
         least = max(0.0, one.max(), two.max()) + np.log(_KEPT)
         alone = [(self.log + float(one[k]), (int(k),)) for k in np.flatnonzero(one > least)]
         pairs = [(self.log + float(two[k]), (int(i[k]), int(j[k]))) for k in np.flatnonzero(two > least)]
@@ -193,11 +204,9 @@ class _Given:
         return mean + by @ (inverse @ (inside.T @ self.c)), covariance + by @ inverse @ by.T
 
 
-def _stretches(lines: FloatArray, part: IntArray) -> tuple[FloatArray, FloatArray]:
-    """(F, n) every stretch from line to line with a part that may change, 1 inside; and (n,) logarithms of their prior."""
+def _stretches(lines: FloatArray, part: IntArray) -> FloatArray:
+    """(F, n) every stretch from line to line with a part that may change: 1 inside."""
     number = np.arange(lines.size - 1)
     first, last = np.triu_indices(number.size)
     stretch = ((number[:, None] >= first) & (number[:, None] <= last)).astype(float)
-    stretch = stretch[:, stretch[part].any(axis=0)]
-    log = -np.log(stretch.T @ np.diff(lines))
-    return stretch, log - scipy.special.logsumexp(log)
+    return stretch[:, stretch[part].any(axis=0)]
