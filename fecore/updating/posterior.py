@@ -283,10 +283,14 @@ class LinearProblem:
 
     def at_scatter(self, scatter: float) -> Mixture:
         """The posterior about the estimate where specimens scatter by so much."""
+        return self.at_scatter_with_logs(scatter)[0]
+
+    def at_scatter_with_logs(self, scatter: float) -> tuple[Mixture, FloatArray]:
+        """The same with (m,) logarithms of the weights, which hold those too that are 0 to rounding."""
         spreads = DISCREPANCY * _GRID
         step, covariance, evidence = (part[0] for part in self._solve_all(spreads, np.array([scatter])))
-        weight: FloatArray = scipy.special.softmax(evidence + _log_prior(spreads, DISCREPANCY))
-        return Mixture(weight, step, covariance, spreads)
+        log_weight: FloatArray = scipy.special.log_softmax(evidence + _log_prior(spreads, DISCREPANCY))
+        return Mixture(np.exp(log_weight), step, covariance, spreads), log_weight
 
     def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
         """Logarithm of how much likelier the data are with the scatter's prior than with its scale, and its estimate then."""
