@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -53,10 +54,12 @@ class FlatBody(OfStructure):
     fibre_angle: float
     pieces: tuple[Piece, ...]
     zones: tuple[float, ...]
+    profile: tuple[float, ...]
 
     def _structure(self, plies: tuple[Ply, ...], dofs: tuple[int, ...], clamps: tuple[Clamp, ...] = ()) -> Structure:
         """The structure of plies with the specimen's shape and supports, hinged where a clamp yields."""
-        mesh = strip(*(self.length, self.width, *(self.divisions or (40, 4)), self.zones, self.pieces, self.thickness))
+        lines = divided(self.zones, self.length, self.parts)
+        mesh = strip(*(self.length, self.width, *(self.divisions or (40, 4)), lines, self.pieces, self.thickness))
         held = of_boundary(self.boundary) if self.supports is None else self.supports
         return Structure(
             mesh,
@@ -74,10 +77,23 @@ class FlatBody(OfStructure):
         """A constant of the structure: those of plies have the same name, those of one layer names of the axes x and y."""
         set_name, _, constant = name.rpartition(".")
         if constant == "factor":
-            return own.get(set_name.replace("strip", "zone"))
+            return self._factor(set_name, own)
         if constant == "angle":
             return own.get("fibre_angle", self.fibre_angle)
         return own.get(_NAMES.get(constant, constant) if "Ex" in own else _WHOLE.get(constant, constant))
+
+    def _factor(self, set_name: str, own: dict[str, FloatArray]) -> FloatArray | None:
+        """The factor of a zone, or of a part of one by its share of the zone's change of compliance."""
+        if not self.zones:
+            return None
+        part = int(set_name.removeprefix("strip_")) - 1
+        zone = own[f"zone_{part // self.parts + 1}"]
+        return zone / (zone + self.profile[part] * (1 - zone)) if self.profile else zone
+
+    @property
+    def parts(self) -> int:
+        """Parts of equal length that each zone is divided into."""
+        return max(1, len(self.profile) // (len(self.zones) + 1))
 
     @property
     def root_thickness(self) -> float:
@@ -107,7 +123,8 @@ class Specimen(FlatBody):
         supports: what holds it, where that is not by the boundary's name.
         fibre_angle: of the material's x axis about z from the specimen's, rad.
         pieces: steps and tapers of thickness along x; the thickness is that where no piece lies.
-        zones: x in m of the lines between zones, each with a factor of its stiffness among the constants: `zone_1` and so on.
+        zones: x in m of the lines between zones, each with a factor s of its stiffness among the constants: `zone_1` and so on.
+        profile: changes of compliance 1/s - 1 of equal parts of each zone, over their mean in the zone; even by default.
     """
 
     length: float
@@ -122,6 +139,7 @@ class Specimen(FlatBody):
     fibre_angle: float = 0.0
     pieces: tuple[Piece, ...] = ()
     zones: tuple[float, ...] = ()
+    profile: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.thickness) and self.thickness > 0):
@@ -213,7 +231,7 @@ class LayeredSpecimen(FlatBody):
         boundary, masses, divisions, springs, supports: as of `Specimen`.
         fibre_angle: of the whole stack about z, beside the plies' angles, rad.
         pieces: steps and tapers of thickness along x, of all plies alike; the thickness is that where no piece lies.
-        zones: as of `Specimen`.
+        zones, profile: as of `Specimen`.
     """
 
     length: float
@@ -229,6 +247,7 @@ class LayeredSpecimen(FlatBody):
     fibre_angle: float = 0.0
     pieces: tuple[Piece, ...] = ()
     zones: tuple[float, ...] = ()
+    profile: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         check_zones(self.zones, self.length)
@@ -292,6 +311,14 @@ def check_zones(zones: tuple[float, ...], length: float) -> None:
     ends = np.array([0.0, *zones, length])
     if not np.all(np.isfinite(ends)) or np.any(np.diff(ends) <= 1e-6 * length):
         raise InputError("zones_m", f"are at {list(zones)}, expected rising places between 0 and {length:g} m")
+
+
+def divided(zones: tuple[float, ...], length: float, parts: int) -> tuple[float, ...]:
+    """The lines between zones, and those that divide each into equal parts, m."""
+    if not zones:
+        return ()
+    within = [np.linspace(a, b, parts + 1)[1:] for a, b in pairwise((0.0, *zones, length))]
+    return tuple(np.concatenate(within)[:-1].tolist())
 
 
 def zone_factors(zones: tuple[float, ...]) -> dict[str, float]:

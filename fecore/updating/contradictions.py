@@ -193,9 +193,13 @@ class _Sources:
         value = np.maximum(np.linalg.eigvalsh(left / np.outer(sd, sd)), 0)
         return float(np.sum(np.sqrt(value)) ** 2 / value.sum())
 
-    @cached_property
+    @property
     def posterior(self) -> Mixture:
-        return self.problem.at_scatter(self.scatter)
+        return self.posterior_with_logs[0]
+
+    @cached_property
+    def posterior_with_logs(self) -> tuple[Mixture, FloatArray]:
+        return self.problem.at_scatter_with_logs(self.scatter)
 
     @cached_property
     def contradicting(self) -> list[Check]:
@@ -229,8 +233,8 @@ class _Sources:
 
     @cached_property
     def beside_the_rest(self) -> dict[int, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Each campaign's believed frequencies beside what the others predict: (m,) weights over the discrepancy, (m, n)
-        ln f measured over predicted, and (m, n, n) its covariance.
+        """Each campaign's believed frequencies beside what the others predict: (m,) logarithms of weights over the discrepancy,
+        (m, n) ln f measured over predicted, and (m, n, n) its covariance.
         """
         return {
             number: _beside_the_rest(self.problem, self.elastic.rows[number], self.scatter) for number in self.campaigns
@@ -260,7 +264,7 @@ class _Sources:
         return replace(self, problem=_loosened(self.problem, source, check.slip), statements=others)
 
     def _of_statement(self, source: _Statement) -> Check:
-        posterior, at, own = self.posterior, list(source.places), np.diag(source.sds**2)
+        (posterior, logs), at, own = self.posterior_with_logs, list(source.places), np.diag(source.sds**2)
         mean = self.problem.x[at] + posterior.shift[:, at]
         precision = np.linalg.inv(posterior.covariance[:, at][:, :, at])
         # The source taken out of a Gaussian: W⁻¹ = V⁻¹ + R⁻¹, W⁻¹μ = V⁻¹m + R⁻¹y.
@@ -268,7 +272,7 @@ class _Sources:
         m = (V @ (precision @ mean[..., None] - (source.values / source.sds**2)[:, None]))[..., 0]
         off = source.values - m
         as_stated = _log_gaussian(off, V + own)
-        log_weight = _log(posterior.weight) - as_stated
+        log_weight = logs - as_stated
         weight = scipy.special.softmax(log_weight)
         slipped = [scipy.special.logsumexp(log_weight + _log_gaussian(off, V + k**2 * own)) for k in SLIPS]
         evidence = scipy.special.logsumexp(slipped) - scipy.special.logsumexp(log_weight + as_stated, b=len(SLIPS))
@@ -283,13 +287,14 @@ class _Sources:
 
     def _of_campaign(self, number: int) -> Check:
         kept = self.problem.weights[self.elastic.rows[number]] > 0
-        weight, missed, V = self.beside_the_rest[number]
+        logs, missed, V = self.beside_the_rest[number]
+        weight = np.exp(logs)
         other = self._by_material(number)[np.ix_(kept, kept)]
         along = scipy.linalg.eigh(other, np.einsum("m,mij->ij", weight, V))[1][:, -1]
         z = missed @ along / np.sqrt(along @ V @ along)
         p = min(2 * scipy.special.ndtr(-np.abs(z)) @ weight, _beyond(weight, missed, V))
         as_stated, another, any_body = (
-            scipy.special.logsumexp(_log(weight) + _log_gaussian(missed, V + more))
+            scipy.special.logsumexp(logs + _log_gaussian(missed, V + more))
             for more in (0.0, other, ANYTHING**2 * np.eye(len(other)))
         )
         evidence = np.logaddexp(another, any_body) - np.log(2) - as_stated
@@ -338,10 +343,6 @@ def _loosened(problem: LinearProblem, source: _Statement, slip: float) -> Linear
     )
 
 
-def _log(weight: FloatArray) -> FloatArray:
-    return np.log(np.maximum(weight, 1e-300))
-
-
 def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
     """(m,) ln N(residual; 0, covariance), up to a constant, of (m, n) residuals and (m, n, n) covariances."""
     distance = np.sum(residual * np.linalg.solve(covariance, residual[..., None])[..., 0], axis=1)
@@ -350,11 +351,11 @@ def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _beside_the_rest(problem: LinearProblem, at: slice, scatter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    others = problem.only(~_among(problem, at)).at_scatter(scatter)
+    others, logs = problem.only(~_among(problem, at)).at_scatter_with_logs(scatter)
     kept = problem.weights[at] > 0
     S, noise = problem.sensitivity[at][kept], problem.noise[at, at][np.ix_(kept, kept)]
     spanned = noise + others.scale[:, None, None] ** 2 * np.eye(len(S)) + S @ others.covariance @ S.T
-    return others.weight, problem.residual[at][kept] - others.shift @ S.T, spanned
+    return logs, problem.residual[at][kept] - others.shift @ S.T, spanned
 
 
 def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> float:
@@ -366,7 +367,10 @@ def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> f
 def _agreement(sources: _Sources, number: int) -> Agreement:
     elastic, problem = sources.elastic, sources.problem
     q = len(elastic.layout.shared)
-    p = _beyond(*sources.beside_the_rest[number]) if sources.campaigns else None
+    p = None
+    if sources.campaigns:
+        logs, missed, V = sources.beside_the_rest[number]
+        p = _beyond(np.exp(logs), missed, V)
     alone = problem.only(_among(problem, elastic.rows[number]))
     step, covariance = alone.solve(elastic.discrepancy, elastic.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]

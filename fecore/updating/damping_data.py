@@ -172,6 +172,12 @@ class DampingData:
         known = np.isfinite(sd) & (sd > 0)
         return self.lawful[known], (2 * ratios.ratio * ratios.omega)[known], sd[known] / np.sqrt(share)
 
+    def ratios_of(self, omega: FloatArray, ratio: FloatArray, covariance: FloatArray) -> MeasuredRatios:
+        """Damping ratios of `rows` at (n,) circular frequencies, with their (n, n) covariance, and their shares."""
+        columns = self.lawful - self.elastic.updated.modes.rigid
+        mixings = self.elastic.mixings(0, self.rows, columns.tolist(), omega / (2 * np.pi))
+        return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), self.lawful_strain, mixings)
+
     @cached_property
     def measured_ratios(self) -> MeasuredRatios | None:
         """Damping ratios that the law has to explain as they were measured; None where one of them was not."""
@@ -182,7 +188,7 @@ class DampingData:
         if self.modes.covariance is not None:
             places = len(self.modes) + np.array(self.rows)
             covariance = self.modes.covariance[np.ix_(places, places)]
-        return MeasuredRatios(self.row_omega, measured, covariance / np.outer(measured, measured), self.lawful_strain)
+        return self.ratios_of(self.row_omega, measured, covariance)
 
     def misfit(self, frfs: FrfSet, weighting: Weighting, variance: FloatArray) -> FrfMisfit:
         """The misfit of some FRFs; only `noise` weights give gains and a delay a unit."""

@@ -266,7 +266,7 @@ def _modal_ratios(data: DampingData, modal: DampingFit) -> MeasuredRatios:
     order = np.argsort(data.model.omega[lawful])  # the modal law's coefficients ascend with their knots
     covariance = np.empty((ratio.size, ratio.size))
     covariance[np.ix_(order, order)] = modal.noise_covariance
-    return MeasuredRatios(omega, ratio, covariance / np.outer(ratio, ratio), data.lawful_strain)
+    return data.ratios_of(omega, ratio, covariance)
 
 
 def _starts(law: DampingLaw, start: FloatArray, ratios: MeasuredRatios) -> list[FloatArray]:

@@ -31,11 +31,8 @@ from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import Coupon, Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.posterior import DISCREPANCY, LinearProblem
+from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
-
-SHAPE_DISCREPANCY = 0.01
-"""Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
 
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
 _LATE = 12  # turns after which a fit whose partners change swings, and steps that gain next to nothing are rest

@@ -24,6 +24,7 @@ HOPELESS_MISS = 0.03
 """The same, from which model and measurement do not belong together."""
 
 _DOUBTED = 2.0  # standard deviations of a dimension from which a point of the grid beyond it contradicts it
+_HARDLY = 0.05  # probability of a change of stiffness that is not worth a word
 _NAMED = 4  # points named in one sentence
 
 
@@ -44,6 +45,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
         *map(contradiction, compare_sources(elastic)[0]),
+        *_changed(elastic),
         *_confounded(elastic),
     ]
 
@@ -160,6 +162,15 @@ def _explained(check: Check) -> str:
             f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead of {stated}"
         )
     return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
+
+
+def _changed(elastic: ElasticResult) -> list[Finding]:
+    """Where the stiffness has changed, and where the resolution ends; nothing where it hardly has."""
+    stretches = elastic.stretches
+    if stretches is None or stretches.probability < _HARDLY:
+        return []
+    begin, end, least, most = (1e3 * value for value in stretches.extent())
+    return [found("stiffness_changed", p=stretches.probability, begin=begin, end=end, least=least, most=most)]
 
 
 def _confounded(elastic: ElasticResult) -> list[Finding]:

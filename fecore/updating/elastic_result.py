@@ -6,15 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
+from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Coupon, Layout
+from fecore.updating.mixing import Mixing, mixings
 from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.posterior import (
@@ -28,6 +31,9 @@ from fecore.updating.posterior import (
     spread_over,
 )
 from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
+
+if TYPE_CHECKING:
+    from fecore.updating.stretches import Stretches
 
 REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
@@ -87,6 +93,7 @@ class ElasticResult:
         torn: campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means.
         unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
         coupons: what static tests said of the shared parameters.
+        stretches: where the stiffness has changed, of a body in zones.
     """
 
     layout: Layout
@@ -108,6 +115,7 @@ class ElasticResult:
     torn: tuple[tuple[int, int], ...] = ()
     unlike: bool = False
     coupons: tuple[Coupon, ...] = ()
+    stretches: Stretches | None = None
 
     @cached_property
     def inverse(self) -> FloatArray:
@@ -146,7 +154,7 @@ class ElasticResult:
         """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
         sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        return spread_over(known, self.spanning.total, sd) if self.standing or self.in_doubt else known
+        return known if self.spanning is self.given else spread_over(known, self.spanning.total, sd)
 
     @property
     def in_doubt(self) -> bool:
@@ -167,7 +175,9 @@ class ElasticResult:
 
     @cached_property
     def spanning(self) -> Mixture:
-        """The posterior of x about the estimate over all pairings that are not ruled out, each by its evidence."""
+        """The posterior of x about the estimate over stretches, or over all pairings that are not ruled out."""
+        if self.stretches is not None:
+            return self.stretches.mixture
         if not self.standing:
             return self.mixture
         others = [rival.other for rival in self.standing]
@@ -201,6 +211,14 @@ class ElasticResult:
         """(X,) prior standard deviations between the estimate and the prior means."""
         away: FloatArray = self.x / self.layout.marginal_sd(max(self.scatter, 1e-12))
         return away
+
+    @property
+    def weights(self) -> tuple[FloatArray, ...]:
+        """Of each campaign, of each measured mode whether it is taken for one; 1 without a partner."""
+        found = [np.ones(len(campaign.modes)) for campaign in self.layout.campaigns]
+        for own, pairing, at in zip(found, self.pairings, self.rows, strict=True):
+            own[[row for row, _ in pairing.pairs]] = self.problem.weights[at]
+        return tuple(found)
 
     @property
     def every_excursion(self) -> tuple[Excursion, ...]:
@@ -248,6 +266,14 @@ class ElasticResult:
                 )
             )
         return tuple(found)
+
+    def mixings(self, number: int, rows: Sequence[int], columns: Sequence[int], hz: FloatArray) -> tuple[Mixing, ...]:
+        """Which of a campaign's (n,) measured modes, with their elastic partners and frequencies, may be mixed with others."""
+        campaign, state = self.layout.campaigns[number], self.states[number]
+        chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
+        shapes = campaign.modes.shapes
+        seen = None if shapes is None or not rows else np.array([turn_real(shapes[row]).real for row in rows])
+        return mixings(state, columns, hz, seen, self.discrepancy, chain @ self.spanning.total @ chain.T)
 
     # --- of an update of one campaign
 

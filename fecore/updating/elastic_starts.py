@@ -11,7 +11,7 @@ results with a mode's other candidate in place of its partner. With shapes and w
 partners for ever: then the fit is made with each of the pairings that it went to and fro between held. Every pairing whose
 evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
 
-Where a body has lost stiffness, stage 1 starts again too: the prior of the factors of zones and sets expects nearly all of them
+Where a body of sets has lost stiffness, stage 1 starts again too: the prior of the factors of sets expects nearly all of them
 to be 1. Damage sits in one place or two. A factor of its own for every place, each with the same wide prior, would spread one
 place's loss over its neighbours. So each factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural
 Comput. 4, 1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its prior variance,
@@ -31,7 +31,8 @@ from itertools import pairwise
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import FACTORS, kind_of
+from fecore.body.constants import kind_of
+from fecore.body.structure import Structure
 from fecore.errors import UpdatingError
 from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
@@ -306,26 +307,26 @@ def even_draws(dimensions: int, count: int, seed: int) -> FloatArray:
     return points
 
 
-def sparse_zones(first: ElasticResult, refit: Callable[[Layout, ElasticResult], ElasticResult]) -> ElasticResult:
-    """The elastic update of one campaign with sparse factors of zones and sets; as it is where none is updated.
+def sparse_factors(first: ElasticResult, refit: Callable[[Layout, ElasticResult], ElasticResult]) -> ElasticResult:
+    """The elastic update of one campaign with sparse factors of sets; as it is where none is updated.
 
     Args:
         first: the update with the recipe's priors.
         refit: the update anew with other priors, from a former result.
     """
     prior = first.prior
-    zones = [c for c, name in enumerate(prior.names) if name in prior.body.nominal and kind_of(name) in FACTORS]
-    if not zones:
+    factors = [c for c, name in enumerate(prior.names) if kind_of(name) == "factor"]
+    if not factors or not isinstance(prior.body, Structure):
         return first
-    largest, result = prior.prior_sd[zones], first
+    largest, result = prior.prior_sd[factors], first
     for _ in range(_ROUNDS):
-        now = result.prior.xi_sd[zones]
-        known = np.clip(1 - _variance(result, zones) / now**2, _KNOWN_AT_LEAST, 1.0)
-        wanted = np.clip(np.sqrt(result.x[zones] ** 2 / known), _LEAST, largest)
+        now = result.prior.xi_sd[factors]
+        known = np.clip(1 - _variance(result, factors) / now**2, _KNOWN_AT_LEAST, 1.0)
+        wanted = np.clip(np.sqrt(result.x[factors] ** 2 / known), _LEAST, largest)
         if np.all(np.abs(np.log(wanted / now)) < _SAME):
             break
         sds = prior.prior_sd.copy()
-        sds[zones] = wanted
+        sds[factors] = wanted
         result = refit(first.layout.with_priors(sds), result)
     if result is first:
         return first
@@ -333,9 +334,9 @@ def sparse_zones(first: ElasticResult, refit: Callable[[Layout, ElasticResult], 
     return replace(result, starts=starts, rivals=first.rivals, torn=first.torn)
 
 
-def _variance(result: ElasticResult, zones: list[int]) -> FloatArray:
+def _variance(result: ElasticResult, factors: list[int]) -> FloatArray:
     """(z,) posterior variances of the factors' logarithms."""
     variance: FloatArray = sum(
-        (np.sum(part[zones] ** 2, axis=1) for part in result.sources.values()), np.zeros(len(zones))
+        (np.sum(part[factors] ** 2, axis=1) for part in result.sources.values()), np.zeros(len(factors))
     )
     return variance

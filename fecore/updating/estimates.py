@@ -36,6 +36,9 @@ IN_DOUBT = "which modes are real"
 OTHER_PARTNERS = "partners of the modes"
 """The budget's source for pairings of the modes that are nearly as likely as the chosen one."""
 
+CHANGED_WHERE = "where the stiffness has changed"
+"""The budget's source for stretches of another stiffness that the modes do not tell from each other."""
+
 _SMALLEST_SHARE = 1e-4  # of the variance that is worth a line of the budget
 _DIFFERENT = 0.25  # relative difference of two standard deviations of one posterior that is worth a warning
 _ASSUMED = "assumed: a careful laboratory's"
@@ -126,10 +129,10 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
     variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + given - sum(variance.values()), 0.0)
     if elastic.in_doubt:
         variance[IN_DOUBT] = max(total - given, 0.0)
-    if elastic.standing:
+    if elastic.spanning is not elastic.mixture:
         spanned = float(elastic.spanning.total[place, place])
         variance = {name: part * min(spanned / total, 1.0) for name, part in variance.items()}
-        variance[OTHER_PARTNERS] = max(spanned - total, 0.0)
+        variance[CHANGED_WHERE if elastic.stretches else OTHER_PARTNERS] = max(spanned - total, 0.0)
         core = Spread(float(np.sqrt(spanned)), noise_sd, *elastic.spanning.reach(along), variance)
     else:
         centred = None if samples is None else samples - (elastic.prior.xi_mean + elastic.x)[place]

@@ -145,6 +145,13 @@ FINDINGS = {
         "of plate theory: a prior is too narrow, a constant fixed at a wrong value, or geometry, density or boundary wrong",
         "find the cause before you use the estimates",
     ),
+    "stiffness_changed": Row(
+        None,
+        4,
+        "with a probability of {p:.2g} the stiffness has changed between x = {begin:.3g} and {end:.3g} mm, over {least:.3g} to "
+        "{most:.3g} mm of that: the modes do not resolve it further, so the factor of a zone is the mean over the zone",
+        "more modes would narrow it",
+    ),
     "confounded": Row(
         "with_care",
         10,

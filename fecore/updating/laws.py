@@ -9,8 +9,9 @@ to its own noise and to the discrepancy s₀ = 2 % that any law is allowed:
 
     χ² = rᵀ (C_noise + s₀² 1)⁻¹ r,   r_k = ζ_law(ω_k)/ζ_k - 1,      BIC = χ² + p ln n
 
-with n modes and p coefficients (Schwarz 1978). The law with the least BIC is preferred; 10 is very strong evidence (Kass and
-Raftery 1995).
+with n modes and p coefficients (Schwarz 1978). Two close modes have the shares of strain energy of the angle, by which they may
+be mixed (`mixing`), that suits a law by mechanism best; -2 ln of the angle's probability is beside χ² then. The law with the
+least BIC is preferred; 10 is very strong evidence (Kass and Raftery 1995).
 
 Over several campaigns one law of the material explains the damping ratios of all their modes together, each by the shares of
 strain energy that its own body has at the common estimate:
@@ -29,6 +30,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import softmax
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body, kind_of
@@ -194,37 +196,64 @@ def rank_laws(ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw
 
 
 def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedLaw:
-    """Generalised least squares of ζ_law/ζ = 1; a law that misses more than it may has the wider covariance for it."""
-    ratio, noise = ratios.ratio, ratios.relative_covariance
-    covariance = noise + np.diag(np.full(ratio.size, DAMPING_DISCREPANCY**2))
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
-    basis = ratios.relative_basis(law)
-    unit, scale = unit_columns(basis)
-    gain = np.linalg.pinv(whiten @ unit) @ whiten / scale[:, None]
-    coefficients = gain @ np.ones(ratio.size)
-    relative = basis @ coefficients
-    missed = relative - 1
-    chi_squared = float(np.sum((whiten @ missed) ** 2))
+    """The law at the angles of close modes that suit it best; one that misses more than it may has the wider covariance."""
+    fit, cost, by_angles = _at_best_angles(law, ratios)
+    ratio, coefficients = ratios.ratio, fit.coefficients
     price = coefficients.size * np.log(ratio.size)
-    excess = max(1.0, chi_squared / max(ratio.size - coefficients.size, 1))
-    spread = excess * gain @ covariance @ gain.T
-    possible = bool(np.all(relative > 0)) and not _is_refuted(law, coefficients, spread, ratios, unit)
-    named = np.abs(missed) > _MISSED * np.sqrt(np.diag(covariance))
+    excess = max(1.0, fit.chi_squared / max(ratio.size - coefficients.size, 1))
+    spread = excess * fit.gain @ fit.covariance @ fit.gain.T + by_angles
+    possible = bool(np.all(fit.missed > -1)) and not _is_refuted(law, coefficients, spread, fit.ratios)
+    named = np.abs(fit.missed) > _MISSED * np.sqrt(np.diag(fit.covariance))
     return RankedLaw(
         law=law,
         coefficients=coefficients,
         covariance=spread,
-        noise_covariance=gain @ noise @ gain.T,
-        bic=float(chi_squared + price) if possible else float("inf"),
-        chi_squared=chi_squared,
-        missed=missed,
-        named=tuple((rows[k] + 1, float(missed[k])) for k in np.flatnonzero(named)),
+        noise_covariance=fit.gain @ ratios.relative_covariance @ fit.gain.T,
+        bic=float(fit.chi_squared + cost + price) if possible else float("inf"),
+        chi_squared=fit.chi_squared,
+        missed=fit.missed,
+        named=tuple((rows[k] + 1, float(fit.missed[k])) for k in np.flatnonzero(named)),
     )
 
 
-def _is_refuted(
-    law: DampingLaw, coefficients: FloatArray, covariance: FloatArray, ratios: MeasuredRatios, basis: FloatArray
-) -> bool:
+@dataclass(frozen=True)
+class _Fit:
+    """Generalised least squares of ζ_law/ζ = 1: its (n, n) covariance, (p, n) gain, (p,) coefficients and (n,) misses."""
+
+    ratios: MeasuredRatios
+    covariance: FloatArray
+    gain: FloatArray
+    coefficients: FloatArray
+    missed: FloatArray
+    chi_squared: float
+
+    @classmethod
+    def of(cls, law: DampingLaw, ratios: MeasuredRatios) -> _Fit:
+        covariance = ratios.relative_covariance + np.diag(np.full(ratios.ratio.size, DAMPING_DISCREPANCY**2))
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        basis = ratios.relative_basis(law)
+        unit, scale = unit_columns(basis)
+        gain = np.linalg.pinv(whiten @ unit) @ whiten / scale[:, None]
+        coefficients = gain @ np.ones(ratios.ratio.size)
+        missed = basis @ coefficients - 1
+        return cls(ratios, covariance, gain, coefficients, missed, float(np.sum((whiten @ missed) ** 2)))
+
+
+def _at_best_angles(law: DampingLaw, ratios: MeasuredRatios) -> tuple[_Fit, float, FloatArray]:
+    """The fit where close modes are mixed as suits a law best, the angles' cost, and the coefficients' covariance by them."""
+    best, cost = _Fit.of(law, ratios), 0.0
+    by_angles = np.zeros((best.coefficients.size,) * 2)
+    for mixing in ratios.mixings if isinstance(law, MechanismDamping) else ():
+        fits = [_Fit.of(law, best.ratios.mixed(mixing, change)) for change in mixing.change]
+        scores = np.array([fit.chi_squared for fit in fits]) + mixing.cost
+        chosen = int(np.argmin(scores))
+        off = np.array([fit.coefficients for fit in fits]) - fits[chosen].coefficients
+        by_angles += off.T * softmax(-scores / 2) @ off
+        best, cost = fits[chosen], cost + float(mixing.cost[chosen])
+    return best, cost, by_angles
+
+
+def _is_refuted(law: DampingLaw, coefficients: FloatArray, covariance: FloatArray, ratios: MeasuredRatios) -> bool:
     """Whether a law by mechanism cannot be: a coefficient is negative beyond doubt, or the modes do not distinguish them.
 
     A series in frequency may have negative coefficients, as only its sum is a rate; a mechanism's coefficient is one by itself.
@@ -233,14 +262,14 @@ def _is_refuted(
         return False
     assert ratios.strain is not None, "the law was fitted on shares"
     hidden = any(ratios.strain[:, list(columns)].sum(axis=1).max() < _LEAST_SHARE for _, columns in law.groups)
+    basis = unit_columns(ratios.relative_basis(law))[0]
     together = float(np.linalg.svd(basis, compute_uv=False)[-1]) < _APART
     return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
 
 
 def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:
     """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio."""
-    seen = enumerate(zip(elastic.layout.campaigns, elastic.states, strict=True))
-    parts = {c.name: paired_ratios(c.modes, state, elastic.believed(number))[1] for number, (c, state) in seen}
+    parts = {c.name: paired_ratios(elastic, number, c.modes)[1] for number, c in enumerate(elastic.layout.campaigns)}
     ratios = MeasuredRatios.stacked(list(parts.values()))
     count = ratios.ratio.size
     if not count:

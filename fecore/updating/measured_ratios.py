@@ -11,18 +11,18 @@ A law is never exact: each ratio is off it by a share ε ~ N(0, s²), and s is l
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
-from fecore.correlation import Pairing
 from fecore.dynamics.damping_laws import DampingLaw, fit_ratios
 from fecore.errors import UpdatingError
 from fecore.least_squares import nearest, unit_columns
 from fecore.modes import MeasuredModes
-from fecore.updating.forward import ForwardState
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.mixing import Mixing
 from fecore.updating.posterior import over_scales
 
 TYPED_RATIO_SD = 0.02
@@ -38,22 +38,38 @@ class MeasuredRatios:
         ratio: (n,) damping ratios.
         relative_covariance: (n, n) covariance of their noise, relative.
         strain: (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model.
+        mixings: close modes that may have other shares than these.
     """
 
     omega: FloatArray
     ratio: FloatArray
     relative_covariance: FloatArray
     strain: FloatArray | None = None
+    mixings: tuple[Mixing, ...] = ()
 
     @classmethod
     def stacked(cls, parts: Sequence[MeasuredRatios]) -> MeasuredRatios:
         """Those of several campaigns of one material, one after the other."""
+        first = np.cumsum([0, *(part.ratio.size for part in parts)]).tolist()
+        mixings = [
+            replace(each, rows=tuple(start + row for row in each.rows))
+            for start, part in zip(first, parts, strict=False)
+            for each in part.mixings
+        ]
         return cls(
             np.concatenate([part.omega for part in parts]),
             np.concatenate([part.ratio for part in parts]),
             scipy.linalg.block_diag(*(part.relative_covariance for part in parts)),
             np.vstack([part.strain for part in parts if part.strain is not None]),
+            tuple(mixings),
         )
+
+    def mixed(self, mixing: Mixing, change: FloatArray) -> MeasuredRatios:
+        """With the shares of two modes changed."""
+        assert self.strain is not None, "mixed modes are a model's"
+        strain = self.strain.copy()
+        strain[list(mixing.rows)] += change
+        return replace(self, strain=strain)
 
     def basis(self, law: DampingLaw) -> FloatArray:
         """(n, p) derivative of the ratios by a law's coefficients."""
@@ -66,8 +82,9 @@ class MeasuredRatios:
         return relative
 
 
-def paired_ratios(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -> tuple[list[int], MeasuredRatios]:
-    """Numbers, from 0, of the paired modes that have a damping ratio and strain the body, and these ratios."""
+def paired_ratios(elastic: ElasticResult, number: int, modes: MeasuredModes) -> tuple[list[int], MeasuredRatios]:
+    """Numbers, from 0, of a campaign's paired modes that have a damping ratio and strain the body, and these ratios."""
+    state, pairing = elastic.states[number], elastic.believed(number)
     pairs = [(i, j) for i, j in pairing.pairs if modes.damping_ratio[i] > 0 and not state.on_springs[j]]
     rows, columns = [i for i, _ in pairs], [j for _, j in pairs]
     ratio = modes.damping_ratio[rows]
@@ -76,7 +93,8 @@ def paired_ratios(modes: MeasuredModes, state: ForwardState, pairing: Pairing) -
         places = len(modes) + np.array(rows, dtype=int)
         relative = modes.covariance[np.ix_(places, places)] / np.outer(ratio, ratio)
     strain = state.strain[state.modes.rigid + np.array(columns, dtype=int)]
-    return rows, MeasuredRatios(2 * np.pi * modes.frequency_hz[rows], ratio, relative, strain)
+    hz = modes.frequency_hz[rows]
+    return rows, MeasuredRatios(2 * np.pi * hz, ratio, relative, strain, elastic.mixings(number, rows, columns, hz))
 
 
 def law_of_window(law: DampingLaw, ratios: MeasuredRatios) -> FloatArray:

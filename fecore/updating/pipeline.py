@@ -23,7 +23,7 @@ from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshe
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.elastic_starts import sparse_zones, update_from_several_starts
+from fecore.updating.elastic_starts import sparse_factors, update_from_several_starts
 from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
@@ -39,6 +39,7 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
+from fecore.updating.zones import with_stretches
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
@@ -188,7 +189,7 @@ def _elastic(
         def refit(other: Layout, former: ElasticResult) -> ElasticResult:
             return fit(other, use_shapes=recipe.use_shapes, start=former.x, held=former.held)
 
-        return sparse_zones(elastic, refit), data.modes
+        return with_stretches(sparse_factors(elastic, refit), recipe), data.modes
     assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
@@ -307,7 +308,7 @@ def _damping_of_frfs(
 
 def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> DampingOutcome:
     """Laws from the damping ratios of the paired modes, without FRFs."""
-    rows, ratios = paired_ratios(modes, elastic.updated, elastic.believed(0))
+    rows, ratios = paired_ratios(elastic, 0, modes)
     if not rows:
         return DampingOutcome("skipped", "there are no FRFs, and no paired mode has a damping ratio")
     asked = laws_of(recipe, ModalDamping(tuple(np.sort(ratios.omega))), elastic.updated.forward.specimen)

@@ -27,6 +27,9 @@ from fecore.arrays import BoolArray, FloatArray
 DISCREPANCY = 0.001
 """Prior scale s₀ of the model's error in a natural frequency, as a share of it."""
 
+SHAPE_DISCREPANCY = 0.01
+"""Standard deviation of a measured shape about the model's at a point, as a share of the shape's largest entry."""
+
 DISCREPANCY_DOF = 2.0
 """Degrees of freedom ν₀ of that prior: what two modes would say."""
 
@@ -38,6 +41,7 @@ COMMON = "common material of the sets"
 
 _GRID = np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))  # s over s₀
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
+_POINT = 1e-6  # of the widest Gaussian's standard deviation: what is narrower is a point
 _INFORMED = 0.5  # share of the prior's variance below which the data have supplied most of what is known
 _NULL_SHARE = 0.9  # of the prior's variance that is left along a direction of which the data say next to nothing
 _IN_NULL = 0.1  # share of a parameter's unit vector in the space of such directions that makes it one of theirs
@@ -164,6 +168,7 @@ class Mixture:
         sd = np.sqrt(np.einsum("p,mpq,q->m", along, self.covariance, along))
         if not np.any(sd > 0):
             return 0.0, 0.0
+        sd = np.maximum(sd, _POINT * sd.max())
         widest = float(np.abs(mean).max() + 40 * sd.max())
         tail = (1 - probability) / 2
         low, high = (
@@ -202,7 +207,7 @@ class LinearProblem:
 
     def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
         """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X, X)."""
-        hessian, descent, (misfit,), _ = self._of_data(np.array([spread]))
+        hessian, descent, (misfit,), _ = self.of_data(np.array([spread]))
         precision = self.prior(scatter)
         pull = precision @ self.x
         return (float(misfit) + float(self.x @ pull)) / 2 + self.other_cost, descent[0] - pull, hessian[0] + precision
@@ -278,10 +283,14 @@ class LinearProblem:
 
     def at_scatter(self, scatter: float) -> Mixture:
         """The posterior about the estimate where specimens scatter by so much."""
+        return self.at_scatter_with_logs(scatter)[0]
+
+    def at_scatter_with_logs(self, scatter: float) -> tuple[Mixture, FloatArray]:
+        """The same with (m,) logarithms of the weights, which hold those too that are 0 to rounding."""
         spreads = DISCREPANCY * _GRID
         step, covariance, evidence = (part[0] for part in self._solve_all(spreads, np.array([scatter])))
-        weight: FloatArray = scipy.special.softmax(evidence + _log_prior(spreads, DISCREPANCY))
-        return Mixture(weight, step, covariance, spreads)
+        log_weight: FloatArray = scipy.special.log_softmax(evidence + _log_prior(spreads, DISCREPANCY))
+        return Mixture(np.exp(log_weight), step, covariance, spreads), log_weight
 
     def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
         """Logarithm of how much likelier the data are with the scatter's prior than with its scale, and its estimate then."""
@@ -293,7 +302,7 @@ class LinearProblem:
 
     def _solve_all(self, spreads: FloatArray, scatters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(t, s, X) steps, (t, s, X, X) covariances and (t, s) evidence at every pair of t scatters and s discrepancies."""
-        own, pull, misfit, logs = self._of_data(spreads)
+        own, pull, misfit, logs = self.of_data(spreads)
         precision = np.array([self.prior(float(scatter)) for scatter in scatters])
         hessian = own + precision[:, None]
         descent = pull - (precision @ self.x)[:, None]
@@ -303,7 +312,7 @@ class LinearProblem:
         logs = np.linalg.slogdet(precision)[1][:, None] - np.linalg.slogdet(hessian)[1] - logs
         return step, covariance, (gain + logs) / 2
 
-    def _of_data(self, spreads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def of_data(self, spreads: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """What no scatter changes, for each discrepancy: hessian and descent without the prior's, rᵀW_sr and -log|W_s|."""
         variance = self._variance(spreads)
         weighted = self._weighted(variance, np.column_stack([self.sensitivity, self.residual]))
@@ -314,6 +323,12 @@ class LinearProblem:
         hessian = self.sensitivity.T @ S + np.sum([np.zeros((self.x.size,) * 2), *self.others.values()], axis=0)
         descent = (self.sensitivity.T @ r)[..., 0] + self.other_descent
         return hessian, descent, r[..., 0] @ self.residual, counted
+
+
+def grid_of_discrepancies(coarse: int = 1) -> tuple[FloatArray, FloatArray]:
+    """(s,) values of the discrepancy, one in so many of the grid, and the logarithms of their prior probabilities."""
+    spreads = DISCREPANCY * _GRID[::coarse]
+    return spreads, _log_prior(spreads, DISCREPANCY)
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:

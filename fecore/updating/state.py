@@ -167,6 +167,11 @@ class ForwardState:
         shares: FloatArray = np.where(moving[:, None], energies / value[:, None], 0.0)
         return shares
 
+    @property
+    def energy_forms(self) -> FloatArray:
+        """(q, m, m) φ_jᵀK_qφ_k of all modes by mechanism."""
+        return mode_forms(self.modes, self.stiffness, self._mechanisms(self.theta).T)
+
     @cached_property
     def strain_jacobian(self) -> FloatArray:
         """(p, m, q) derivative of the shares by the parameters."""

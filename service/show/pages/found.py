@@ -42,6 +42,7 @@ REMEDIES: dict[str, tuple[str, str]] = {
     "partners_swing": (CAMPAIGN, ""),
     "frequencies_missed": (MODEL, ""),
     "sources_conflict": (RECIPE, ""),
+    "stiffness_changed": (CAMPAIGN, ""),
     "confounded": (RECIPE, ""),
     "samples_differ": (RECIPE, ""),
     "frfs_unlike": (CAMPAIGN, ""),

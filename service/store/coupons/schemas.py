@@ -101,7 +101,9 @@ class BatchOut(StrictModel):
     structure_id: UUID
     name: str
     constants: list[Constant]
-    sets: list[str]
+    sets: list[str] = Field(
+        description="of a body in space, that are made of the material; none: all that are of one material"
+    )
     published: dict[Constant, PublishedMean]
     conditions: dict[Text, Text]
     coupons: int = Field(description="how many specimens are recorded, excluded ones included")

@@ -109,7 +109,7 @@ class PlanItemOut(StrictModel):
 
     name: str
     test: PlannedTestIn | None = Field(None, description="null: of coupons")
-    coupons: PlannedCouponsIn | None = None
+    coupons: PlannedCouponsIn | None = Field(None, description="null: of a test")
     information_nats: float = Field(
         description="expected, about the material's constants, or the one that was asked about"
     )

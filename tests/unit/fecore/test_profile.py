@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -23,6 +24,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import default_parameters
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from fecore.updating.result import UpdateResult
 
 E, RHO, L, B, T = 70e9, 2700.0, 0.5, 0.01, 0.002
 NARROW = Specimen(L, B, T, OrthotropicMaterial(E, E, E / 2, E / 2, E / 2, 0.0, RHO), divisions=(20, 2))
@@ -128,14 +130,17 @@ def test_a_spring_along_an_edge_weighs_its_length(edge) -> None:
     assert w @ K @ y == pytest.approx(length * (0.5 if edge == "upper" else -0.5) * B if along_x else 0.0, abs=1e-15)
 
 
-def test_a_zone_that_has_lost_stiffness_is_found() -> None:
-    """A cantilever in six zones, the fourth at 75 %: eight frequencies with 0.02 % noise, moduli updated too."""
+LINES = tuple(float(x) for x in np.linspace(0, L, 7)[1:-1])  # of six zones
+
+
+def updated_in_zones(damaged: tuple[float, float], factor: float) -> UpdateResult:
+    """A cantilever that has lost stiffness between two x, from eight frequencies with 0.02 % noise, moduli updated too."""
     material = OrthotropicMaterial(33e9, 32e9, 5.7e9, 4.5e9, 4.5e9, 0.15, 2012.0)
-    lines = tuple(float(x) for x in np.linspace(0, L, 7)[1:-1])
-    body = Specimen(L, 0.04, 0.010, material, divisions=(24, 4), zones=lines)
-    truth = np.array(list({**body.nominal, "Ex": 31e9, "zone_4": 0.75}.values()))
-    model = body.model
-    K, M = model.stiffness.at(body.stiffness_coefficients(truth)), model.mass.at(body.mass_coefficients(truth))
+    body = Specimen(L, 0.04, 0.010, material, divisions=(24, 4), zones=LINES)
+    true = replace(body, zones=damaged, divisions=(60, 4))
+    truth = np.array(list({**true.nominal, "Ex": 31e9, "zone_2": factor}.values()))
+    model = true.model
+    K, M = model.stiffness.at(true.stiffness_coefficients(truth)), model.mass.at(true.mass_coefficients(truth))
     modes = normal_modes(K, M, 8, model.rigid_modes)
     hz = modes.frequency_hz * (1 + 2e-4 * np.random.default_rng(3).standard_normal(8))
     x = np.linspace(0.05, 0.98, 11) * L
@@ -145,15 +150,46 @@ def test_a_zone_that_has_lost_stiffness_is_found() -> None:
     points = {n: (float(a), float(b), 0.0) for n, (a, b) in enumerate(places, start=1)}
     covariance = np.diag(np.concatenate([(2e-4 * hz) ** 2, np.full(8, 1e-8)]))
     measured = MeasuredModes(hz, np.full(8, 0.01), shapes + 0j, tuple(Dof(n, 3) for n in points), covariance)
-    parameters = default_parameters(body)
     recipe = Recipe(
-        parameters=tuple(p for p in parameters if p.name not in ("Ey", "Gyz")), damping_models=("rayleigh",)
+        parameters=tuple(p for p in default_parameters(body) if p.name not in ("Ey", "Gyz")),
+        damping_models=("rayleigh",),
     )
-    found = {
-        p.name: p for p in update(Measurement(None, points, measured, 0.0, Inputs.exact()), body, recipe).parameters
-    }
+    return update(Measurement(None, points, measured, 0.0, Inputs.exact()), body, recipe)
+
+
+def test_a_zone_that_has_lost_stiffness_is_found() -> None:
+    found = {p.name: p for p in updated_in_zones((LINES[2], LINES[3]), 0.75).parameters}
     assert found["zone_4"].interval_95[0] < 0.75 < found["zone_4"].interval_95[1]
     assert found["zone_4"].estimate == pytest.approx(0.75, abs=0.01)
     assert found["zone_4"].interval_95[1] < 0.8
     # The others are held at 1: the loss is not spread over the neighbours.
     assert all(abs(found[f"zone_{k}"].estimate - 1) < 0.01 for k in (1, 2, 3, 5, 6))
+
+
+@pytest.mark.parametrize("damaged", [(0.26, 0.30), (0.40, 0.46)])
+def test_damage_that_no_line_fits_is_in_its_own_zones_alone(damaged) -> None:
+    """Within a zone, or across a line: a zone's factor is its mean, 1/s = ∫ dx/s(x)/L, and the finding says where."""
+    factor, ends = 0.7, np.array([0.0, *LINES, L])
+    result = updated_in_zones(damaged, factor)
+    found = {p.name: p for p in result.parameters}
+    share = np.clip(damaged[1], ends[:-1], ends[1:]) - np.clip(damaged[0], ends[:-1], ends[1:])
+    means = 1 / (1 + share / np.diff(ends) * (1 / factor - 1))
+    for number, mean in enumerate(means, start=1):
+        low, high = found[f"zone_{number}"].interval_95
+        assert low <= mean <= high
+        if mean == 1:
+            assert found[f"zone_{number}"].estimate == pytest.approx(1, abs=0.015)
+    assert any(found[f"zone_{number + 1}"].interval_95[1] < 1 for number in np.flatnonzero(means < 1))
+    (said,) = [each.text for each in result.findings if each.kind == "stiffness_changed"]
+    begin, end, least, most = map(
+        float, re.findall(r"x = ([\d.]+) and ([\d.]+) mm, over ([\d.]+) to ([\d.]+) mm", said)[0]
+    )
+    assert begin == pytest.approx(1e3 * damaged[0], abs=25)  # 1.5 parts of 16.7 mm
+    assert end == pytest.approx(1e3 * damaged[1], abs=25)
+    assert least <= 1e3 * (damaged[1] - damaged[0]) <= most
+
+
+def test_no_zone_has_changed_where_nothing_is_damaged() -> None:
+    result = updated_in_zones((LINES[2], LINES[3]), 1.0)
+    found = {p.name: p for p in result.parameters}
+    assert all(abs(found[f"zone_{k}"].estimate - 1) < 0.002 for k in range(1, 7))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.contradictions import Conflict, compare_sources
+from fecore.updating.contradictions import SLIPS, Conflict, compare_sources
 from fecore.updating.elastic import fit
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
@@ -101,3 +101,24 @@ def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:
     (conflict, *_) = single(thin)
     assert re.search(r"explanation is thickness as (4\.[89]|5)", conflict.text)
     assert conflict.level in ("with_care", "do_not_use")
+
+
+@pytest.mark.parametrize("by", [0.009, 0.06])
+def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
+    """Also where all discrepancies but the largest have a weight that is 0 to rounding, as 60 mm are 120 stated errors."""
+    first, other = strips(1)
+    campaigns = [first, shortened(other, by)]
+    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, scatter=True), coupons=coupons(), scatter=SCATTER)
+    problem, checked = elastic.problem, 0
+    (conflict, *_), _ = compare_sources(elastic, SCATTER)
+    for check in (conflict.cause, *conflict.rivals):
+        if check.kind == "input":
+            at = np.array(elastic.layout.labels) == check.name
+            slipped = [
+                replace(problem, sd=lambda s, k=k, at=at: problem.sd(s) * np.where(at, k, 1.0)).log_evidence(SCATTER)
+                for k in SLIPS
+            ]
+            with_slip = np.logaddexp.reduce(slipped) - np.log(len(SLIPS))
+            assert check.evidence == pytest.approx(with_slip - problem.log_evidence(SCATTER), rel=1e-6)
+            checked += 1
+    assert checked

@@ -1,0 +1,148 @@
+"""Factors of a body's zones, whatever the lines between them: stretches of another stiffness may begin and end anywhere.
+
+One factor for the whole of a zone fits the modes of a body that is damaged between the lines by changes of zones in which
+nothing is. So each zone is divided into parts, and the posterior is that over all stretches of parts (`stretches`), linearised
+at its own mean until that rests. Of a zone its mean is reported, 1/s = (1/L) ∫ dx/s(x), of which modes know more than of how
+long and how deep a stretch is. The model of the result has the mean changes of all parts; a zone's factor scales its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fecore.arrays import FloatArray, IntArray
+from fecore.body.constants import kind_of
+from fecore.body.specimen import LayeredSpecimen, Specimen, divided
+from fecore.updating.elastic import Misfit
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.layout import CampaignModel, Layout
+from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
+from fecore.updating.recipe import Recipe
+from fecore.updating.stretches import Compliance, Partitions, Stretches
+
+_PARTS, _FEWEST = 30, 3  # of a body, about; of a zone, at least
+_ROUNDS, _RESTS = 8, 0.2  # linearisations at most; posterior standard deviations that their point may still move
+_LEAST = 0.003  # relative: a factor that is held more firmly is 1
+
+
+def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
+    """The elastic update of one campaign with zones changed by stretches; as it is where no zone's factor is updated.
+
+    Args:
+        first: the update with one factor for the whole of each zone.
+        recipe: of the update.
+    """
+    prior, only = first.prior, first.only
+    zones = np.array([kind_of(name) == "zone" for name in prior.names])
+    if not zones.any():
+        return first
+    parts = _Parts.of(prior, recipe)
+    layout = _with(only, parts.prior, reduced=False)
+    misfit, x = Misfit(layout, use_shapes=recipe.use_shapes, held=first.held), first.x[parts.column]
+    for _ in range(_ROUNDS):
+        states = layout.solved(x)
+        problem = misfit.linear(x, states, misfit.pair(states), first.weights)
+        partitions = Partitions(problem, parts.compliance, parts.lines, parts.number[parts.number >= 0])
+        moved, x = partitions.mean - parts.compliance.of(x), parts.compliance.back(partitions.mean)
+        if np.all(np.abs(moved) <= _RESTS * partitions.sd):
+            break
+    whole = Compliance(zones, prior.prior_mean)
+    at = whole.back(parts.to_zones @ partitions.mean)
+    mixture = partitions.of(parts.to_zones, whole, at)
+    # MacKay, Neural Comput. 4, 1992: the variance s² of a factor's prior that has the largest evidence is E ξ².
+    known = prior.prior_mean * np.clip(np.sqrt(np.diag(mixture.total) + at**2), _LEAST, prior.xi_sd)
+    body = replace(prior.body, profile=parts.profile(x))  # type: ignore[type-var]
+    layout = _with(only, replace(prior, body=body, prior_sd=np.where(zones, known, prior.prior_sd)))
+    misfit, states = replace(misfit, layout=layout), layout.solved(at)
+    pairings = misfit.pair(states)
+    problem = misfit.linear(at, states, pairings, first.weights)
+    given = problem.mixture(0.0)[0]
+    return replace(
+        first,
+        layout=layout,
+        x=at,
+        states=states,
+        pairings=pairings,
+        problem=problem,
+        given=given,
+        mixture=given,
+        excursions=(only.seek_excursions(states[0]),),
+        stretches=Stretches(parts.lines, partitions.change, mixture),
+    )
+
+
+def _with(campaign: CampaignModel, prior: Parametrisation, *, reduced: bool = True) -> Layout:
+    """The layout of a campaign with other parameters and their body."""
+    forward = replace(campaign.forward, specimen=prior.body, parametrisation=prior, reduced=reduced)
+    return Layout.of_one(forward, campaign.modes, campaign.seek_excursions)
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """The unknowns of an update with those of each zone's parts in the place of its factor.
+
+    Attributes:
+        prior: the parameters with parts.
+        number: (X,) of each, the part that it is the factor of, from 0; -1 of another.
+        column: (X,) its place among the parameters with zones.
+        lines: (F + 1,) x of the lines between parts, m.
+    """
+
+    prior: Parametrisation
+    number: IntArray
+    column: IntArray
+    lines: FloatArray
+
+    @classmethod
+    def of(cls, coarse: Parametrisation, recipe: Recipe) -> _Parts:
+        """Divide the zones of a strip by its parameters with zones, which a recipe has."""
+        body = coarse.body
+        assert isinstance(body, Specimen | LayeredSpecimen), "no other body has zones"
+        count = max(_FEWEST, round(_PARTS / (len(body.zones) + 1)))
+        lines = divided(body.zones, body.length, count)
+
+        def part(name: str, which: int) -> str:
+            return f"zone_{(_number(name) - 1) * count + which}" if kind_of(name) == "zone" else name
+
+        parameters = [
+            replace(each, name=part(each.name, which), tied_to=each.tied_to and part(each.tied_to, which))
+            for each in recipe.parameters or default_parameters(body)
+            for which in range(1, count + 1 if kind_of(each.name) == "zone" else 2)
+        ]
+        prior = parametrise(replace(body, zones=lines), parameters)
+        first = len(coarse.reported)
+        prior = prior.with_inputs(dict(zip(coarse.names[first:], coarse.prior_sd[first:].tolist(), strict=True)))
+        number = np.array([_number(name) - 1 if kind_of(name) == "zone" else -1 for name in prior.names])
+        owner = [f"zone_{k // count + 1}" if k >= 0 else n for k, n in zip(number, prior.names, strict=True)]
+        column = np.array([coarse.names.index(name) for name in owner])
+        return cls(prior, number, column, np.array([0.0, *lines, body.length]))
+
+    @property
+    def compliance(self) -> Compliance:
+        """Which unknowns are factors of parts."""
+        return Compliance(self.number >= 0, self.prior.prior_mean)
+
+    @property
+    def to_zones(self) -> FloatArray:
+        """(p, X) the means over the parts of each zone; of another unknown itself."""
+        mine = self.column == np.arange(self.column.max() + 1)[:, None]
+        return np.asarray(mine / mine.sum(axis=1, keepdims=True))
+
+    def profile(self, x: FloatArray) -> tuple[float, ...]:
+        """Changes of compliance from 1 of the parts at an x, over their zones' means.
+
+        Where the parts of a zone change in both directions, or not at all, its change is even.
+        """
+        factors, profile = self.number >= 0, np.ones(self.lines.size - 1)
+        change = np.where(factors, np.exp(-x) / self.prior.prior_mean - 1, 0.0)
+        mean, size = self.to_zones @ change, self.to_zones @ np.abs(change)
+        uneven = np.abs(mean) > size / 2
+        share = np.where(uneven[self.column], change / np.where(uneven, mean, 1.0)[self.column], 1.0)
+        profile[self.number[factors]] = share[factors]
+        return tuple(profile.tolist())
+
+
+def _number(name: str) -> int:
+    return int(name.rpartition("_")[2])

@@ -1,0 +1,99 @@
+"""Close modes whose shapes are mixed otherwise than the model's: their shares of strain energy, and the ranking of laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.arrays import FloatArray
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.mechanisms import mechanism_weights
+from fecore.body.specimen import OrientedSpecimen
+from fecore.body.supports import PointMass
+from fecore.frf import Dof, along_z
+from fecore.modes import MeasuredModes
+from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.laws import mechanism_laws
+from fecore.updating.measurement import Measurement
+from fecore.updating.mixing import mixings
+from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+from fecore.updating.result import UpdateResult
+
+GLASS = OrthotropicMaterial(38e9, 9e9, 4.2e9, 4.0e9, 3.5e9, 0.28, 1900.0)
+BODY = OrientedSpecimen(0.565, 0.05, 0.01, GLASS, divisions=(30, 4))
+"""A cantilever with torsion at 758 and bending at 762 Hz."""
+
+PLACES = np.array([(u, v) for u in np.linspace(0.04, 0.98, 11) for v in (-0.45, 0, 0.45)]) * [0.565, 0.05]
+LOSS = np.array([20.0, 0.015, 0.031])
+LAWS = ("mechanism", "rayleigh", "caughey4", "modal")
+
+
+def solved(body: OrientedSpecimen) -> ForwardState:
+    prior = parametrise(body, [Parameter("Ex")])
+    return ForwardModel(body, prior, along_z(tuple(range(1, 34))), PLACES, 12, reduced=False).solve(prior.prior_mean)
+
+
+def test_shares_of_turned_modes_are_those_of_turned_shapes() -> None:
+    state = solved(BODY)
+    j, k = 4, 5
+    (mixing,) = mixings(state, [j, k], state.frequency_hz[[j, k]], None, 0.001, np.zeros((1, 1)))
+    assert mixing.rows == (0, 1)
+    prior = state.forward.parametrisation
+    weights = mechanism_weights(BODY, *prior.split(prior.constants(state.theta)))
+    rigid, sine = state.modes.rigid, np.linspace(-1, 1, len(mixing.cost))
+    phi = state.modes.shapes[:, [rigid + j, rigid + k]] / state.modes.omega[[rigid + j, rigid + k]]
+    for at in (0, 7, 20, 33):
+        angle = np.arcsin(sine[at]) / 2
+        turned = phi @ np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        energies = np.array([[shape @ (term @ shape) for term in state.stiffness] for shape in turned.T])
+        shares = energies @ weights.T
+        np.testing.assert_allclose(state.strain[[rigid + j, rigid + k]] + mixing.change[at], shares, atol=1e-9)
+    gap = (
+        np.diff(state.modes.eigenvalue[[rigid + j, rigid + k]])[0]
+        / state.modes.eigenvalue[[rigid + j, rigid + k]].mean()
+    )
+    np.testing.assert_allclose(mixing.cost, (sine * gap / (2 * np.sqrt(2) * 0.001)) ** 2)
+
+
+def measured(true: OrientedSpecimen, noise: float = 0.01) -> tuple[MeasuredModes, FloatArray]:
+    """Eight modes of a body that is damped by mechanism, and their shares of energy in bending along."""
+    state, random = solved(true), np.random.default_rng(1)
+    law, omega = mechanism_laws(true)["mechanism"], 2 * np.pi * state.frequency_hz[:8]
+    shares = state.strain[state.modes.rigid :][:8]
+    hz = omega / 2 / np.pi * (1 + 2e-4 * random.standard_normal(8))
+    ratio = law.basis(omega, shares) @ LOSS / (2 * omega) * (1 + noise * random.standard_normal(8))
+    covariance = np.diag(np.concatenate([(2e-4 * hz) ** 2, (noise * ratio) ** 2]))
+    dofs = tuple(Dof(point, 3) for point in range(1, 34))
+    return MeasuredModes(hz, ratio, state.shapes[:8] + 0j, dofs, covariance), shares[:, 0]
+
+
+def updated(modes: MeasuredModes) -> UpdateResult:
+    points = {n: (float(x), float(y), 0.0) for n, (x, y) in enumerate(PLACES, start=1)}
+    stated = replace(BODY, material=replace(GLASS, Ex=40e9, Gxy=3.9e9))
+    return update(Measurement(None, points, modes), stated, Recipe(damping_models=LAWS))
+
+
+@pytest.mark.parametrize("grams", [0.0, 2.0])
+def test_the_true_law_is_adequate_where_a_sensor_that_nobody_stated_mixes_two_modes(grams) -> None:
+    """2 g at a corner turn torsion and bending, 0.5 % apart, into each other; the model has them apart."""
+    carried = (PointMass(0.98 * 0.565, 0.0225, 1e-3 * grams),) if grams else ()
+    modes, bending = measured(replace(BODY, masses=carried, fibre_angle=np.radians(0.7), divisions=(48, 6)))
+    assert bool(bending[4] > 0.2) is bool(grams)
+    result = updated(modes)
+    laws = {each.name: each for each in result.damping_models}
+    assert laws["mechanism"].preferred
+    assert laws["mechanism"].bic < 10
+    np.testing.assert_allclose(list(laws["mechanism"].coefficients.values()), LOSS, rtol=0.03)
+    assert laws["rayleigh"].bic > 1000
+    assert not [each for each in result.findings if each.kind == "law_inadequate"]
+
+
+def test_without_shapes_the_angle_is_as_unknown_as_the_model_is_wrong() -> None:
+    modes, _ = measured(replace(BODY, masses=(PointMass(0.98 * 0.565, 0.0225, 0.5e-3),), divisions=(48, 6)))
+    laws = {each.name: each for each in updated(replace(modes, shapes=None)).damping_models}
+    assert laws["mechanism"].preferred
+    np.testing.assert_allclose(list(laws["mechanism"].coefficients.values()), LOSS, rtol=0.1)
