@@ -94,8 +94,7 @@ def test_what_campaigns_say_of_one_another() -> None:
 def test_a_window_that_would_change_nothing_is_not_asked_about() -> None:
     law = SimpleNamespace(coefficient_names=("a0", "a1"))
     damping: Any = SimpleNamespace(fit=SimpleNamespace(coefficients=np.array([1.0, 1e-6]), law=law), window=np.zeros(2))
-    given: Any = SimpleNamespace(window_rate=None)
-    assert plausibility.unstated_window(damping, given, 1.0) == []
+    assert plausibility.unstated_window(damping, Inputs(), 1.0) == []
 
 
 FIBRE = OrthotropicMaterial(Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_xy=0.15, density=2000.0)
