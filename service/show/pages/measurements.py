@@ -29,6 +29,7 @@ from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
 from service.store.imports.operations import trace_lines_of
 from service.store.modes import routes as modes
+from service.store.modes.operations import mode_sets_of
 from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, RecordOut
 from service.store.structures import model_routes as models
@@ -128,6 +129,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         point_count=len(points),
         imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
         mode_sets=mode_sets,
+        other_sets=_sets_to_compare(visit, context["campaign"]),
         identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
         records=blocks,
         hit_places=_hit_places(blocks),
@@ -137,6 +139,16 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         jobs=name_jobs(visit, jobs),
         joint=joint_updates_of(visit, context["project"].id, campaign_id),
     )
+
+
+def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, str]]:
+    """Mode sets of the structure, those of this campaign first: key, and a name that says where each is from."""
+    others = campaigns.list_campaigns(campaign.structure_id, visit.session, visit.user, limit=MOST).items
+    names = {each.id: "" if each.id == campaign.id else f", {each.name}" for each in (campaign, *others)}
+    found = [
+        (row.id, row.name + names[row.campaign_id], row.campaign_id) for row in mode_sets_of(visit.session, *names)
+    ]
+    return [(key, name) for key, name, _ in sorted(found, key=lambda each: each[2] != campaign.id)]
 
 
 def _decided(visit: Visit, campaign_id: UUID) -> dict[tuple[int, int, int], HitDecisionOut]:

@@ -143,9 +143,9 @@ document.addEventListener("submit", (event) => {
     location.assign("?" + new URLSearchParams(said));
   } else if ("choose" in form.dataset) {
     event.preventDefault();
-    const chosen = [...form.querySelectorAll("input[name=job]:checked")].map((box) => ["job", box.value]);
-    if (chosen.length) location.assign(form.action + "?" + new URLSearchParams(chosen));
-    else say("Choose at least one result.");
+    const chosen = [...new FormData(form)].filter(([, value]) => value);
+    if (chosen.length > 1) location.assign(form.action + "?" + new URLSearchParams(chosen));
+    else say("Choose at least two to compare.");
   }
 });
 
