@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 from uuid import UUID
 
@@ -40,7 +40,7 @@ Keys = Annotated[list[UUID] | None, Query()]
 class Side:
     """One column: a result, or modes of a campaign without one."""
 
-    name: str  # which tells it from the others
+    name: str  # alike with no other side's
     note: str  # what it is
     address: str  # of its page
     campaign: CampaignOut  # where it was measured
@@ -107,7 +107,7 @@ def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> l
 
 
 def _told_apart(names: Sequence[tuple[str, ...]]) -> list[str]:
-    """As many parts of each name as tell it from the others.
+    """As many parts of each name as no other one has in common with it.
 
     >>> _told_apart([("May", "bar", "1"), ("May", "plate", "2"), ("June", "bar", "3")])
     ['May, bar', 'May, plate', 'June']
@@ -188,11 +188,15 @@ class ByShape:
 
     first: str  # name of the first side
     key: str  # of its mode set
-    hz: list[float]  # of its modes
-    heads: list[str]  # names of the other sides
-    partners: list[list[tuple[float, float, float | None] | None]]  # of each of them: Hz, difference in per cent, MAC
-    notes: list[str]  # of sides that cannot be compared, why
-    others: list[tuple[str, str]]  # names and keys of the sets with shapes there, for a figure
+    hz: list[float] = field(default_factory=list)  # of its modes
+    heads: list[str] = field(default_factory=list)  # names of the other sides
+    partners: list[list[tuple[float, float, float | None] | None]] = field(
+        default_factory=list
+    )  # of each of them: Hz, difference in per cent, MAC
+    notes: list[str] = field(default_factory=list)  # of sides that cannot be compared, why
+    others: list[tuple[str, str]] = field(
+        default_factory=list
+    )  # names and keys of the sets with shapes there, for a figure
 
 
 def _by_shape(visit: Visit, sides: Sequence[Side]) -> ByShape | None:
@@ -201,7 +205,7 @@ def _by_shape(visit: Visit, sides: Sequence[Side]) -> ByShape | None:
     if len(there) < 2:
         return None
     (one, first), *rest = there
-    shown = ByShape(one.name, str(first.id), [], [], [], [], [])
+    shown = ByShape(one.name, str(first.id))
     for side, other in rest:
         try:
             found = likeness(visit.session, first, other)

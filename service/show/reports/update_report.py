@@ -186,10 +186,15 @@ def _annex(document: Mapping[str, Any], draw: Callable[[str], Sequence[Figure]])
     provenance = document["provenance"]
     recipe = json.dumps(provenance["recipe"], ensure_ascii=False, indent=1, sort_keys=True)
     blocks += [Heading("Recipe"), Paragraph(recipe, "code"), Heading("Origin"), _pairs(_origin(provenance))]
-    hashes = [[frf["id"], frf["sha256"]] for frf in provenance["frfs"]]
+    hashes = [[frf["id"], _content(frf)] for frf in provenance["frfs"]]
     if hashes:
         blocks += [Heading("FRFs and their SHA-256"), Table(["FRF", "SHA-256 of its values"], hashes, [False, False])]
     return blocks
+
+
+def _content(frf: Mapping[str, Any]) -> str:
+    """What says that an FRF is the one that was used: its digest, or of one that the update made itself its time blocks."""
+    return frf.get("sha256") or f"made by this update of {counted(len(frf['records']), 'time block')}"
 
 
 def _origin(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:
