@@ -14,6 +14,7 @@ from service.show.reports.blocks import (
     Block,
     Bullets,
     Heading,
+    Letterhead,
     PageBreak,
     Paragraph,
     Picture,
@@ -43,6 +44,7 @@ class UpdateFacts:
     structure: Mapping[str, Any]
     campaign: Mapping[str, Any]
     frfs: int  # how many FRFs were used
+    letterhead: Letterhead | None = None  # who reports, where a setting says so
 
 
 def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> Report:
@@ -55,7 +57,8 @@ def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -
     document = facts.document
     title = f"Updated model: {facts.structure['name']}"
     footer = f"modalbase {document['provenance']['software']['modalbase']}, update job {document['provenance']['update_job']}"
-    return Report(title, footer, [*_first(title, facts), *_second(facts, draw), *_annex(document, draw)])
+    head = [] if facts.letterhead is None else [facts.letterhead]
+    return Report(title, footer, [*head, *_first(title, facts), *_second(facts, draw), *_annex(document, draw)])
 
 
 def _first(title: str, facts: UpdateFacts) -> list[Block]:
