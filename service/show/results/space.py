@@ -20,21 +20,13 @@ from service.show.figures.marks import counted
 from service.show.figures.shapes import turned
 from service.show.results.figure_data import UpdateFigures
 from service.store.imports.operations import trace_lines_of
-from service.store.structures.model_routes import MeshBlockOut
+from service.store.structures.model_routes import MeshBlockOut, PlacesOut
 from service.web import StrictModel
 
 UNSEEN = 0.03
 """Share of the best seen combination of modes below which the points leave open how much there is of one."""
 
 DIGITS = 5
-
-
-class PlacesOut(StrictModel):
-    """Nodes by column."""
-
-    x_m: list[float] = Field(description="m")
-    y_m: list[float] = Field(description="m")
-    z_m: list[float] = Field(description="m")
 
 
 class MeasuredPointOut(StrictModel):
