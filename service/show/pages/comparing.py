@@ -87,13 +87,12 @@ def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> l
     keys = [*(row.job.campaign_id for row in rows), *(each.campaign_id for each in sets)]
     campaigns = {row.id: describe(row) for row in campaigns_of(visit.session, keys)}
     structures = structures_of(visit.session, [each.structure_id for each in campaigns.values()])
-    names = _told_apart(
-        [(row.campaign, row.structure, moment(row.job.created_at)) for row in rows]
-        + [
-            (campaigns[each.campaign_id].name, structures[campaigns[each.campaign_id].structure_id].name, each.name)
-            for each in sets
-        ]
-    )
+    several = len(structures) > 1
+    said = [(row.campaign, row.structure, moment(row.job.created_at)) for row in rows]
+    said += [
+        (campaigns[s.campaign_id].name, structures[campaigns[s.campaign_id].structure_id].name, s.name) for s in sets
+    ]
+    names = _told_apart([each if several else (each[0], each[2]) for each in said])
     results = [
         Side(name, f"update of {moment(row.job.created_at)}", f"ui/update-jobs/{row.job.id}",
              campaigns[row.job.campaign_id], row, _modes_of(visit, row))
@@ -112,8 +111,8 @@ def _told_apart(names: Sequence[tuple[str, ...]]) -> list[str]:
     >>> _told_apart([("May", "bar", "1"), ("May", "plate", "2"), ("June", "bar", "3")])
     ['May, bar', 'May, plate', 'June']
     """
-    count = [Counter(each[: k + 1] for each in names) for k in range(3)]
-    return [", ".join(each[: next((k + 1 for k in range(3) if count[k][each[: k + 1]] == 1), 3)]) for each in names]
+    starts = Counter(each[:k] for each in names for k in range(1, len(each) + 1))
+    return [", ".join(next((each[:k] for k in range(1, len(each)) if starts[each[:k]] == 1), each)) for each in names]
 
 
 def _modes_of(visit: Visit, row: NamedJob) -> ModeSet | None:
