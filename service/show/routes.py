@@ -86,14 +86,14 @@ def get_mode_set_figure(
     session: SessionDep,
     user: CurrentUser,
     asked: Asked,
-    other: Annotated[
+    mode_set: Annotated[
         UUID | None, Query(description="another mode set, of this campaign or another; default: itself")
     ] = None,
 ) -> Response:
     """The figure `mac` of a mode set with another one, at the degrees of freedom that both have."""
     first = mode_set_for(session, user, mode_set_id)
     require_figure(name, "mac")
-    second = first if other is None else mode_set_for(session, user, other)
+    second = first if mode_set is None else mode_set_for(session, user, mode_set)
     return asked.answer(lambda: likeness_figure(session, first, second), name)
 
 

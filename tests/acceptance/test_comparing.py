@@ -71,8 +71,12 @@ def test_poles_and_campaigns_are_judged_by_eye(running: Browser, service: LocalS
 
 def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
     """The first of the fitted poles, which stand in a row on top; the table shows it, and a new set is made of the rest."""
+    page.locator("[data-space]").first.scroll_into_view_if_needed()
+    page.wait_for_selector("[data-space][data-ready]")
+    drawn(page, "[data-frf-viewer]")  # what comes later above would move the diagram
     page.click("summary:has-text('Stabilisation diagram')")
     drawn(page, DIAGRAM)
+    page.wait_for_selector(f"{DIAGRAM} .files a")  # it listens to clicks
     names = page.eval_on_selector(f"{DIAGRAM} .js-plotly-plot", "plot => plot.data.map(trace => trace.name)")
     assert names[0] == "CMIF"
     assert names[-1] == "fitted pole"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 from uuid import UUID
@@ -137,14 +138,14 @@ def _stated(visit: Visit, side: Side) -> Iterator[tuple[str, str]]:
     yield from leaves(side.campaign.model_dump(mode="json", include=members))
     if side.row is None:
         return
-    version = version_of(visit.session, UUID(side.row.result["provenance"]["structure_version"]))  # type: ignore[index]
-    structure = describe_version(version, side.row.structure)
+    structure = describe_version(version_of(visit.session, side.row.job.structure_version_id), side.row.structure)
     yield from leaves(
         structure.model_dump(mode="json", exclude={"tags", "meta", "model"}, exclude_none=True), "structure"
     )
     recipe = side.row.job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     if batch := recipe.get("prior_from_coupon_batch"):
-        recipe["prior_from_coupon_batch"] = coupons.batches.one(visit.session, visit.user, UUID(batch)).name
+        with suppress(NotFound):  # it is gone, and its key says that another one was meant
+            recipe["prior_from_coupon_batch"] = coupons.batches.one(visit.session, visit.user, UUID(batch)).name
     yield from leaves({key: value for key, value in recipe.items() if key != "mode_set"}, "recipe")
 
 
