@@ -83,6 +83,9 @@ class Settings(BaseSettings):
 
     docs: bool = Field(default=True, description="serve the guide, the documentation page and the OpenAPI document")
     pages: bool = Field(default=True, description="serve the pages for the browser, below `/ui/`")
+    laboratory: str = Field(default="", description="name of the laboratory on top of reports; empty: none")
+    laboratory_address: str = Field(default="", description="its address; lines end with `;`")
+    laboratory_logo: Path | None = Field(default=None, description="its logo, a PNG or JPEG file of 1 MiB at most")
     metrics: bool = Field(default=True, description="serve `/metrics`, which asks for no key")
 
     database_pool: PositiveInt = Field(
@@ -154,6 +157,20 @@ class Settings(BaseSettings):
             return make_url(value).set(password=password).render_as_string(hide_password=False)
         except ArgumentError:
             return value  # who connects says what is wrong with it
+
+    @field_validator("laboratory_logo")
+    @classmethod
+    def _picture(cls, value: Path | None) -> Path | None:
+        if value is None:
+            return None
+        try:
+            with value.open("rb") as file:
+                content = file.read(MIB + 1)
+        except OSError as error:
+            raise ValueError(f"cannot read {value}: {error.strerror}") from error
+        if len(content) > MIB or not content.startswith((b"\x89PNG\r\n", b"\xff\xd8\xff")):
+            raise ValueError(f"{value} is no PNG or JPEG of 1 MiB at most")
+        return value
 
     @field_validator("webhook_networks")
     @classmethod

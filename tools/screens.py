@@ -38,7 +38,11 @@ def filled(url: str, key: str) -> list[str]:
         query = {"filename": "angle.inp", "units": "m-N-kg"}
         sent = api.post(f"structures/{bracket}/model", params=query, content=deck())
         finished(api, sent.headers["Location"])
+        project = lab.project("demonstration").id
         own = [
+            f"projects/{project}/joint",
+            f"structures/{bridge}/plan",
+            f"compare?job={job}",
             f"structures/{bridge}",
             f"structures/{bracket}",
             f"monitors/{monitor}",

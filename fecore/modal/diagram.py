@@ -12,6 +12,8 @@ from fecore.modal.lscf import LinearPoles
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between orders: the usual 1 % of stabilisation diagrams
 DAMPING_TOLERANCE = 0.05  # relative, between orders: the usual 5 %
+MOST_CURVES = 3
+"""Singular values of the mode indicator: of more modes at one frequency nobody reads off the number."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +27,8 @@ class Stabilisation:
         frequency_stable: (k,) True where a lower order has a pole within 1 % in frequency.
         damping_stable: (k,) True where that pole is also within 5 % in damping.
         line_hz: (L,) axis of the indicator.
-        indicator: (L,) root of the sum of squares of all FRFs, to be drawn behind the poles.
+        indicator: (L,) root of the sum of squares of all FRFs.
+        cmif: (c, L) the complex mode indicator function, to be drawn behind the poles.
     """
 
     order: IntArray
@@ -35,6 +38,7 @@ class Stabilisation:
     damping_stable: BoolArray
     line_hz: FloatArray
     indicator: FloatArray
+    cmif: FloatArray
 
 
 def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:
@@ -58,7 +62,18 @@ def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:
         damping_stable=still,
         line_hz=arrangement.frequency_hz,
         indicator=np.sqrt(np.sum(np.abs(arrangement.values) ** 2, axis=0)),
+        cmif=mode_indicator(arrangement),
     )
+
+
+def mode_indicator(arrangement: Arrangement) -> FloatArray:
+    """(c, L) the largest singular values of H(ω), roving by fixed dofs, at most three: as many are large at a line as modes are
+    there (complex mode indicator function, Shih et al. 1988). With one fixed dof it is the root of the sum of squares.
+    """
+    whole = np.zeros((arrangement.frequency_hz.size, len(arrangement.roving), len(arrangement.fixed)), dtype=complex)
+    whole[:, arrangement.row[:, 0], arrangement.row[:, 1]] = arrangement.values.T
+    gram = np.einsum("lpm,lpn->lmn", whole.conj(), whole)
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(gram)[:, ::-1][:, :MOST_CURVES], 0)).T
 
 
 def _close(

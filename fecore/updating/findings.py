@@ -291,10 +291,10 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
     """A dozen warnings at most: the gravest first, those that differ in their numbers alone folded into one."""
     groups: dict[str, list[str]] = {}
     for finding in ordered(findings):
-        alike = groups.setdefault(re.sub(r"[-+]?\d[\d.]*", "#", finding.text), [])
+        alike = groups.setdefault(but_numbers(finding.text), [])
         if finding.text not in alike:
             alike.append(finding.text)
-    folded = [_fold(alike) for alike in groups.values()]
+    folded = [fold(alike) for alike in groups.values()]
     if len(folded) <= MOST_WARNINGS:
         return tuple(folded)
     left = len(folded) - MOST_WARNINGS + 1
@@ -334,7 +334,12 @@ def listed(words: Sequence[object], most: int) -> str:
     return ", ".join(map(str, words[:most])) + more
 
 
-def _fold(alike: list[str]) -> str:
+def but_numbers(text: str) -> str:
+    """What warnings that are folded into one have in common: all but their numbers."""
+    return re.sub(r"[-+]?\d[\d.]*", "#", text)
+
+
+def fold(alike: Sequence[str]) -> str:
     """The first of alike warnings, and what the others are about."""
     if len(alike) == 1:
         return alike[0]

@@ -52,6 +52,13 @@ def project_for(
     return row[0]
 
 
+def role_in(session: Session, user: User, project_id: UUID) -> Role | None:
+    """The user's role in a project; None of who is no member. For what is shown: `project_for` decides what may be done."""
+    query = select(Member.role).where(Member.project_id == project_id, Member.user_id == user.id)
+    found: Role | None = session.scalar(query)
+    return found
+
+
 def require_role(project: Project, held: str | None, role: Role, *, resting: bool = False) -> None:
     """Refuse what a user may not do in a project.
 

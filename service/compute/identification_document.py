@@ -70,7 +70,11 @@ def _stabilisation(diagram: Stabilisation) -> dict[str, Any]:
         "damping_ratio": diagram.damping_ratio.tolist(),
         "frequency_stable": diagram.frequency_stable.tolist(),
         "damping_stable": diagram.damping_stable.tolist(),
-        "indicator": {"frequency_hz": diagram.line_hz.tolist(), "rms": diagram.indicator.tolist()},
+        "indicator": {
+            "frequency_hz": diagram.line_hz.tolist(),
+            "rms": diagram.indicator.tolist(),
+            "cmif": diagram.cmif.tolist(),
+        },
     }
 
 

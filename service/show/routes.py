@@ -25,10 +25,12 @@ from service.show.figures.series import series_figure
 from service.show.figures.stabilisation import stabilisation_figure
 from service.show.figures.trend import MOST_RESULTS, results_figure, trend_figure
 from service.show.hits import Chosen, point_blocks, point_shown
+from service.show.likeness import likeness_figure
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
 from service.store.modes.identifications import IDENTIFICATIONS, identification_for
+from service.store.modes.operations import mode_set_for
 from service.store.records.routes import Whole
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, Wanted, bounded
@@ -79,11 +81,25 @@ def get_identification_figure(
     if row.document is None:
         raise IDENTIFICATIONS.no_result(session, row)
     found = up_to_date(row.document)
+    return asked.answer(lambda: stabilisation_figure(found), name, str(row.id))  # what it found never changes
 
-    def draw() -> Figure:
-        return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
 
-    return asked.answer(draw, name, str(row.id))  # what it found never changes
+@router.get("/mode-sets/{mode_set_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["mode sets"])
+def get_mode_set_figure(
+    mode_set_id: UUID,
+    name: FigureName,
+    session: SessionDep,
+    user: CurrentUser,
+    asked: Asked,
+    mode_set: Annotated[
+        UUID | None, Query(description="another mode set, of this campaign or another; default: itself")
+    ] = None,
+) -> Response:
+    """The figure `mac` of a mode set with another one, at the degrees of freedom that both have."""
+    first = mode_set_for(session, user, mode_set_id)
+    require_figure(name, "mac")
+    second = first if mode_set is None else mode_set_for(session, user, mode_set)
+    return asked.answer(lambda: likeness_figure(session, first, second), name)
 
 
 @router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["coupons"])

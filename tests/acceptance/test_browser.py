@@ -59,6 +59,8 @@ def main_job(seen: Watched, key: str, file: Path) -> str:
     seen.click("button:text('Sign in')")
     page.wait_for_url("**/ui/")
     seen.click("a:text('New test')")
+    assert page.input_value("[name='structure/geometry/length_m']") == ""
+    seen.click("a:text('a strip')")
     with page.expect_file_chooser() as chooser:
         seen.click("#file")
     chooser.value.set_files(file)
@@ -270,7 +272,7 @@ def test_who_has_no_mouse_gets_everywhere(running: Browser, service: LocalServic
         assert "not valid" in page.inner_text(".faults")
         assert page.context.cookies() == []
         seen.complaints.clear()  # the console names the 401
-        signed_in(seen, service.new_key("keyboard"), "/ui/new")
+        signed_in(seen, service.new_key("keyboard"), "/ui/new?example=plate")
         page.keyboard.press("Tab")
         assert page.evaluate("document.activeElement.className") == "skip"
         assert page.evaluate("document.activeElement.getBoundingClientRect().left") >= 0

@@ -43,7 +43,11 @@ def test_an_aeroplane_is_imported_and_identified_without_an_invented_geometry(ap
     assert len(kept["modes"]) == len(job["result"]["modes"])
     assert all(len(mode["shape"]) == 74 for mode in kept["modes"])
     figure = ok(api.get(f"identifications/{job['id']}/figures/stabilisation"))
-    orders = [order for trace in figure["data"][1:] for order in trace["y"]]
+    *traces, fitted = [trace for trace in figure["data"] if "marker" in trace]
+    orders = [order for trace in traces for order in trace["y"]]
+    assert fitted["name"] == "fitted pole"
+    assert len(fitted["x"]) >= len(job["result"]["modes"])
+    assert all(np.isclose(fitted["x"], mode["frequency_hz"], rtol=1e-5).any() for mode in job["result"]["modes"])
     assert sorted(orders) == sorted(job["result"]["stabilisation"]["order"])
     marked = [line["x0"] for line in figure["layout"]["shapes"] if line["line"]["dash"] == "solid"]
     assert marked == pytest.approx([mode["frequency_hz"] for mode in job["result"]["modes"]])

@@ -192,7 +192,7 @@ write   editor  PATCH /coupons/{coupon_id}
 read    viewer  GET /structures/{structure_id}/coupon-batches, GET /coupon-batches/{batch_id}
 read    viewer  GET /coupon-batches/{batch_id}/coupons, GET /coupon-batches/{batch_id}/summary, GET /coupons/{coupon_id}
 read    viewer  GET /coupons/{coupon_id}/curve, GET /coupons/{coupon_id}/curve/data, GET /coupons/{coupon_id}/curve/original
-read    viewer  GET /coupons/{coupon_id}/figures/{name}
+read    viewer  GET /coupons/{coupon_id}/figures/{name}, GET /mode-sets/{mode_set_id}/figures/{name}
 
 write   editor  POST /structures/{structure_id}/monitors, PATCH /monitors/{monitor_id}, DELETE /monitors/{monitor_id}
 write   editor  POST /monitors/{monitor_id}/restore, POST /alarms/{alarm_id}/acknowledge

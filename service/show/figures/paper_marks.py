@@ -85,7 +85,8 @@ class Pen:
         return self.axes.scatter(x, y, **look, **(faces or {"c": color}))
 
     def _scaled(self, mark: Points, x: Any, y: Any, scale: Scale) -> Any:
-        look: Any = {"cmap": "cividis", "vmin": scale.low, "vmax": scale.high, "edgecolors": QUIET, "linewidths": 0.4}
+        look: Any = {"cmap": "cividis", "vmin": scale.low, "vmax": scale.high}
+        look |= {"linewidths": 1} if mark.symbol in _THIN else {"edgecolors": QUIET, "linewidths": 0.4}
         area, colors = (_POINTS * mark.size) ** 2, _values(mark.color)
         drawn = self.axes.scatter(x, y, s=area, marker=_SYMBOLS[mark.symbol], c=colors, zorder=3, **look)
         self._bar_of(drawn, scale)

@@ -13,6 +13,8 @@ from service.show.pages.numbers import words
 from service.web.quantities import UNITS
 
 CHECKED_LIST = "choices"
+SCALES = {"_m": ("mm", "0.001"), "_Pa": ("GPa", "1e9"), "_kg": ("g", "0.001")}
+"""What people write in place of the SI unit at the end of a name, and its size."""
 SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
 
 
@@ -28,6 +30,7 @@ class Field:
     options: list[tuple[str, str]] = field(default_factory=list)  # value and words of each choice
     fields: list[Field] = field(default_factory=list)  # of a group, or of one row of a table
     nullable: bool = False  # whether nothing can be said
+    scale: str = ""  # SI of one unit of the field, where people write another one: mm, GPa, g
 
 
 def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]) -> list[Field]:
@@ -69,6 +72,7 @@ def _field(
         "help": _without_json(said),
         "default": outer.get("default"),
         "nullable": nullable,
+        "scale": _scale(label)[1],
     }
     if name in choices:
         return Field(kind="select", options=choices[name], **common)
@@ -112,14 +116,20 @@ def _without_json(said: str) -> str:
     return re.sub(r"\bnull\b", "empty", said).replace("`{}` will do", "everything may stay empty")
 
 
-def _label(name: str) -> str:
-    """A member's name as words, with its unit where the name has one.
+def _scale(name: str) -> tuple[str, str]:
+    """The unit that people write in place of the one that the name ends in, and its size; nothing where it is the same."""
+    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
+    return SCALES.get(ending, ("", ""))
 
-    >>> _label("band_hz")
-    'Band [Hz]'
+
+def _label(name: str) -> str:
+    """A member's name as words, with its unit where the name has one, as people write it.
+
+    >>> _label("band_hz"), _label("mass_kg")
+    ('Band [Hz]', 'Mass [g]')
     """
     for ending, unit in UNITS.items():
         if name.endswith(ending):
-            return f"{_label(name.removesuffix(ending))} [{unit}]"
+            return f"{_label(name.removesuffix(ending))} [{_scale(name)[0] or unit}]"
     text = words(name).replace(" sd", " standard deviation")
     return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from fecore.updating.findings import FINDINGS
+from fecore.updating.findings import FINDINGS, but_numbers, fold
 from service.show.pages.numbers import in_unit
 
 MOST = 3
@@ -85,28 +84,22 @@ def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
     A result of an earlier version has no findings; its reasons and warnings are all notes.
     """
     warnings = [*document["verdict"]["reasons"], *document["warnings"]]
+    findings = document.get("findings") or []
     chosen: dict[str, tuple[str, Step]] = {}
-    for finding in document.get("findings") or []:
+    for finding in findings:
         if finding["kind"] in REMEDIES and finding["kind"] not in chosen and len(chosen) < MOST:
-            chosen[finding["kind"]] = finding["text"], _step(finding, warnings)
-    shown = tuple(_but_numbers(text) for text, _ in chosen.values())
-    rest = [text for text in dict.fromkeys(warnings) if not _but_numbers(text).startswith(shown)]
+            common = but_numbers(finding["text"])
+            alike = list(dict.fromkeys(each["text"] for each in findings if but_numbers(each["text"]) == common))
+            chosen[finding["kind"]] = common, _step(finding, fold(alike).removeprefix(finding["text"]))
+    shown = tuple(common for common, _ in chosen.values())
+    rest = [text for text in dict.fromkeys(warnings) if not but_numbers(text).startswith(shown)]
     return [step for _, step in chosen.values()], rest
 
 
-def _but_numbers(text: str) -> str:
-    """What alike findings have in common, as warnings are folded by."""
-    return re.sub(r"[-+]?\d[\d.]*", "#", text)
-
-
-def _step(finding: Mapping[str, Any], warnings: list[str]) -> Step:
-    """A finding's sentence without its advice, which stands apart; with those that are alike, as the warnings fold them."""
+def _step(finding: Mapping[str, Any], alike: str) -> Step:
+    """A finding's sentence without its advice, which stands apart; `alike` says what else it holds of."""
     place, advice = REMEDIES[finding["kind"]]
-    own = FINDINGS[finding["kind"]].advice
-    text, alike = finding["text"], ""
-    for warning in warnings:
-        if warning.startswith(text) and len(warning) > len(text) + len(alike):
-            alike = warning[len(text) :]
+    own, text = FINDINGS[finding["kind"]].advice, finding["text"]
     if own and text.endswith(own):
         text, advice = text.removesuffix(own).rstrip(";: "), advice or own
     address, link = PLACES[place]

@@ -1,8 +1,9 @@
-"""Pages of joint updates: one material from several campaigns, on its way and as a result."""
+"""Pages of joint updates: one material from several campaigns, asked for, on its way and as a result; and of the next tests."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated
 from uuid import UUID
 
@@ -10,16 +11,57 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from service.jobs.resource import ENDED
+from service.show.pages.forms import fields_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.results import routes as shown
+from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaigns_of
+from service.store.coupons import routes as coupons
+from service.store.modes.operations import mode_sets_of
+from service.store.structures import routes as structures
 from service.store.updating import routes as updating
 from service.store.updating.operations import joint_document, joint_update_for
-from service.store.updating.schemas import JointUpdateOut
+from service.store.updating.schemas import JointUpdateOut, RecipeIn
 from service.web.routing import page_router
 
 router = page_router()
 MOST = 100  # rows of a list on a page
+
+
+@router.get("/projects/{project_id}/joint")
+def get_new_joint(
+    project_id: UUID, visit: VisitDep, campaign: Annotated[list[UUID] | None, Query(max_length=MOST)] = None
+) -> HTMLResponse:
+    """The form of a joint update: campaigns to choose from, then those that were chosen with their mode sets."""
+    context = visit.in_project(project_id)
+    found = structures.list_structures(project_id, visit.session, visit.user, limit=MOST).items
+    tests = [(s, campaigns.list_campaigns(s.id, visit.session, visit.user, limit=MOST).items) for s in found]
+    chosen = [(s, c) for s, each in tests for c in each if c.id in set(campaign or ())]
+    sets: dict[UUID, list[tuple[UUID, str]]] = {c.id: [] for _, c in chosen}
+    for row in mode_sets_of(visit.session, *sets):
+        sets[row.campaign_id].append((row.id, f"{row.name} ({row.origin})"))
+    batches = [
+        b for s in {s.id: s for s, _ in chosen} for b in coupons.batches.page(visit.session, visit.user, s).items
+    ]
+    parameters = next(f for f in fields_of(RecipeIn, {}) if f.name == "parameters")
+    return visit.show(
+        "new_joint.html",
+        **context,
+        tests=tests,
+        chosen=chosen if len(chosen) > 1 else [],
+        sets=sets,
+        batches=batches,
+        parameters=replace(parameters, name="recipe/parameters"),
+    )
+
+
+@router.get("/structures/{structure_id}/plan")
+def get_plan(structure_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """Where to hit next: the tests to compare, and what was measured so far; the answer is written below the form."""
+    tests = campaigns.list_campaigns(structure_id, visit.session, visit.user, limit=MOST).items
+    names = {test.id: test.name for test in tests}
+    sets = [(row, names[row.campaign_id]) for row in mode_sets_of(visit.session, *names)]
+    return visit.show("plan.html", **visit.in_structure(structure_id), sets=sets)
 
 
 @router.get("/joint-updates/{joint_id}")

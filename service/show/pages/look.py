@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 from starlette.responses import Response
 
 from fecore import __version__
-from service.access import CurrentUser, SessionDep, User
+from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
 from service.jobs.resource import ENDED
@@ -98,8 +98,10 @@ class Visit:
         return answer
 
     def in_project(self, project_id: UUID) -> dict[str, Any]:
-        """The project of a page below it, as templates have it."""
-        return {"project": access.get_project(project_id, self.session, self.user, Response())}
+        """The project of a page below it, as templates have it, and whether the visitor may change what is in it."""
+        project = access.get_project(project_id, self.session, self.user, Response())
+        may_edit = role_in(self.session, self.user, project_id) in ("editor", "owner") and project.archived_at is None
+        return {"project": project, "may_edit": may_edit}
 
     def in_structure(self, structure_id: UUID) -> dict[str, Any]:
         """The structure of a page below it, and what that is in."""

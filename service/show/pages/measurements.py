@@ -29,7 +29,9 @@ from service.store.frfs.operations import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
 from service.store.imports.operations import trace_lines_of
+from service.store.imports.routes import ImportOut
 from service.store.modes import routes as modes
+from service.store.modes.operations import mode_sets_of
 from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, RecordOut
 from service.store.structures import model_routes as models
@@ -128,6 +130,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
     done = next((row.result for row in processings if row.result is not None), None)
     mode_sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items
+    sent = list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items))
     return visit.show(
         "campaign.html",
         **context,
@@ -140,8 +143,10 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         ),
         has_mesh=has_mesh(context["structure"]),
         point_count=len(points),
-        imports=list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items)),
+        imports=sent,
+        reports=_reports(sent),
         mode_sets=mode_sets,
+        other_sets=_sets_to_compare(visit, context["campaign"]),
         identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
         records=blocks,
         hit_places=_hit_places(blocks),
@@ -151,6 +156,22 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         jobs=name_jobs(visit, jobs),
         joint=joint_updates_of(visit, context["project"].id, campaign_id),
     )
+
+
+def _reports(sent: Sequence[ImportOut]) -> list[ImportOut]:
+    """Of the files, newest first, those whose reports stand open: the newest, and those that were looked at and never read."""
+    read = {row.sha256 for row in sent if not row.dry_run and row.status != "failed"}
+    return [row for number, row in enumerate(sent) if number == 0 or (row.dry_run and row.sha256 not in read)]
+
+
+def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, str]]:
+    """Mode sets of the structure, those of this campaign first: key, and a name that says where each is from."""
+    others = campaigns.list_campaigns(campaign.structure_id, visit.session, visit.user, limit=MOST).items
+    names = {each.id: "" if each.id == campaign.id else f", {each.name}" for each in (campaign, *others)}
+    found = [
+        (row.id, row.name + names[row.campaign_id], row.campaign_id) for row in mode_sets_of(visit.session, *names)
+    ]
+    return [(key, name) for key, name, _ in sorted(found, key=lambda each: each[2] != campaign.id)]
 
 
 def _decided(visit: Visit, campaign_id: UUID) -> dict[tuple[int, int, int], HitDecisionOut]:

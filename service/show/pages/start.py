@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Query, Request
@@ -16,6 +16,7 @@ from service.show.pages.names import name_jobs
 from service.store.instruments.routes import nouns as instruments
 from service.store.storage import routes as storage
 from service.store.structures import routes as structures
+from service.store.structures.operations import structures_to_choose
 from service.store.updating import routes as updating
 from service.web.routing import page_router
 
@@ -75,11 +76,62 @@ def get_project(project_id: UUID, visit: VisitDep, cursor: Cursor = None) -> HTM
     )
 
 
+_PLY = {"E1_Pa": 23e9, "E2_Pa": 8.5e9, "G12_Pa": 3e9, "G13_Pa": 3e9, "G23_Pa": 2.4e9, "nu_12": 0.27}
+EXAMPLES: dict[str, tuple[str, dict[str, Any]]] = {
+    "plate": (
+        "a strip",
+        {
+            "name": "FRP beam",
+            "geometry": {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01012},
+            "density_kg_m3": 2012,
+            "material": {
+                "Ex_Pa": 33.05e9,
+                "Ey_Pa": 31.8e9,
+                "Gxy_Pa": 5.73e9,
+                "Gxz_Pa": 4.5e9,
+                "Gyz_Pa": 4.5e9,
+                "nu_xy": 0.15,
+            },
+        },
+    ),
+    "i": (
+        "an I-profile",
+        {
+            "name": "I-beam",
+            "density_kg_m3": 1900,
+            "shape": {
+                "length_m": 1.5,
+                "width_m": 0.06,
+                "height_m": 0.12,
+                "walls": {"flange": {"thickness_m": 0.006}, "web": {"thickness_m": 0.006}},
+                "material": _PLY,
+            },
+        },
+    ),
+}
+"""What a new test may be filled in with, by the kind of its structure: words of the link, and the structure."""
+
+
 @router.get("/new")
-def get_new_test(visit: VisitDep) -> HTMLResponse:
-    """A new test in one form: project, specimen, campaign and file."""
-    projects = access.list_projects(visit.session, visit.user, limit=MOST).items
-    return visit.show("new_test.html", projects=[p for p in projects if p.archived_at is None])
+def get_new_test(
+    visit: VisitDep, example: Annotated[str, Query(max_length=20)] = "", structure: UUID | None = None
+) -> HTMLResponse:
+    """A new test in one form: a structure, new or there, the test, its file; filled in where an example is asked for."""
+    projects = [p for p in access.list_projects(visit.session, visit.user, limit=MOST).items if p.archived_at is None]
+    found = structures_to_choose(visit.session, visit.user)
+    start = {}
+    if example in EXAMPLES:
+        test = {"name": "first test", "boundary": "cantilever"}
+        start = {"project": {"name": "laboratory"}, "structure": EXAMPLES[example][1], "campaign": test}
+    return visit.show(
+        "new_test.html",
+        projects=projects,
+        structures=[(p.name, [(key, name) for owner, key, name in found if owner == p.id]) for p in reversed(projects)],
+        chosen=structure,
+        examples=[(name, words) for name, (words, _) in EXAMPLES.items()],
+        kind=example if example in EXAMPLES else "",
+        start=start,
+    )
 
 
 @router.get("/keys")

@@ -1,4 +1,4 @@
-"""Pages of updates: the form of a recipe, a job on its way, its result, several results side by side."""
+"""Pages of updates: the form of a recipe, a job on its way, its result."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from service.access import routes as access
-from service.errors import Invalid
 from service.jobs.resource import ENDED, JobState
 from service.show.figures.marks import counted
+from service.show.pages.comparing import leaves
 from service.show.pages.forms import fields_of
 from service.show.pages.found import opening
 from service.show.pages.look import Visit, VisitDep
-from service.show.pages.names import name_jobs, over_time
+from service.show.pages.names import name_jobs
 from service.show.pages.viewer import viewer_of
 from service.show.results import routes as shown
-from service.store.campaigns.operations import campaigns_of
 from service.store.campaigns.schemas import CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
@@ -32,8 +31,6 @@ from service.web.routing import page_router
 
 router = page_router()
 MOST = 100  # rows of a list on a page
-MOST_COMPARED = 50
-COMPARED = ("verdict", "parameters", "modes", "correlation", "provenance")
 PRINCIPAL = ("mode_set", "prior_from_coupon_batch", "method", "parameters", "damping_models", "posterior")
 """What an engineer chooses first; the rest of a recipe stands below."""
 
@@ -110,18 +107,9 @@ def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = Fals
         figures=figures,
         steps=steps,
         notes=notes,
-        recipe=_chosen(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)),
+        recipe=list(leaves(job.recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True))),
         partners={pair["measured"]: pair["model"] for pair in (result.get("pairing") or {}).get("partners", [])},
     )
-
-
-def _chosen(value: Any, name: str = "") -> list[tuple[str, str]]:
-    """What a recipe states beside the defaults, a line each."""
-    if isinstance(value, dict):
-        return [line for key, inner in value.items() for line in _chosen(inner, f"{name} {key}".strip())]
-    if isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
-        return [line for k, inner in enumerate(value, start=1) for line in _chosen(inner, f"{name} {k}")]
-    return [(name, ", ".join(map(str, value)) if isinstance(value, list) else str(value))]
 
 
 def _viewer(visit: Visit, campaign: CampaignOut, job_id: UUID, result: dict[str, Any]) -> dict[str, Any] | None:
@@ -134,27 +122,3 @@ def _viewer(visit: Visit, campaign: CampaignOut, job_id: UUID, result: dict[str,
     modes = [(m["number"], m["measured_hz"], m["measured_damping"]) for m in result["modes"]]
     measured = {"id": "measured", "name": "measured modes", "modes": modes}
     return viewer_of(visit, campaign, kept, [measured], job_id) if kept else None
-
-
-@router.get("/compare")
-def get_comparison(visit: VisitDep, job: Annotated[list[UUID] | None, Query()] = None) -> HTMLResponse:
-    """Any number of results in one table: parameters, frequencies, agreement."""
-    wanted = list(dict.fromkeys(job or []))
-    if len(wanted) > MOST_COMPARED:
-        raise Invalid("job", f"names {len(wanted)} results, at most {MOST_COMPARED} are compared at a time")
-    jobs = [updating.single.one(visit.session, visit.user, key) for key in wanted]
-    named = [row for row in name_jobs(visit, jobs, COMPARED) if row.result is not None]
-    rows = campaigns_of(visit.session, [row.job.campaign_id for row in named])
-    performed = {campaign.id: campaign.performed_at for campaign in rows}
-    names = dict.fromkeys(p["name"] for row in named for p in row.result["parameters"])  # type: ignore[index]
-    units = {p["name"]: p["unit"] for row in named for p in row.result["parameters"]}  # type: ignore[index]
-    most_modes = max((len(row.result["modes"]) for row in named), default=0)  # type: ignore[index]
-    return visit.show(
-        "compare.html",
-        jobs=named,
-        without=len(jobs) - len(named),
-        names=list(names),
-        units=units,
-        most_modes=most_modes,
-        over_time=over_time(named, performed),
-    )

@@ -12,6 +12,7 @@ from service.show.reports.blocks import (
     Block,
     Bullets,
     Heading,
+    Letterhead,
     PageBreak,
     Paragraph,
     Picture,
@@ -36,6 +37,9 @@ th.n,td.n{text-align:right}
 .small{font-size:.8rem;color:#555}
 pre{font-size:.75rem;white-space:pre-wrap;overflow-wrap:anywhere;background:#f6f6f6;padding:.7rem}
 img{max-width:100%;display:block;margin:.5rem auto}
+.head{display:flex;justify-content:space-between;gap:2rem;font-size:.9rem}
+.head p{margin:0}
+.head img{max-height:4rem;max-width:40%;margin:0}
 .sign{display:flex;gap:2rem;margin-top:3rem}
 .sign div{flex:1;border-top:1px solid #000;padding-top:.3rem}
 td{overflow-wrap:break-word}
@@ -68,6 +72,9 @@ def as_html(report: Report) -> bytes:
 
 def _block(block: Block) -> str:
     match block:
+        case Letterhead(name, lines, logo):
+            address = "<br>".join(map(escape, lines))
+            return f'<div class="head"><p><strong>{escape(name)}</strong><br>{address}</p>{_logo(logo)}</div>'
         case Heading(text, level):
             return f"<h{level}>{escape(text)}</h{level}>"
         case Paragraph(text, "code"):
@@ -87,6 +94,13 @@ def _block(block: Block) -> str:
             return '<div class="sign">' + "".join(f"<div>{escape(role)}, date</div>" for role in roles) + "</div>"
         case PageBreak():
             return '<div class="page"></div>'
+
+
+def _logo(content: bytes | None) -> str:
+    if content is None:
+        return ""
+    kind = "png" if content.startswith(b"\x89PNG") else "jpeg"
+    return f'<img alt="" src="data:image/{kind};base64,{base64.b64encode(content).decode()}">'
 
 
 def _table(table: Table) -> str:

@@ -18,6 +18,7 @@ from service.show.reports.blocks import (
     Block,
     Bullets,
     Heading,
+    Letterhead,
     PageBreak,
     Paragraph,
     Picture,
@@ -28,6 +29,7 @@ from service.show.reports.blocks import (
 
 MARGIN, WIDTH, HEIGHT = 51.0, 493.0, 745.0  # points, of the text; A4 is 595 by 842
 PICTURE_DPI = 170
+LOGO = 45.0  # points, height of a logo
 _TONES = {"good": ("#00704e", "#eaf6f1"), "careful": ("#b35f00", "#fdf3e4"), "bad": ("#b00020", "#fbeaec")}
 _SANS, _BOLD, _MONO = "DejaVuSans", "DejaVuSans-Bold", "DejaVuSansMono"
 
@@ -75,6 +77,8 @@ def _parts(block: Block) -> list[Any]:
     from reportlab import platypus as flow
 
     match block:
+        case Letterhead():
+            return [_letterhead(block), flow.Spacer(1, 14)]
         case Heading(text, level):
             size = {1: 16.0, 2: 11.5}.get(level, 9.5)
             heading = flow.Paragraph(escape(text), _style(size, font=_BOLD, before=10 if level > 1 else 0, keep=True))
@@ -98,6 +102,23 @@ def _parts(block: Block) -> list[Any]:
             return [flow.Spacer(1, 34), _signatures(roles)]
         case PageBreak():
             return [flow.PageBreak()]
+
+
+def _letterhead(block: Letterhead) -> Any:
+    """Name and address at the left, the logo at the right, as high as three lines of it."""
+    from reportlab import platypus as flow
+    from reportlab.lib.utils import ImageReader
+
+    words = [flow.Paragraph(escape(block.name), _style(10, font=_BOLD))]
+    words += [flow.Paragraph(escape(line), _style(8)) for line in block.address]
+    logo: Any = ""
+    if block.logo is not None:
+        across, up = ImageReader(io.BytesIO(block.logo)).getSize()
+        height = min(LOGO, 0.4 * WIDTH * up / across)
+        logo = flow.Image(io.BytesIO(block.logo), height * across / up, height, hAlign="RIGHT")
+    drawn = flow.Table([[words, logo]], colWidths=[0.6 * WIDTH, 0.4 * WIDTH])
+    drawn.setStyle([("ALIGN", (1, 0), (1, 0), "RIGHT"), ("VALIGN", (0, 0), (-1, -1), "TOP")])
+    return drawn
 
 
 def _picture(figure: Figure, width: float) -> Any:

@@ -63,7 +63,16 @@ class PageBreak:
     """What follows starts on a new page."""
 
 
-Block = Heading | Paragraph | Bullets | Table | Picture | Signatures | PageBreak
+@dataclass(frozen=True)
+class Letterhead:
+    """Who reports, on top of the first page."""
+
+    name: str  # of the laboratory
+    address: Sequence[str] = ()  # lines
+    logo: bytes | None = None  # PNG or JPEG
+
+
+Block = Letterhead | Heading | Paragraph | Bullets | Table | Picture | Signatures | PageBreak
 
 
 @dataclass(frozen=True)

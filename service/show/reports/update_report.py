@@ -14,6 +14,7 @@ from service.show.reports.blocks import (
     Block,
     Bullets,
     Heading,
+    Letterhead,
     PageBreak,
     Paragraph,
     Picture,
@@ -43,6 +44,7 @@ class UpdateFacts:
     structure: Mapping[str, Any]
     campaign: Mapping[str, Any]
     frfs: int  # how many FRFs were used
+    letterhead: Letterhead | None = None  # who reports, where a setting says so
 
 
 def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -> Report:
@@ -55,7 +57,8 @@ def update_report(facts: UpdateFacts, draw: Callable[[str], Sequence[Figure]]) -
     document = facts.document
     title = f"Updated model: {facts.structure['name']}"
     footer = f"modalbase {document['provenance']['software']['modalbase']}, update job {document['provenance']['update_job']}"
-    return Report(title, footer, [*_first(title, facts), *_second(facts, draw), *_annex(document, draw)])
+    head = [] if facts.letterhead is None else [facts.letterhead]
+    return Report(title, footer, [*head, *_first(title, facts), *_second(facts, draw), *_annex(document, draw)])
 
 
 def _first(title: str, facts: UpdateFacts) -> list[Block]:
@@ -187,10 +190,15 @@ def _annex(document: Mapping[str, Any], draw: Callable[[str], Sequence[Figure]])
     provenance = document["provenance"]
     recipe = json.dumps(provenance["recipe"], ensure_ascii=False, indent=1, sort_keys=True)
     blocks += [Heading("Recipe"), Paragraph(recipe, "code"), Heading("Origin"), _pairs(_origin(provenance))]
-    hashes = [[frf["id"], frf["sha256"]] for frf in provenance["frfs"]]
+    hashes = [[frf["id"], _content(frf)] for frf in provenance["frfs"]]
     if hashes:
         blocks += [Heading("FRFs and their SHA-256"), Table(["FRF", "SHA-256 of its values"], hashes, [False, False])]
     return blocks
+
+
+def _content(frf: Mapping[str, Any]) -> str:
+    """What says that an FRF is the one that was used: its digest, or of one that the update made itself its time blocks."""
+    return frf.get("sha256") or f"made by this update of {counted(len(frf['records']), 'time block')}"
 
 
 def _origin(provenance: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -287,8 +287,7 @@ def _require_identification(data: UpdateFigures) -> None:
 
 
 def _stabilisation(data: UpdateFigures, _: Wanted) -> Figure:
-    found = data.document["identification"]
-    return stabilisation_figure(found["stabilisation"], found["modes"], found["doubtful"])
+    return stabilisation_figure(data.document["identification"])
 
 
 _LINES = ("fmin", "fmax")

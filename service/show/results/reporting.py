@@ -9,6 +9,7 @@ from uuid import UUID
 from sqlalchemy.orm import Session
 
 from service.access import User, project_for
+from service.show.reports.blocks import Letterhead
 from service.show.results.figure_data import UpdateFigures
 from service.show.results.figures import draw_sheets
 from service.store.campaigns.operations import campaign_of
@@ -17,12 +18,13 @@ from service.store.structures.models import model_in_short
 from service.store.structures.operations import describe_version, structure_of, version_of
 
 if TYPE_CHECKING:
+    from service.settings import Settings
     from service.show.reports.blocks import Report
     from service.store.updating.tables import UpdateJob
 
 
-def report_of(session: Session, user: User, job: UpdateJob) -> Report:
-    """The report of an update, with the structure as it was then.
+def report_of(session: Session, user: User, job: UpdateJob, settings: Settings) -> Report:
+    """The report of an update, with the structure as it was then, under the laboratory's name where the settings have one.
 
     Raises:
         Conflict: the job has no result, yet or ever.
@@ -42,9 +44,18 @@ def report_of(session: Session, user: User, job: UpdateJob) -> Report:
         structure={**structure.model_dump(mode="json"), "model": _model(session, structure.model)},
         campaign=describe_campaign(campaign).model_dump(mode="json"),
         frfs=len(data.document["provenance"]["frfs"]),
+        letterhead=_letterhead(settings),
     )
 
     return update_report(facts, partial(draw_sheets, data))
+
+
+def _letterhead(settings: Settings) -> Letterhead | None:
+    if not settings.laboratory:
+        return None
+    logo = None if settings.laboratory_logo is None else settings.laboratory_logo.read_bytes()
+    lines = [line.strip() for line in settings.laboratory_address.split(";")]
+    return Letterhead(settings.laboratory, lines, logo)
 
 
 def _model(session: Session, key: UUID | None) -> dict[str, Any] | None:

@@ -11,7 +11,7 @@ from anyio import from_thread
 from fastapi import Header, Path, Query, Request, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, SettingsDep
 from service.compute.models.decks import updated_deck
 from service.errors import Invalid
 from service.jobs.aside import read_aside
@@ -195,12 +195,13 @@ def get_report(
     job_id: UUID,
     session: SessionDep,
     user: CurrentUser,
+    settings: SettingsDep,
     file_format: Annotated[
         Literal["html", "pdf"], Query(alias="format", description="a page that stands alone, or A4 for print")
     ] = "html",
 ) -> Response:
     """The report of a result: two pages for who ordered the test, the rest as annex for who checks it."""
-    report = report_of(session, user, update_job_for(session, user, job_id))
+    report = report_of(session, user, update_job_for(session, user, job_id), settings)
     write, kind = (as_html, "text/html; charset=utf-8") if file_format == "html" else (as_pdf, "application/pdf")
     described = {"Content-Disposition": f'inline; filename="report-{job_id}.{file_format}"'}
     if file_format == "html":  # it stands alone: no script, styles and pictures within

@@ -20,7 +20,7 @@ from service.errors import Conflict, NotFound
 from service.show.figures.joining import joined_as
 from service.show.figures.marks import counted
 from service.show.figures.shapes import turned
-from service.store.structures.model_routes import MeshBlockOut
+from service.store.structures.model_routes import MeshBlockOut, PlacesOut
 from service.web import StrictModel
 
 UNSEEN = 0.03
@@ -46,14 +46,6 @@ class InSpace(Protocol):
     def trace_lines(self) -> Sequence[Sequence[int]]:
         """How files join the points."""
         ...
-
-
-class PlacesOut(StrictModel):
-    """Nodes by column."""
-
-    x_m: list[float] = Field(description="m")
-    y_m: list[float] = Field(description="m")
-    z_m: list[float] = Field(description="m")
 
 
 class MeasuredPointOut(StrictModel):

@@ -177,9 +177,9 @@ def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSet
     return [shown_as(ModeSetOut, s, modes=[_mode(row, _evidence(s, row)) for row in modes[s.id]]) for s in mode_sets]
 
 
-def mode_sets_of(session: Session, campaign_id: UUID) -> Sequence[ModeSet]:
-    """The mode sets of a campaign, oldest first, whoever asks."""
-    return session.scalars(select(ModeSet).where(ModeSet.campaign_id == campaign_id).order_by(ModeSet.id)).all()
+def mode_sets_of(session: Session, *campaign_ids: UUID) -> Sequence[ModeSet]:
+    """The mode sets of campaigns, oldest first, whoever asks."""
+    return session.scalars(select(ModeSet).where(ModeSet.campaign_id.in_(campaign_ids)).order_by(ModeSet.id)).all()
 
 
 def _evidence(mode_set: ModeSet, row: Mode) -> dict[str, Any]:

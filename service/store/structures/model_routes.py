@@ -145,13 +145,18 @@ class ModelOut(JobOut):
     found: FoundModelOut | None = Field(description="null until it was read")
 
 
-class MeshNodesOut(StrictModel):
+class PlacesOut(StrictModel):
     """Nodes by column."""
 
-    numbers: list[int] = Field(description="the deck's")
     x_m: list[float] = Field(description="m")
     y_m: list[float] = Field(description="m")
     z_m: list[float] = Field(description="m")
+
+
+class MeshNodesOut(PlacesOut):
+    """Nodes of a mesh by column."""
+
+    numbers: list[int] = Field(description="the deck's")
 
 
 class MeshBlockOut(StrictModel):

@@ -14,7 +14,7 @@ from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, Select, UniqueConst
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import Mapped, Session, mapped_column, relationship
 
-from service.access import Lookup, User, project_for
+from service.access import Lookup, User, project_for, projects_of
 from service.access.demands import require_demanded
 from service.db.base import Base, Identified, Labelled, label_indexes, transaction_time
 from service.errors import Fault, Invalid
@@ -295,6 +295,16 @@ def version_of(session: Session, version_id: UUID) -> StructureVersion:
 def structures_of(session: Session, keys: Iterable[UUID]) -> dict[UUID, Structure]:
     """Rows by key, whoever asks."""
     return {row.id: row for row in session.scalars(select(Structure).where(Structure.id.in_(set(keys))))}
+
+
+def structures_to_choose(session: Session, user: User) -> list[tuple[UUID, UUID, str]]:
+    """Project, key and name of all structures that somebody sees, by name."""
+    query = select(Structure.project_id, Structure.id, Structure.name).where(
+        Structure.id.in_(structures_in(projects_of(user)))
+    )
+    return [
+        (project, key, name) for project, key, name in session.execute(query.order_by(Structure.name, Structure.id))
+    ]
 
 
 def structures_in(projects: Select[UUID] | Sequence[UUID]) -> Select[UUID]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from fecore.updating.findings import FINDINGS, found
+from fecore.updating.findings import FINDINGS, found, warnings
 from service.show.pages.found import MOST, NOTES, PLACES, REMEDIES, bar, opening
 
 WINDOW = found("window_unstated", name="a0", percent=14.0)
@@ -43,7 +43,8 @@ def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> Non
 
 def test_alike_findings_are_one_step_that_names_them() -> None:
     other = found("frf_turned", who="FRF 5Z/4Z (-0.98) has", of="model")
-    folded = f"{TURNED.text} (likewise: FRF 5Z/4Z)"
+    (folded,) = warnings((TURNED, other))
+    assert folded == f"{TURNED.text} (likewise: FRF 5Z/4Z (-0.98))"
     made = document(TURNED, other) | {"warnings": [folded], "verdict": {"reasons": [TURNED.text, other.text]}}
     steps, notes = opening(made)
     assert [step.text for step in steps] == [f"{folded}"]

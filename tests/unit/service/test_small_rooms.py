@@ -1,6 +1,7 @@
 """Small parts of the service where something is missing, has ended or cannot be: no process, no database."""
 
 import asyncio
+import io
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -9,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from markdown_it.token import Token
+from matplotlib.image import imsave
 from pydantic import ValidationError
+from pypdf import PdfReader
 from starlette.datastructures import Headers
 
 from fecore.errors import InputError, UpdatingError
@@ -21,8 +24,11 @@ from service.jobs.worker import _clear_if_dead, run_to_end
 from service.monitoring.schemas import WatchedIn
 from service.settings import Settings
 from service.show.guide.markdown import _lead
-from service.show.reports.blocks import Bullets, Heading, PageBreak, Paragraph, Table
+from service.show.reports.as_html import as_html
+from service.show.reports.as_pdf import as_pdf
+from service.show.reports.blocks import Bullets, Heading, Letterhead, PageBreak, Paragraph, Report, Table
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
+from service.show.results.reporting import _letterhead
 from service.store.frfs.data import MeasuredFrfs
 from service.store.records.operations import RecordIntake
 from service.store.updating.batches import _placed
@@ -265,3 +271,28 @@ def test_a_report_of_little_and_of_much() -> None:
     rows = {row[0]: row[1] for block in much if isinstance(block, Table) for row in block.rows if len(row) == 2}
     assert rows["section"].startswith("laminate of 17 plies [45/45/")
     assert rows["section"].endswith("/…]")
+
+
+def test_a_report_has_the_laboratorys_name_on_top(tmp_path: Path) -> None:
+    logo = tmp_path / "logo.png"
+    imsave(logo, np.zeros((20, 60, 3)))
+    settings = Settings(laboratory="Lab & Co", laboratory_address="First Street 1; Town", laboratory_logo=logo)
+    head = _letterhead(settings)
+    assert head == Letterhead("Lab & Co", ["First Street 1", "Town"], logo.read_bytes())
+    report = Report("r", "", [head, Heading("Title", 1)])
+    page = as_html(report).decode()
+    assert page.index("Lab &amp; Co</strong><br>First Street 1<br>Town") < page.index("<h1>Title")
+    assert "data:image/png;base64," in page
+    printed = as_pdf(report)
+    assert b"/Subtype /Image" in printed
+    assert "First Street 1" in PdfReader(io.BytesIO(printed)).pages[0].extract_text()
+    assert _letterhead(Settings()) is None
+
+
+@pytest.mark.parametrize("content", [b"GIF89a", None])
+def test_a_logo_that_is_no_picture_is_refused_at_the_start(tmp_path: Path, content: bytes | None) -> None:
+    file = tmp_path / "logo"
+    if content is not None:
+        file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"cannot read .*logo" if content is None else "is no PNG or JPEG"):
+        Settings(laboratory_logo=file)

@@ -59,15 +59,16 @@ for (const form of document.querySelectorAll("form[data-poles]")) {
     submitted(form, async () => goOn(form.dataset.then, await send("POST", form.dataset.poles, { name: form.elements.name.value.trim(), decisions })));
   });
 }
-/* A click on a pole of a stabilisation diagram turns the box of the mode that is nearest, within two per cent. */
+/* A click on a pole of a stabilisation diagram turns the box of the fitted pole that it stands for. */
 for (const figure of document.querySelectorAll("figure[data-figure$='/figures/stabilisation']")) figure.addEventListener("drawn", () => {
   const set = document.querySelector(`[data-set-of="${figure.dataset.figure.split("/")[1]}"]`);
   if (set) figure.querySelector(".js-plotly-plot").on("plotly_click", ({ points: [point] }) => {
-    const off = (box) => Math.abs(Number(box.dataset.pole) / point.x - 1);
+    const hz = point.customdata ?? point.x;
+    const off = (box) => Math.abs(Number(box.dataset.pole) / hz - 1);
     const [box] = [...set.querySelectorAll("[data-pole]")].sort((a, b) => off(a) - off(b));
-    if (!box || off(box) > 0.02) return say(`No mode of the set lies near ${Number(point.x.toPrecision(5))} Hz.`);
+    if (!box || off(box) > 1e-3) return say(`No fitted pole lies near ${Number(point.x.toPrecision(5))} Hz.`);
+    for (let closed = box.closest("details:not([open])"); closed; closed = closed.parentElement.closest("details:not([open])")) closed.open = true;
     box.click();
-    set.open = true;
-    return say(`${Number(Number(box.dataset.pole).toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`);
+    return say(`${Number(hz.toPrecision(5))} Hz: ${box.checked ? "kept" : "dropped"}.`);
   });
 });

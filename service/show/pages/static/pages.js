@@ -31,29 +31,39 @@ function valueOf(input) {
   const text = input.value.trim();
   if (text === "") return undefined;
   if ("pairs" in input.dataset) return Object.fromEntries(text.split("\n").filter((row) => row.trim()).map((row) => { const [key, ...rest] = row.split(":"); return [key.trim(), rest.join(":").trim()]; }));
+  if ("table" in input.dataset) return text.split("\n").filter((row) => row.trim()).map(pointOf);
+  if ("numbers" in input.dataset && "scale" in input.dataset) return text.split(/[\s,;]+/).map((part) => inSI(input, part));
   if ("scale" in input.dataset) return inSI(input, text);
-  if (input.type === "number") return Number(text);
+  if ("array" in input.dataset) return Number.isNaN(Number(text)) ? { variable: text } : Number(text);
+  if (input.type === "number" || "number" in input.dataset) return Number(text);
   if (input.type === "datetime-local") return new Date(text).toISOString();
   if ("numbers" in input.dataset) return text.split(/[\s,;]+/).map(Number);
   return text;
+}
+/* A grid point of a line: its number, x, y and where it is given z, in mm. */
+function pointOf(line) {
+  const [label, ...mm] = line.trim().split(/[\s,;]+/).map(Number);
+  if (mm.length < 2 || mm.length > 3 || [label, ...mm].some(Number.isNaN)) throw { detail: `Grid points: “${line.trim()}” is no line of number, x, y and z.` };
+  const [x_m, y_m, z_m = 0] = mm.map((value) => Number((value / 1000).toPrecision(15)));
+  return { label, x_m, y_m, z_m };
 }
 /* A number in the unit of its field, or with a unit of its own, such as "0.5 m" in a field of mm; NaN of what is neither. */
 const UNIT_FACTORS = { m: 1, mm: 1e-3, cm: 1e-2, in: 0.0254, Pa: 1, kPa: 1e3, MPa: 1e6, GPa: 1e9, kg: 1, g: 1e-3 };
 const LIKE = [["m", "mm", "cm", "in"], ["Pa", "kPa", "MPa", "GPa"], ["kg", "g"]];
 const unitOf = (input) => /\[([^\]]+)\]/.exec(input.closest("label")?.firstChild?.textContent ?? "")?.[1];
 function inSI(input, text) {
-  const [, value, unit] = /^([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([a-zA-Z]*)$/.exec(text.replace(",", ".")) ?? [];
+  const [, value, unit] = /^([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([a-zA-Z]*)$/.exec(text.replace(",", ".").replace("−", "-")) ?? [];
   const like = LIKE.find((units) => units.includes(unitOf(input)));
   if (value === undefined || (unit && !like?.includes(unit))) return NaN;
   return Number((Number(value) * (unit ? UNIT_FACTORS[unit] : Number(input.dataset.scale))).toPrecision(15));
 }
 document.addEventListener("input", ({ target }) => {
   if (!target.dataset?.scale) return;
-  const value = inSI(target, target.value.trim());
-  target.setCustomValidity(target.value.trim() && Number.isNaN(value) ? `A number in ${unitOf(target)}, or with another unit of the same kind.` : "");
+  const wrong = [valueOf(target) ?? 0].flat().some(Number.isNaN);
+  target.setCustomValidity(wrong ? `A number in ${unitOf(target)}, or with another unit of the same kind.` : "");
 });
 document.addEventListener("change", ({ target }) => { // what was typed with another unit stands in the field's own
-  if (!target.dataset?.scale || !/[a-zA-Z]$/.test(target.value)) return;
+  if (!target.dataset?.scale || "numbers" in target.dataset || !/[a-zA-Z]$/.test(target.value)) return;
   const value = inSI(target, target.value.trim());
   if (!Number.isNaN(value)) target.value = Number((value / Number(target.dataset.scale)).toPrecision(12));
 });
@@ -66,7 +76,7 @@ function put(target, pointer, value) {
 function bodyOf(form) {
   const body = {};
   for (const input of form.elements) {
-    if (!input.name || input.type === "file" || input.closest("template")) continue;
+    if (!input.name || input.type === "file" || input.matches(":disabled") || input.closest("template")) continue;
     if (input.name.endsWith("[]")) {
       const name = input.name.slice(0, -2);
       const list = body[name] ??= [];
@@ -99,7 +109,7 @@ function showFaults(form, problem) {
 }
 function goOn(then, value) {
   if (then === "reload") return location.reload();
-  location.assign(at(then.replace("{id}", value?.id ?? "")));
+  location.assign(at(then.replace("{id}", (value?.joint ?? value)?.id ?? "")));
 }
 async function submitted(form, work) {
   const button = form.querySelector("button[type=submit]");
@@ -121,9 +131,15 @@ document.addEventListener("submit", (event) => {
       else if ("showSecret" in form.dataset) form.querySelector("output").textContent = `${made.secret} – the secret is shown once; keep it now.`;
       else goOn(form.dataset.then, made);
     });
+  } else if (form.dataset.read) {
+    event.preventDefault();
+    submitted(form, () => readSo(form));
+  } else if (form.dataset.points) {
+    event.preventDefault();
+    submitted(form, async () => { await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] }); location.reload(); });
   } else if ("deck" in form.dataset) {
     event.preventDefault();
-    submitted(form, () => sendDeck(form));
+    submitted(form, async () => { await sendDeck(form, form.dataset.deck); location.reload(); });
   } else if (form.dataset.delete) {
     event.preventDefault();
     if (confirm(form.dataset.confirm)) submitted(form, async () => { await call("DELETE", form.dataset.delete); goOn(form.dataset.then); });
@@ -143,9 +159,10 @@ document.addEventListener("submit", (event) => {
     location.assign("?" + new URLSearchParams(said));
   } else if ("choose" in form.dataset) {
     event.preventDefault();
-    const chosen = [...form.querySelectorAll("input[name=job]:checked")].map((box) => ["job", box.value]);
-    if (chosen.length) location.assign(form.action + "?" + new URLSearchParams(chosen));
-    else say("Choose at least one result.");
+    const chosen = [...new FormData(form)].filter(([, value]) => value);
+    const to = new URL(event.submitter?.getAttribute("formaction") ?? form.getAttribute("action"), location.href);
+    if (chosen.length > 1) location.assign(to + "?" + new URLSearchParams(chosen));
+    else say("Choose at least two to compare.");
   }
 });
 
@@ -162,33 +179,62 @@ async function newTest(form) {
     }
     return made[part].id;
   };
-  const project = body.project_id || (await make("project", "projects"));
-  const structure = await make("structure", `projects/${project}/structures`);
+  const structure = body.structure_id || (await newStructure(form, body, make));
   const campaign = await make("campaign", `structures/${structure}/campaigns`);
+  if (body.points) await send("PUT", `campaigns/${campaign}/grid-points`, { items: body.points });
   const file = form.elements.file.files[0];
   if (file) await upload(`campaigns/${campaign}/imports`, file, form);
   location.assign(at(`ui/campaigns/${campaign}`));
 }
+async function newStructure(form, body, make) {
+  const project = body.project_id || (await make("project", "projects"));
+  const structure = await make("structure", `projects/${project}/structures`);
+  const deck = form.elements.deck;
+  if (!deck.matches(":disabled")) await readDeck(form, structure);
+  return structure;
+}
 
+/* Arrays of a file that does not say what they are, and of which the form says nothing, are only looked at first: the report
+   asks for what is missing. */
+const ARRAYS = /\.(npz|mat|csv|wav|tdms)$/i;
 const upload = (path, file, form) => {
-  const stated = ["kind", "quantity", "mapping"].map((name) => [name, form.querySelector(`details [name=${name}]`)?.value.trim()]);
-  const query = new URLSearchParams([["filename", file.name.slice(0, 200)], ...stated.filter(([, value]) => value)]);
-  return call("POST", `${path}?${query}`, file, { "Content-Type": "application/octet-stream" });
+  const stated = ["kind", "quantity", "mapping"].map((name) => [name, form.querySelector(`details [name=${name}]`)?.value.trim()]).filter(([, value]) => value);
+  if (ARRAYS.test(file.name) && !stated.length) stated.push(["dry_run", "true"]);
+  return sendFile(path, file, file.name, stated);
 };
+const sendFile = (path, file, name, stated) => call("POST", `${path}?${new URLSearchParams([["filename", name.slice(0, 200)], ...stated])}`, file, { "Content-Type": "application/octet-stream" });
+/* A file that was looked at is read as its form says. */
+async function readSo(form) {
+  const original = await fetch(rest(`imports/${form.dataset.read}/original`), { credentials: "same-origin" });
+  const aside = [...form.querySelectorAll("[data-aside]")].map((input) => [input.name, input.value.trim()]);
+  const stated = form.dataset.start ? [["mapping", JSON.stringify(bodyOf(form))]] : aside;
+  await sendFile(form.dataset.into, await original.blob(), form.dataset.name, stated);
+  location.assign(at(`ui/${form.dataset.into.replace(/\/imports$/, "")}`));
+}
 
-/* A deck with its units; its reading is waited for on the structure's page. */
-async function sendDeck(form) {
-  const { file, units, accept } = form.elements;
-  const query = new URLSearchParams([["filename", file.files[0].name.slice(0, 200)]]);
+/* A deck with its units; its reading is waited for on the structure's page, and before a test of it is made. */
+function sendDeck(form, structure) {
+  const { deck, units, accept } = form.elements;
+  const query = new URLSearchParams([["filename", deck.files[0].name.slice(0, 200)]]);
   if (units.value.trim()) query.set("units", units.value.trim());
   for (const card of accept.value.split(/[,;]+/)) if (card.trim()) query.append("accept", card.trim());
-  await call("POST", `${form.dataset.deck}?${query}`, file.files[0], { "Content-Type": "application/octet-stream" });
-  location.reload();
+  return call("POST", `structures/${structure}/model?${query}`, deck.files[0], { "Content-Type": "application/octet-stream" });
+}
+async function readDeck(form, structure) {
+  say("Reading the deck …");
+  let model = await sendDeck(form, structure);
+  while (["queued", "running"].includes(model.status)) {
+    await new Promise((done) => { setTimeout(done, 500); });
+    model = await call("GET", `models/${model.id}`);
+  }
+  say("");
+  if (model.status !== "succeeded") throw { detail: model.message };
 }
 
 /* When all files of a campaign are read, its page is loaded anew: it has FRFs that it did not have. */
 let sending = 0, stale = document.querySelector("#uploaded [hx-get]") !== null;
 function refreshed() {
+  begin();
   const list = document.getElementById("uploaded");
   if (list && stale && !sending && !list.querySelector("[hx-get]")) location.reload();
 }
@@ -248,31 +294,58 @@ function number(rows) {
 }
 function fill(input, value) {
   if (!input) return;
+  const shown = (one) => (one?.variable ? one.variable : input.dataset.scale ? Number((one / Number(input.dataset.scale)).toPrecision(12)) : one);
   if (input.type === "checkbox") input.checked = Boolean(value);
-  else input.value = Array.isArray(value) ? value.join(", ") : value;
+  else input.value = [value].flat().map(shown).join(", ");
   const closed = input.closest("details:not([open])");
   if (closed) closed.open = true;
 }
-/* A recipe that is repeated: its values put back into the form. */
-for (const form of document.querySelectorAll("form[data-start]")) {
-  const place = (value, pointer) => {
-    const rows = form.querySelector(`[data-rows="${pointer}"]`);
-    const boxes = form.querySelectorAll(`[name="${pointer}[]"]`);
-    if (rows) value.forEach((row) => addRow(rows, row));
-    else if (boxes.length) boxes.forEach((box) => { box.checked = value.includes(box.value); });
-    else if (value && typeof value === "object" && !form.elements[pointer]) Object.entries(value).forEach(([key, inner]) => place(inner, pointer ? `${pointer}/${key}` : key));
-    else fill(form.elements[pointer], value);
-  };
-  place(JSON.parse(form.dataset.start), "");
+/* Forms that come with values: a recipe that is repeated, an example, a proposed mapping; and those that need none. */
+function begin() {
+  for (const form of document.querySelectorAll("form[data-start]:not([data-begun])")) {
+    form.dataset.begun = "";
+    const place = (value, pointer) => {
+      const rows = form.querySelector(`[data-rows="${pointer}"]`);
+      const boxes = form.querySelectorAll(`[name="${pointer}[]"]`);
+      if (rows) value.forEach((row) => addRow(rows, row));
+      else if (boxes.length) boxes.forEach((box) => { box.checked = value.includes(box.value); });
+      else if (value && typeof value === "object" && !form.elements[pointer]) Object.entries(value).forEach(([key, inner]) => place(inner, pointer ? `${pointer}/${key}` : key));
+      else fill(form.elements[pointer], value);
+    };
+    place(JSON.parse(form.dataset.start), "");
+  }
+  for (const form of document.querySelectorAll("form[data-at-once]:not([data-begun])")) { form.dataset.begun = ""; submitted(form, () => readSo(form)); }
 }
-const project = document.getElementById("project");
+begin();
+/* Of a form the parts that a choice leaves out are neither seen nor sent nor asked for. */
+function leaveOut(part, out) {
+  part.hidden = out;
+  for (const input of part.querySelectorAll("input, select, textarea")) input.disabled = [...input.form.querySelectorAll("[data-for], [data-new]")].some((each) => each.hidden && each.contains(input));
+}
+for (const kind of document.querySelectorAll("select[data-kind]")) {
+  const follow = () => {
+    for (const part of kind.form.querySelectorAll("[data-for]")) part.hidden = !part.dataset.for.split(" ").includes(kind.value);
+    for (const part of kind.form.querySelectorAll("[data-for]")) leaveOut(part, part.hidden);
+    for (const input of kind.form.querySelectorAll("[data-follows]")) input.value = kind.value;
+  };
+  kind.addEventListener("change", follow);
+  const asked = kind.form.dataset.kind;
+  if (asked) kind.value = asked;
+  follow();
+}
+const project = document.getElementById("which-project");
 if (project) {
+  const structure = document.getElementById("which-structure");
   const named = new URLSearchParams(location.search).get("project");
   if (named && [...project.options].some((option) => option.value === named)) project.value = named;
   else if (project.options.length > 1) project.selectedIndex = 1;
   const name = document.getElementsByName("project/name")[0];
-  const follow = () => { name.closest("label").hidden = project.value !== ""; name.required = project.value === ""; };
-  project.addEventListener("change", follow);
+  const follow = () => {
+    for (const part of document.querySelectorAll("[data-new]")) leaveOut(part, structure.value !== "");
+    name.closest("label").hidden = project.value !== "";
+    name.disabled ||= project.value !== "";
+  };
+  for (const list of [structure, project]) list.addEventListener("change", follow);
   follow();
 }
 /* The part of a result that is in sight is the marked one. */

@@ -139,9 +139,22 @@ def test_known_variance_weights_the_fit() -> None:
 def test_stabilisation_data_show_the_true_poles(seeds: list[Identification]) -> None:
     diagram = seeds[0].stabilisation
     assert diagram.line_hz.size == diagram.indicator.size == LINES
+    assert diagram.cmif.shape == (1, LINES)  # one reference
+    assert np.allclose(diagram.cmif[0], diagram.indicator)
     for hz in PAPER_HZ[1:]:
         near = np.abs(diagram.frequency_hz / hz - 1) < 0.005
         assert np.sum(near & diagram.damping_stable) > 5
+
+
+def test_two_curves_of_the_cmif_peak_where_two_modes_are_close() -> None:
+    """Two modes a third of a bandwidth apart are one peak of each FRF and two singular values, the single mode one."""
+    frfs, _ = plate_frfs(0.006, (0, 5))
+    diagram = identify(frfs).stabilisation
+    first, second = diagram.cmif
+    assert np.allclose(first**2 + second**2, diagram.indicator**2)
+    close, single = (int(np.argmin(np.abs(diagram.line_hz - hz))) for hz in (301.0, 700.0))
+    assert second[close] > 10 * np.median(second)
+    assert second[single] < 3 * np.median(second)
 
 
 # --- close and double modes, rigid bodies ---------------------------------------------------------------------------

@@ -1,0 +1,112 @@
+"""How alike the modes of two sets are: the MAC at the degrees of freedom that both have, and which mode is which."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from sqlalchemy.orm import Session
+
+from fecore.arrays import ComplexArray, FloatArray
+from fecore.correlation import mac
+from fecore.modes import MeasuredModes
+from service.errors import Conflict
+from service.show.figures.marks import Figure, counted, shortened
+from service.show.figures.matrices import mac_figure
+from service.store.campaigns.operations import campaign_of, frame_of
+from service.store.modes.operations import load_modes
+
+if TYPE_CHECKING:
+    from service.store.modes.operations import ModeSet
+
+SAME = 0.5
+"""MAC from which two modes are called one; below it they share less than they differ."""
+_FEWEST = 2  # shared degrees of freedom: at one all shapes are alike
+_FAR = 0.2  # relative difference of frequency beyond which modes without shapes are not called one
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """Two sets of modes against each other.
+
+    Attributes:
+        hz: (n,) frequencies of the first set, Hz.
+        other_hz: (m,) those of the other one, Hz.
+        mac: (n, m) from 0 to 1; None where a set has no shapes, or they share fewer than two degrees of freedom.
+        dofs: how many they share.
+    """
+
+    hz: FloatArray
+    other_hz: FloatArray
+    mac: FloatArray | None
+    dofs: int
+
+    @cached_property
+    def partners(self) -> dict[int, int]:
+        """Number from 0 of the other set's mode that is each of the first's: by shape, or by frequency where there are none."""
+        off = np.abs(np.log(self.other_hz / self.hz[:, None]))
+        cost, most = (off, _FAR) if self.mac is None else (1 - np.nan_to_num(self.mac), 1 - SAME)
+        rows, columns = scipy.optimize.linear_sum_assignment(cost)
+        return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] <= most}
+
+
+def likeness(session: Session, first: ModeSet, other: ModeSet) -> Likeness:
+    """Compare two mode sets in the specimen's frame, points by their numbers.
+
+    Args:
+        session: of the request.
+        first: a set.
+        other: another one, of the same campaign or of another.
+
+    Raises:
+        Conflict: the frames of two campaigns differ and one lies askew, so that directions cannot be compared.
+    """
+    a, b = (_in_frame(session, each) for each in (first, other))
+    if first.campaign_id != other.campaign_id:
+        frames = [frame_of(campaign_of(session, each.campaign_id)) for each in (first, other)]
+        if any(frame.is_askew for frame in frames) and not np.allclose(frames[0].axes, frames[1].axes):
+            raise Conflict("the frames of the two campaigns differ and one lies askew: their directions are not alike")
+    values = [_by_axis(modes) for modes in (a, b)]
+    shared = sorted(set(values[0]) & set(values[1]))
+    if len(shared) < _FEWEST:
+        return Likeness(a.frequency_hz, b.frequency_hz, None, len(shared))
+    columns = [np.column_stack([each[dof] for dof in shared]) for each in values]
+    return Likeness(a.frequency_hz, b.frequency_hz, mac(*columns), len(shared))
+
+
+def _in_frame(session: Session, mode_set: ModeSet) -> MeasuredModes:
+    modes = load_modes(session, mode_set.id)
+    frame = frame_of(campaign_of(session, mode_set.campaign_id))
+    return MeasuredModes(modes.frequency_hz, modes.damping_ratio, modes.shapes, tuple(map(frame.dof, modes.dofs)))
+
+
+def _by_axis(modes: MeasuredModes) -> dict[tuple[int, int], ComplexArray]:
+    """(n,) values of all modes along the positive axis of each degree of freedom."""
+    if modes.shapes is None:
+        return {}
+    return {(dof.point, dof.axis): dof.sign * modes.shapes[:, k] for k, dof in enumerate(modes.dofs)}
+
+
+def likeness_figure(session: Session, first: ModeSet, other: ModeSet) -> Figure:
+    """The MAC of two sets as a matrix.
+
+    Raises:
+        Conflict: they have no shapes at shared degrees of freedom.
+    """
+    found = likeness(session, first, other)
+    if found.mac is None:
+        raise Conflict(
+            f"the sets have shapes at {counted(found.dofs, 'shared degree')} of freedom, and a MAC needs two"
+        )
+    names = [shortened(each.name) for each in (first, other)]
+    title = f"MAC of {names[0]} and {names[1]}, at {found.dofs} shared degrees of freedom"
+    rows, columns = _modes(found.hz), _modes(found.other_hz)
+    return mac_figure(found.mac.tolist(), rows, columns, title, f"mode of {names[1]}", f"mode of {names[0]}")
+
+
+def _modes(hz: FloatArray) -> Sequence[str]:
+    return [f"{number}: {value:.4g} Hz" for number, value in enumerate(hz, start=1)]

@@ -1,0 +1,126 @@
+"""Identification at work and sides compared, in the system's Chromium: a pole of the diagram dropped, sets and tests by MAC."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import httpx
+import pytest
+
+from service.app.supervisor import LocalService
+from tests.acceptance.test_browser import overflow, signed_in
+from tests.acceptance.test_correcting import saved
+from tests.support.browser import browser, chromium, drawn, hindrances, watched_page
+from tests.support.laboratory import BEAM
+from tests.support.places import shared_file
+from tests.support.rest import client_at, finished, ok, posted
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+DIAGRAM = "figure[data-figure$='/figures/stabilisation']"
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    chromium()
+    with browser() as found:
+        yield found
+
+
+def measured(api: httpx.Client, structure: str, **stated: object) -> str:
+    """A campaign with FRFs and the modes that an identification found in them."""
+    campaign = str(posted(api, f"structures/{structure}/campaigns", {"boundary": "cantilever", **stated})["id"])
+    file = shared_file("BLIND_OPEN", "blind-open", "paper-like.uff").read_bytes()
+    sent = api.post(f"campaigns/{campaign}/imports", params={"filename": "paper.uff"}, content=file)
+    finished(api, sent.headers["Location"])
+    queued = api.post(f"campaigns/{campaign}/identifications", json={"name": "found", "band_hz": [5, 500]})
+    finished(api, queued.headers["Location"])
+    return campaign
+
+
+def test_poles_and_campaigns_are_judged_by_eye(running: Browser, service: LocalService) -> None:
+    key = service.new_key("judge")
+    with client_at(service.url, key) as api:
+        project = posted(api, "projects", {"name": "judged"})["id"]
+        structure = str(posted(api, f"projects/{project}/structures", BEAM)["id"])
+        one = measured(api, structure, name="dry")
+        measured(api, structure, name="wet", temperature_c=30)
+        with watched_page(running, service.url) as seen:
+            page = signed_in(seen, key, f"/ui/campaigns/{one}")
+            a_pole_is_dropped_in_the_diagram(page)
+            whole, less = ok(api.get(f"campaigns/{one}/mode-sets"))["items"]
+            assert len(less["modes"]) == len(whole["modes"]) - 1
+            assert less["details"]["decisions"][0]["reason"] == "a tone of the fan"
+            sets_are_compared(page, less["name"])
+            address = campaigns_are_compared(page, structure)
+            assert (seen.complaints, seen.strangers) == ([], [])
+    with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
+        signed_in(seen, key, "/ui/")
+        seen.visit(address)
+        drawn(seen.page, "figure[data-figure*='/figures/mac']")
+        assert overflow(seen) == 0
+        assert hindrances(seen.page) == []
+        seen.visit(f"/ui/campaigns/{one}")
+        seen.page.click("summary:has-text('Stabilisation diagram')")
+        drawn(seen.page, DIAGRAM)
+        assert overflow(seen) == 0
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
+    """The first of the fitted poles, which stand in a row on top; the table shows it, and a new set is made of the rest."""
+    page.locator("[data-space]").first.scroll_into_view_if_needed()
+    page.wait_for_selector("[data-space][data-ready]")
+    drawn(page, "[data-frf-viewer]")  # what comes later above would move the diagram
+    page.click("summary:has-text('Stabilisation diagram')")
+    drawn(page, DIAGRAM)
+    page.wait_for_selector(f"{DIAGRAM} .files a")  # it listens to clicks
+    names = page.eval_on_selector(f"{DIAGRAM} .js-plotly-plot", "plot => plot.data.map(trace => trace.name)")
+    assert names[0] == "CMIF"
+    assert names[-1] == "fitted pole"
+    marker = page.locator(f"{DIAGRAM} .scatterlayer .trace:has(.point)").last.locator(".point").first
+    marker.scroll_into_view_if_needed()
+    box = marker.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, steps=3)
+    page.mouse.down()
+    page.mouse.up()
+    page.wait_for_selector("#say:has-text('dropped')")
+    assert not page.locator("[data-pole]").first.is_checked()
+    page.fill("form[data-poles] [name=reason]", "a tone of the fan")
+    saved(page, "Save as a new mode set")
+    page.wait_for_selector("summary:has-text('found, checked')")
+
+
+def sets_are_compared(page: Page, name: str) -> None:
+    """Two sets of a campaign: each mode that is in both is itself, and that which was dropped has no partner."""
+    form = page.locator("details[open] form[data-choose]").first
+    assert "found" in form.locator("select").inner_text()
+    with page.expect_navigation():
+        form.locator("button").click()
+    table = page.locator("table[class=compare]").last
+    assert name in page.inner_text("#shapes")
+    assert set(table.locator("td:nth-child(5)").all_inner_texts()) == {"1.000"}
+    drawn(page, "figure[data-figure*='/figures/mac']")
+
+
+def campaigns_are_compared(page: Page, structure: str) -> str:
+    """Two tests of a structure: what differs is the climate alone; the shapes are the same, the dropped mode apart. Returns the
+    address of the page.
+    """
+    page.goto(f"/ui/structures/{structure}")
+    for box in page.locator("input[name=campaign]").all():
+        box.check()
+    with page.expect_navigation():
+        page.click("button:has-text('Compare the chosen tests')")
+    differences = page.locator("table.compare").first.locator("tbody tr")
+    assert [row.split() for row in differences.all_inner_texts()] == [["temperature", "–", "30", "°C"]]
+    assert page.locator(".meter rect").count() >= 3
+    drawn(page, "figure[data-figure*='/figures/mac']")
+    assert hindrances(page) == []
+    address = page.url
+    page.click("a:has-text('Lay their FRFs over each other')")
+    page.wait_for_selector("[data-frfs] option:has-text('wet')", state="attached")
+    return address

@@ -1,0 +1,238 @@
+"""Forms in the system's Chromium: from raw hits to a printed report, structures of every kind, joint updates, plans."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import pytest
+
+from service.app.supervisor import LocalService
+from tests.acceptance.test_browser import MOST_CLICKS, overflow, signed_in
+from tests.acceptance.test_correcting import MATERIAL, PLATE, saved
+from tests.support.browser import Watched, browser, chromium, hindrances, watched_page
+from tests.support.places import shared_file
+from tests.support.profiles import deck
+from tests.support.rest import client_at, ok, posted
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+WALLS = {
+    "length_m": "800",
+    "width_m": "60",
+    "height_m": "100",
+    "walls/flange/thickness_m": "6",
+    "walls/web/thickness_m": "5",
+}
+CONSTANTS = {"E1_Pa": "23", "E2_Pa": "8.5", "G12_Pa": "3", "G13_Pa": "3", "G23_Pa": "2.4", "nu_12": "0.27"}
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    chromium()
+    with browser() as found:
+        yield found
+
+
+def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:
+    """Type values into the fields of a form."""
+    for name, value in values.items():
+        page.fill(f"[name='{prefix}{name}']", str(value))
+
+
+def test_raw_hits_become_a_printed_report_in_few_clicks(running: Browser, service: LocalService) -> None:
+    """A file of voltages, a structure typed in mm and GPa, where the points are: all else the service finds or proposes."""
+    file = shared_file("BLIND_OPEN", "blind-open", "hits-cantilever/hits.npz")
+    truth = json.loads(file.with_name("truth.json").read_text())
+    beam, known = truth["config"], truth["instruments"]
+    with watched_page(running, service.url) as seen:
+        page = seen.page
+        page.goto("/")
+        page.fill("#key", service.new_key("hammer"))
+        seen.click("button:text('Sign in')")
+        page.wait_for_url("**/ui/")
+        seen.click("a:text('New test')")
+        fill(page, "", {"project/name": "hits", "structure/name": "beam", "structure/density_kg_m3": beam["rho"]})
+        sizes = {"length_m": f"{beam['L']} m", "width_m": 1e3 * beam["b"], "thickness_m": 1e3 * beam["t"]}
+        fill(page, "structure/geometry/", sizes)
+        nominal = {"Ex_Pa": 33, "Ey_Pa": 32, "Gxy_Pa": 5.7, "Gxz_Pa": 4.5, "Gyz_Pa": 4.5, "nu_xy": 0.2}
+        fill(page, "structure/material/", nominal)
+        page.fill("[name='campaign/name']", "June")
+        page.select_option("[name='campaign/boundary']", "cantilever")
+        places = [f"{n}\t{1e3 * x:.9g}\t{1e3 * y:.9g}" for n, (x, y) in enumerate(truth["points"], start=1)]
+        page.fill("[name=points]", "\n".join(places))
+        with page.expect_file_chooser() as chooser:
+            seen.click("#file")
+        chooser.value.set_files(file)
+        seen.click("button:text('Store the test')")
+        page.wait_for_selector("form[data-read] [name='channels/1/point']")
+        assert page.input_value("[name='channels/0/point']") == "point"
+        assert page.input_value("[name=sample_rate_hz]") == "fs"
+        fill(
+            page,
+            "channels/",
+            {"0/sensitivity": known["force_V_per_N"], "1/sensitivity": known["acceleration_V_per_m_s2"]},
+        )
+        page.fill("[name='channels/1/point']", str(known["sensor_point"]))
+        assert hindrances(page) == []
+        seen.click("button:text('Read the file so')")
+        page.wait_for_selector("#hits")
+        seen.click("a.button:text('New update') >> nth=0")
+        seen.click("button:text('Start the update') >> nth=0")
+        page.wait_for_selector("#verdict")
+        assert page.locator("#parameters tbody tr:has-text('Ex')").count() > 0
+        with page.context.expect_event("response", lambda answer: "/report" in answer.url) as report:
+            seen.click("[data-report] >> nth=0")
+        assert (report.value.status, report.value.headers["content-type"]) == (200, "application/pdf")
+        assert seen.clicks <= MOST_CLICKS
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_structures_of_every_kind_are_made_and_chosen(running: Browser, service: LocalService) -> None:
+    """A profile, plies and a deck by the form of a new test; one that is there is chosen; what is left out is not sent."""
+    key = service.new_key("builder")
+    with watched_page(running, service.url) as seen, client_at(service.url, key) as api:
+        page = signed_in(seen, key, "/ui/new")
+        page.fill("[name='project/name']", "bodies")
+        page.fill("[name='structure/name']", "profile")
+        page.select_option("select[data-kind]", "i")
+        assert not page.locator("[name='structure/geometry/length_m']").is_visible()
+        page.fill("[name='structure/density_kg_m3']", "1900")
+        fill(page, "structure/shape/", WALLS)
+        fill(page, "structure/shape/material/", CONSTANTS)
+        stored(page, "free")
+        project = ok(api.get("projects"))["items"][0]["id"]
+        (profile,) = structures(api, project)
+        assert (profile["shape"]["kind"], profile["shape"]["height_m"]) == ("i", 0.1)
+        assert profile["shape"]["walls"]["web"]["thickness_m"] == 0.005
+        assert (profile["geometry"], profile["material"]) == (None, None)
+
+        page.goto(f"/ui/new?project={project}")
+        page.fill("[name='structure/name']", "laminate")
+        page.select_option("select[data-kind]", "laminate")
+        page.fill("[name='structure/density_kg_m3']", "1600")
+        fill(page, "structure/geometry/", {"length_m": 400, "width_m": 30, "thickness_m": 2})
+        for number, angle in enumerate((0, 90)):
+            page.click("button:text('Add a ply')")
+            fill(page, f"structure/laminate/plies/{number}/", {**CONSTANTS, "thickness_m": 1, "angle_deg": angle})
+        stored(page, "cantilever")
+        laminate = structures(api, project)[1]["laminate"]
+        assert [(ply["angle_deg"], ply["thickness_m"]) for ply in laminate["plies"]] == [(0, 0.001), (90, 0.001)]
+
+        page.goto(f"/ui/new?project={project}")
+        page.fill("[name='structure/name']", "angle")
+        page.select_option("select[data-kind]", "deck")
+        page.set_input_files("[name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck()})
+        page.fill("[name=units]", "m-N-kg")
+        stored(page, "free")
+        assert structures(api, project)[2]["model"] is not None
+
+        page.goto("/ui/new")
+        page.select_option("#which-structure", profile["id"])
+        assert not page.locator("[name='structure/name']").is_visible()
+        stored(page, "cantilever")
+        tests = ok(api.get(f"structures/{profile['id']}/campaigns"))["items"]
+        assert [test["boundary"] for test in tests] == ["free", "cantilever"]
+        assert len(structures(api, project)) == 3
+        corrected(page, f"structures/{profile['id']}")
+        assert structures(api, project)[0]["shape"]["walls"]["web"]["thickness_m"] == 0.0055
+        assert structures(api, project)[0]["shape"]["walls"]["flange"]["thickness_m"] == 0.006
+        page.goto(f"/ui/campaigns/{tests[0]['id']}/grid-points")
+        page.fill("[name=points]", "1, 0, 10\n2 800 -10 50")
+        saved(page, "Save the points")
+        points = ok(api.get(f"campaigns/{tests[0]['id']}/grid-points"))["items"]
+        assert points[1] == {"label": 2, "x_m": 0.8, "y_m": -0.01, "z_m": 0.05}
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def structures(api: httpx.Client, project: str) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = ok(api.get(f"projects/{project}/structures"))["items"]
+    return found
+
+
+def stored(page: Page, boundary: str) -> None:
+    """Name the test, and store it; its page comes."""
+    page.fill("[name='campaign/name']", boundary)
+    page.select_option("[name='campaign/boundary']", boundary)
+    page.click("button:text('Store the test')")
+    page.wait_for_url("**/ui/campaigns/*")
+
+
+def corrected(page: Page, path: str) -> None:
+    """A wall of a profile is edited; the rest of the shape stays."""
+    page.goto(f"/ui/edit/{path}")
+    page.wait_for_selector("button:has-text('Save what was changed'):enabled")
+    page.fill("[name='shape/walls/web/thickness_m']", "0.55 cm")
+    saved(page, "Save what was changed")
+
+
+def test_campaigns_are_updated_together_and_the_next_one_planned(running: Browser, service: LocalService) -> None:
+    key = service.new_key("planner")
+    reader = service.new_key("reader")
+    with client_at(service.url, key) as api:
+        project = posted(api, "projects", {"name": "together"})["id"]
+        body = {"name": "bar", "geometry": PLATE, "density_kg_m3": 2000, "material": MATERIAL}
+        structure = posted(api, f"projects/{project}/structures", body)["id"]
+        campaigns = [measured(api, structure, name) for name in ("first", "second")]
+        ok(api.put(f"projects/{project}/members/reader", json={"role": "viewer"}))
+        with watched_page(running, service.url) as seen:
+            page = signed_in(seen, key, f"/ui/structures/{structure}")
+            for box in page.locator("input[name=campaign]").all():
+                box.check()
+            page.click("button:has-text('Update them together')")
+            page.wait_for_url("**/joint?**")
+            for number in (0, 1):
+                page.select_option(f"[name='jobs/{number}/recipe/mode_set']", index=1)
+                page.fill(f"[name='jobs/{number}/specimen']", "one bar")
+            assert hindrances(page) == []
+            page.click("button:text('Start the joint update')")
+            page.wait_for_selector("h1:has-text('One material from 2 campaigns')")
+            request = ok(api.get(f"projects/{project}/joint-updates"))["items"][0]["request"]
+            assert [job["campaign_id"] for job in request["jobs"]] == campaigns
+            assert {job["specimen"] for job in request["jobs"]} == {"one bar"}
+            page.goto(f"/ui/structures/{structure}/plan")
+            page.locator("[data-made]").first.check()
+            page.click("button:text('Add a test')")
+            fill(page, "tests/0/added_masses/0/", {"mass_kg": 50, "x_m": "0.4 m"})
+            page.click("button:text('Rank the tests')")
+            page.wait_for_selector("[data-answer] th:has-text('with 50 g')")
+            assert "GPa" in page.inner_text("[data-answer] tbody")
+            assert (seen.complaints, seen.strangers) == ([], [])
+    with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
+        signed_in(seen, key, "/ui/")
+        for path in (
+            f"projects/{project}/joint",
+            f"structures/{structure}/plan",
+            "new?example=i",
+            f"edit/structures/{structure}",
+        ):
+            seen.visit(f"/ui/{path}")
+            assert overflow(seen) == 0, path
+            assert hindrances(seen.page) == [], path
+        assert (seen.complaints, seen.strangers) == ([], [])
+    with watched_page(running, service.url) as seen:
+        page = signed_in(seen, reader, "/ui/")
+        who_only_reads_is_offered_no_change(
+            seen, [f"projects/{project}", f"structures/{structure}", *(f"campaigns/{c}" for c in campaigns)]
+        )
+
+
+def measured(api: httpx.Client, structure: str, name: str) -> str:
+    """A campaign with modes that were typed in."""
+    campaign = str(posted(api, f"structures/{structure}/campaigns", {"name": name, "boundary": "cantilever"})["id"])
+    modes = [{"frequency_hz": hz, "frequency_sd_hz": 0.001 * hz} for hz in (24.9, 156.0)]
+    posted(api, f"campaigns/{campaign}/mode-sets", {"name": "typed", "modes": modes})
+    return campaign
+
+
+def who_only_reads_is_offered_no_change(seen: Watched, paths: list[str]) -> None:
+    """A viewer sees what there is, and no button that would be refused."""
+    for path in paths:
+        seen.visit(f"/ui/{path}")
+        assert seen.page.locator("h1").is_visible()
+        assert seen.page.locator("a:text-is('Edit'), a:text('New'), form[data-post], form[data-upload]").count() == 0, (
+            path
+        )
