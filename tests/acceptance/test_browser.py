@@ -328,7 +328,10 @@ def test_a_search_is_typed_with_suggestions_and_kept(running: Browser, service: 
         structure = posted(api, f"projects/{project}/structures", {"name": "north's bridge"})["id"]
         for name, boundary, temperature in (("warm", "free", 28.5), ("hot", "cantilever", 31), ("cold", "free", -3)):
             body = {"name": name, "boundary": boundary, "temperature_c": temperature, "tags": [f"{name} day"]}
-            posted(api, f"structures/{structure}/campaigns", body)
+            body["performed_at"] = f"2026-03-{abs(int(temperature)):02d}T12:00:00Z"
+            campaign = posted(api, f"structures/{structure}/campaigns", body)["id"]
+            modes = {"name": "typed", "modes": [{"frequency_hz": 5 - 0.01 * temperature}]}
+            posted(api, f"campaigns/{campaign}/mode-sets", modes)
     with watched_page(running, service.url) as seen:
         page = signed_in(seen, key, "/ui/search")
         box = page.locator("[data-suggest]")
@@ -368,4 +371,11 @@ def test_a_search_is_typed_with_suggestions_and_kept(running: Browser, service: 
         page.once("dialog", lambda dialog: dialog.accept())
         page.click("[aria-label='Forget clamped and warm']")
         page.wait_for_selector("#saved", state="detached")
+        page.goto("/ui/search?noun=modes&for=frequency_hz > 4")
+        page.click("button:text('Draw')")
+        figure = "[data-figure^='search/modes/trend/figure']"
+        drawn(page, figure)
+        assert page.locator(f"{figure}.quiet").count() == 0
+        assert "north's bridge\tmode 1\t3" in page.inner_text("[aria-label='Change a year'] tbody")
+        assert hindrances(page) == []
         assert (seen.complaints, seen.strangers) == ([], [])

@@ -93,6 +93,8 @@ def test_a_trend_is_a_table_and_a_figure(api: httpx.Client, bridge: str) -> None
     figure = ok(api.get("search/modes/trend/figure", params=wanted), 200)
     assert "footbridge" in json.dumps(figure["layout"]["title"])
     assert len(figure["data"]) >= 4
+    over, below = (figure["layout"][axis]["domain"] for axis in ("yaxis", "yaxis2"))
+    assert over[0] > below[1]
     assert api.get("search/modes/trend/figure", params={**wanted, "format": "svg"}).content.startswith(b"<?xml")
 
 

@@ -42,10 +42,10 @@ def trend_figure(trend: Row) -> Figure:
         return words(trend["value"], "; ".join(trend["notes"]) or "nothing was found")
     factor, unit = SHOWN.get(trend["unit"] or "1", (1.0, trend["unit"]))
     covariate = next((name for line in series[0]["lines"] for name in line["covariates"]), "temperature_c")
-    values = Axis(trend["value"] if unit == "–" else f"{trend['value']} [{unit}]")
+    title = trend["value"] if unit == "–" else f"{trend['value']} [{unit}]"
     panels = [
-        Panel(Axis("campaign performed (UTC)", "date"), values, up=(0.52, 1.0)),
-        Panel(Axis(AXES[covariate]), values, up=(0.0, 0.36)),
+        Panel(Axis("campaign performed (UTC)", "date"), Axis(title), up=(0.52, 1.0)),
+        Panel(Axis(AXES[covariate]), Axis(title), up=(0.0, 0.36)),  # one axis for both would put them in one place
     ]
     marks: list[Mark] = []
     for number, one in enumerate(series):
