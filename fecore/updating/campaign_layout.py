@@ -98,7 +98,12 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], *, s
             pick[row, number[name, owner]] = 1.0
             if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
                 pick[row, number[name, campaign.specimen]] = 1.0
-        seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
+        inputs = campaign.inputs
+        if isinstance(
+            campaign.body, Structure
+        ):  # of a strip it is an unknown here; a pull would outweigh what is free of it
+            inputs = replace(inputs, clamp_compliance_sd=0.0)
+        seek = partial(excursions, inputs=inputs, fixed_points=campaign.fixed_points)
         models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
     coupling = None
     if common is not None:
