@@ -55,7 +55,9 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client
         assert low < value < high, name
     assert found["flange.E1"]["unit"] == "Pa"
     sources = {entry["source"] for entry in found["web.E1"]["budget"]}
-    assert {"model of the joints", "common material of the sets", "web.t", "height"} <= sources
+    # A clamp that may yield outweighs the height, which falls below what a budget lists.
+    largest = "clamp" if boundary == "cantilever" else "height"
+    assert {"model of the joints", "common material of the sets", "web.t", largest} <= sources
     assert min(mode["mac"] for mode in result["modes"] if mode["mac"] is not None) > 0.95
     assert len(result["provenance"]["frfs"]) == 28
     wanted = {"filter": f"id = '{address.rpartition('/')[2]}' AND flange.E1_sd > 0", "fields": "flange.E1"}
