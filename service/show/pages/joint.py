@@ -34,8 +34,8 @@ def get_new_joint(
 ) -> HTMLResponse:
     """The form of a joint update: campaigns to choose from, then those that were chosen with their mode sets."""
     context = visit.in_project(project_id)
-    found = structures.list_structures(project_id, visit.session, visit.user, limit=MOST).items
-    tests = [(s, campaigns.list_campaigns(s.id, visit.session, visit.user, limit=MOST).items) for s in found]
+    found = structures.nouns.page(visit.session, visit.user, project_id, limit=MOST, deleted=False).items
+    tests = [(s, campaigns.nouns.page(visit.session, visit.user, s.id, limit=MOST, deleted=False).items) for s in found]
     chosen = [(s, c) for s, each in tests for c in each if c.id in set(campaign or ())]
     sets: dict[UUID, list[tuple[UUID, str]]] = {c.id: [] for _, c in chosen}
     for row in mode_sets_of(visit.session, *sets):
@@ -58,7 +58,7 @@ def get_new_joint(
 @router.get("/structures/{structure_id}/plan")
 def get_plan(structure_id: UUID, visit: VisitDep) -> HTMLResponse:
     """Where to hit next: the tests to compare, and what was measured so far; the answer is written below the form."""
-    tests = campaigns.list_campaigns(structure_id, visit.session, visit.user, limit=MOST).items
+    tests = campaigns.nouns.page(visit.session, visit.user, structure_id, limit=MOST, deleted=False).items
     names = {test.id: test.name for test in tests}
     sets = [(row, names[row.campaign_id]) for row in mode_sets_of(visit.session, *names)]
     return visit.show("plan.html", **visit.in_structure(structure_id), sets=sets)

@@ -166,7 +166,7 @@ def _reports(sent: Sequence[ImportOut]) -> list[ImportOut]:
 
 def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, str]]:
     """Mode sets of the structure, those of this campaign first: key, and a name that says where each is from."""
-    others = campaigns.list_campaigns(campaign.structure_id, visit.session, visit.user, limit=MOST).items
+    others = campaigns.nouns.page(visit.session, visit.user, campaign.structure_id, limit=MOST, deleted=False).items
     names = {each.id: "" if each.id == campaign.id else f", {each.name}" for each in (campaign, *others)}
     found = [
         (row.id, row.name + names[row.campaign_id], row.campaign_id) for row in mode_sets_of(visit.session, *names)
