@@ -192,6 +192,7 @@ class Laboratory:
             f"structures/{plate}/model", params={"filename": "p.inp", "units": "m-N-kg"}, content=DECK
         )
         model.raise_for_status()
+        self.post(f"structures/{self.client.get(f'campaigns/{self.campaign}').json()['structure_id']}/forecasts", {})
         modes = self.post(f"campaigns/{imported}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
         jobs = [
             {"campaign_id": self.campaign, "recipe": {"mode_set": self.recipe["mode_set"]}},

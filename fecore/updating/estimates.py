@@ -37,7 +37,7 @@ OTHER_PARTNERS = "partners of the modes"
 """The budget's source for pairings of the modes that are nearly as likely as the chosen one."""
 
 CHANGED_WHERE = "where the stiffness has changed"
-"""The budget's source for stretches of another stiffness that the modes do not tell from each other."""
+"""The budget's source for stretches of another stiffness that the modes do not distinguish."""
 
 _SMALLEST_SHARE = 1e-4  # of the variance that is worth a line of the budget
 _DIFFERENT = 0.25  # relative difference of two standard deviations of one posterior that is worth a warning

@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import softmax
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body, kind_of
@@ -248,7 +248,7 @@ def _at_best_angles(law: DampingLaw, ratios: MeasuredRatios) -> tuple[_Fit, floa
         scores = np.array([fit.chi_squared for fit in fits]) + mixing.cost
         chosen = int(np.argmin(scores))
         off = np.array([fit.coefficients for fit in fits]) - fits[chosen].coefficients
-        by_angles += off.T * softmax(-scores / 2) @ off
+        by_angles += off.T * scipy.special.softmax(-scores / 2) @ off
         best, cost = fits[chosen], cost + float(mixing.cost[chosen])
     return best, cost, by_angles
 

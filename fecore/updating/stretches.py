@@ -35,7 +35,7 @@ _STIFFEST = -0.9  # least change of a compliance, over its prior mean
 
 @dataclass(frozen=True)
 class Stretches:
-    """Which parts of a body have another stiffness, as far as its modes tell.
+    """Which parts of a body have another stiffness, as far as its modes show.
 
     Attributes:
         lines: (F + 1,) x of the lines between parts, m.

@@ -32,7 +32,17 @@ MOST_MANIFEST, MOST_WHOLE = 64 * 1024 * 1024, 512 * 1024 * 1024
 MOST_RATIO = 200
 """How many times an archive may grow when it is unpacked; text of numbers grows less than tenfold."""
 BLOCK = 1024 * 1024
-_OF_THE_SERVICE = {"id", "project_id", "structure_id", "version", "model", "created_at", "updated_at", "deleted_at"}
+_OF_THE_SERVICE = {
+    "id",
+    "project_id",
+    "structure_id",
+    "version",
+    "model",
+    "replaced",
+    "created_at",
+    "updated_at",
+    "deleted_at",
+}
 """Members of a thing that another service gives it anew."""
 
 

@@ -332,6 +332,7 @@ def test_every_other_proposal_works_too(stranger: Stranger) -> None:
     content = stranger.document["paths"][f"/api/v1{coupons}"]["post"]["requestBody"]["content"]
     coupon = content["application/json"]["schema"]["anyOf"][0]["examples"][0]
     stranger.ids["coupon_id"] = stranger.send("POST", coupons, json=coupon)["items"][0]["id"]
+    stranger.make("/projects/{project_id}/instruments", instrument_id="id")
     stranger.make("/structures/{structure_id}/monitors", monitor_id="id")
     stranger.make("/monitors/{monitor_id}/runs")
     for path, operations in stranger.document["paths"].items():

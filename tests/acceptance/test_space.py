@@ -209,13 +209,13 @@ def a_deck_is_sent(page: Page) -> None:
     """Without its units the report says which fit; with them the structure is the model."""
     page.click("summary:text('A model of your own')")
     page.set_input_files(
-        "[data-deck] [name=file]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
+        "[data-deck] [name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
     )
     page.click("button:text('Send the model')")
     page.wait_for_selector("#progress .faults:has-text('units=mm-N-t?')")
     page.fill("[data-deck] [name=units]", "mm-N-t")
     page.set_input_files(
-        "[data-deck] [name=file]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
+        "[data-deck] [name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
     )
     page.click("button:text('Send the model')")
     page.wait_for_selector("[aria-label=Sets] :text('flange')")

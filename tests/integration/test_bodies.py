@@ -10,6 +10,7 @@ import httpx
 import numpy as np
 import pytest
 
+from fecore.updating.posterior import prior_of_scatter
 from modalbase.formats.uff import Element, GridPoint, ModeShape
 from tests.support.places import shared_file
 from tests.support.profiles import ANGLE, TRUTH, measured
@@ -262,11 +263,14 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(api: htt
     plan = ok(api.post(f"structures/{structure}/plans", json={**sent, "about": "web.E2"}), 200)
     items = {item["name"]: item for item in plan["items"]}
     assert set(items) == {"coupons 1: Ey of web", "1: angle, free", "2: angle, cantilever"}
-    assert plan["known_sd"]["web.E2"] == pytest.approx(8.5e9 * np.log1p(0.3**2 + 0.15**2) ** 0.5)
+    scatters, probability = prior_of_scatter(0.15)  # before any test, how far walls differ is only known by its prior
+    variance = np.log1p(0.3**2) + probability @ np.log1p(scatters**2)
+    assert plan["known_sd"]["web.E2"] == pytest.approx(8.5e9 * variance**0.5)
     cut, free = items["coupons 1: Ey of web"], items["1: angle, free"]
     assert cut["shrinks_most"] == "web.E2"
     assert cut["expected_sd"]["web.E2"] == pytest.approx(0.05 * 8.5e9 * 1.5518, rel=0.05)  # one more piece than five
-    assert cut["expected_sd"]["flange.E2"] < 0.7 * plan["known_sd"]["flange.E2"]  # of the same material
+    # Of the same material, as far as walls of one are alike: its scatter has a prior with long tails.
+    assert cut["expected_sd"]["flange.E2"] < 0.85 * plan["known_sd"]["flange.E2"]
     assert cut["expected_sd"]["flange.G12"] == pytest.approx(plan["known_sd"]["flange.G12"])
     assert len(free["points_m"]) == 6
     faces = {round(max(-0.04, min(z, 0.04)), 3) for _, _, z in free["points_m"]}

@@ -108,15 +108,16 @@ def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
     """Also where all discrepancies but the largest have a weight that is 0 to rounding, as 60 mm are 120 stated errors."""
     first, other = strips(1)
     campaigns = [first, shortened(other, by)]
-    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, scatter=True), coupons=coupons(), scatter=SCATTER)
+    elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER), coupons=coupons())
     problem, checked = elastic.problem, 0
-    (conflict, *_), _ = compare_sources(elastic, SCATTER)
+    (conflict, *_), _ = compare_sources(elastic)
     for check in (conflict.cause, *conflict.rivals):
         if check.kind == "input":
             at = np.array(elastic.layout.labels) == check.name
+            wider = [np.where(at, k, 1.0) for k in SLIPS]
             slipped = [
-                replace(problem, sd=lambda s, k=k, at=at: problem.sd(s) * np.where(at, k, 1.0)).log_evidence(SCATTER)
-                for k in SLIPS
+                replace(problem, prior=lambda s, w=w: problem.prior(s) / np.outer(w, w)).log_evidence(SCATTER)
+                for w in wider
             ]
             with_slip = np.logaddexp.reduce(slipped) - np.log(len(SLIPS))
             assert check.evidence == pytest.approx(with_slip - problem.log_evidence(SCATTER), rel=1e-6)
