@@ -85,6 +85,9 @@ def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
     box = marker.bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2, steps=3)
+    page.wait_for_selector(
+        f"{DIAGRAM} .hoverlayer .hovertext"
+    )  # a click counts for what the figure has found below the pointer
     page.mouse.down()
     page.mouse.up()
     page.wait_for_selector("#say:has-text('dropped')")
