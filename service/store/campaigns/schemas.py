@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
@@ -167,19 +167,26 @@ class GridPoint(StrictModel):
     z_m: Coordinate = 0.0
 
 
+Labelled = TypeVar("Labelled", bound=GridPoint)
+
+
+def labels_once(points: list[Labelled]) -> list[Labelled]:
+    """The points, none of which has the label of another.
+
+    Raises:
+        PydanticCustomError: one has.
+    """
+    seen: set[int] = set()
+    for i, point in enumerate(points):
+        if point.label in seen:
+            raise PydanticCustomError(
+                "twice", "point {label} is there twice, again as item {i}", {"label": point.label, "i": i}
+            )
+        seen.add(point.label)
+    return points
+
+
 class GridPoints(StrictModel):
     """All points of a campaign."""
 
-    items: list[GridPoint] = Field(max_length=1_000_000)
-
-    @field_validator("items")
-    @classmethod
-    def _labels_once(cls, items: list[GridPoint]) -> list[GridPoint]:
-        seen: set[int] = set()
-        for i, point in enumerate(items):
-            if point.label in seen:
-                raise PydanticCustomError(
-                    "twice", "point {label} is there twice, again as item {i}", {"label": point.label, "i": i}
-                )
-            seen.add(point.label)
-        return items
+    items: Annotated[list[GridPoint], AfterValidator(labels_once)] = Field(max_length=1_000_000)

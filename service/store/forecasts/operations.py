@@ -5,12 +5,11 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 from uuid import UUID
 
 import numpy as np
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, Field
 from sqlalchemy import JSON, ForeignKey, Index, LargeBinary
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -21,7 +20,7 @@ from service.compute.forecasting import ForecastInputs, ForecastOutput, compute_
 from service.db.base import Base
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.resource import JobNoun
-from service.store.campaigns.schemas import Boundary, GridPoint
+from service.store.campaigns.schemas import Boundary, GridPoint, labels_once
 from service.store.storage import book, require_room
 from service.store.structures.models import load_model
 from service.store.structures.operations import (
@@ -58,7 +57,7 @@ class ForecastIn(StrictModel):
     )
     modes: int = Field(10, ge=1, le=MOST_MODES, description="how many of the lowest, where no band is stated")
     highest_hz: Hertz | None = Field(None, description="of the band; all modes in it are solved for")
-    points: list[ForecastPointIn] | None = Field(
+    points: Annotated[list[ForecastPointIn], AfterValidator(labels_once)] | None = Field(
         None,
         min_length=1,
         max_length=2000,
@@ -72,13 +71,6 @@ class ForecastIn(StrictModel):
     line_spacing_hz: Hertz | None = Field(
         None, description="of the FRFs; default: four lines in the half-power width of the first mode"
     )
-
-    @model_validator(mode="after")
-    def _labels_once(self) -> Self:
-        labels = [point.label for point in self.points or ()]
-        if twice := next((label for n, label in enumerate(labels) if label in labels[:n]), None):
-            raise PydanticCustomError("twice", "point {label} is there twice", {"label": twice})
-        return self
 
     def to_core(self) -> ForecastOrder:
         """The core's order."""
