@@ -100,9 +100,8 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scat
             if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
                 pick[row, number[name, campaign.specimen]] = 1.0
         inputs = campaign.inputs
-        if isinstance(
-            campaign.body, Structure
-        ):  # of a strip it is an unknown here; a pull would outweigh what is free of it
+        if isinstance(campaign.body, Structure):
+            # Of a strip the clamp is an unknown here; a pull would outweigh what is free of it.
             inputs = replace(inputs, clamp_compliance_sd=0.0)
         seek = partial(excursions, inputs=inputs, fixed_points=campaign.fixed_points)
         models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))

@@ -117,9 +117,7 @@ class Agreement:
     z: FloatArray
 
 
-def compare_sources(
-    elastic: ElasticResult,
-) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
+def compare_sources(elastic: ElasticResult) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
     """Sources that contradict the others, each with its likeliest cause; and each campaign beside the others, in its order.
 
     Args:
@@ -199,7 +197,7 @@ class _Sources:
 
     @cached_property
     def posterior_with_logs(self) -> tuple[Mixture, FloatArray]:
-        return self.problem.at_scatter_with_logs(self.scatter)
+        return self.problem.at_scatter(self.scatter)
 
     @cached_property
     def contradicting(self) -> list[Check]:
@@ -351,7 +349,7 @@ def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _beside_the_rest(problem: LinearProblem, at: slice, scatter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    others, logs = problem.only(~_among(problem, at)).at_scatter_with_logs(scatter)
+    others, logs = problem.only(~_among(problem, at)).at_scatter(scatter)
     kept = problem.weights[at] > 0
     S, noise = problem.sensitivity[at][kept], problem.noise[at, at][np.ix_(kept, kept)]
     spanned = noise + others.scale[:, None, None] ** 2 * np.eye(len(S)) + S @ others.covariance @ S.T

@@ -24,7 +24,7 @@ HOPELESS_MISS = 0.03
 """The same, from which model and measurement do not belong together."""
 
 _DOUBTED = 2.0  # standard deviations of a dimension from which a point of the grid beyond it contradicts it
-_HARDLY = 0.05  # probability of a change of stiffness that is not worth a word
+_HARDLY = 0.05  # probability of a change of stiffness below which none is reported
 _NAMED = 4  # points named in one sentence
 
 

@@ -327,7 +327,7 @@ def sparse_factors(first: ElasticResult, refit: Callable[[Layout, ElasticResult]
             break
         sds = prior.prior_sd.copy()
         sds[factors] = wanted
-        result = refit(first.layout.with_priors(sds), result)
+        result = refit(first.layout.with_prior(replace(prior, prior_sd=sds)), result)
     if result is first:
         return first
     starts = tuple(replace(start, chosen=False) for start in first.starts)

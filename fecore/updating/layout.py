@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
@@ -247,13 +248,17 @@ class Layout:
         precision: FloatArray = np.diag(self.sd(scatter) ** -2) + self.coupling(scatter)
         return precision
 
-    def log_prior(self, x: FloatArray) -> FloatArray:
-        """(n,) logarithm of the prior density of (n, q) shared unknowns, whatever the scatter is, up to a constant."""
-        q, (scatters, probability) = x.shape[1], prior_of_scatter(self.scatter)
+    def log_prior(self) -> Callable[[FloatArray], FloatArray]:
+        """The (n,) logarithm of the prior density of (n, q) shared unknowns, whatever the scatter is, up to a constant."""
+        q, (scatters, probability) = len(self.shared), prior_of_scatter(self.scatter)
         inverse = [np.linalg.inv(np.linalg.inv(self.precision(float(each)))[:q, :q]) for each in scatters]
-        away = np.einsum("ni,tij,nj->tn", x, inverse, x)
-        each = np.log(probability)[:, None] + (np.linalg.slogdet(inverse)[1][:, None] - away) / 2
-        return np.asarray(scipy.special.logsumexp(each, axis=0))
+        constant = np.log(probability) + np.linalg.slogdet(inverse)[1] / 2
+
+        def value(x: FloatArray) -> FloatArray:
+            away = np.einsum("ni,tij,nj->tn", x, inverse, x)
+            return np.asarray(scipy.special.logsumexp(constant[:, None] - away / 2, axis=0))
+
+        return value
 
     def marginal_sd(self, scatter: float) -> FloatArray:
         """(X,) prior standard deviations of the unknowns, whatever the others are."""
@@ -293,8 +298,8 @@ class Layout:
         loose = [replace(c, forward=c.forward.unverified(), seek_excursions=lambda _: ()) for c in self.campaigns]
         return replace(self, campaigns=tuple(loose))
 
-    def with_priors(self, sd: Sequence[float] | FloatArray) -> Layout:
-        """The layout of one campaign with other prior standard deviations of its parameters, SI."""
+    def with_prior(self, prior: Parametrisation, **of_model: Any) -> Layout:
+        """The layout of one campaign with other parameters and their body, its model changed in these attributes."""
         (only,) = self.campaigns
-        parametrisation = replace(only.prior, prior_sd=np.asarray(sd))
-        return Layout.of_one(replace(only.forward, parametrisation=parametrisation), only.modes, only.seek_excursions)
+        forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **of_model)
+        return Layout.of_one(forward, only.modes, only.seek_excursions)

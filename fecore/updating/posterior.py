@@ -249,9 +249,9 @@ class LinearProblem:
 
     def log_evidence(self, scatter: float) -> float:
         """The logarithm of the evidence at a scatter, the unknowns and the discrepancy integrated out, up to a constant."""
-        spreads = DISCREPANCY * _GRID
+        spreads, log_prior = grid_of_discrepancies()
         *_, evidence = self._solve_all(spreads, np.array([scatter]))
-        return float(scipy.special.logsumexp(evidence[0] + _log_prior(spreads, DISCREPANCY)))
+        return float(scipy.special.logsumexp(evidence[0] + log_prior))
 
     def discrepancy(self, spread: float, scatter: float) -> float:
         """The discrepancy as the residuals give it, where so many unknowns are determined as at given scales."""
@@ -270,26 +270,22 @@ class LinearProblem:
 
     def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
         """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
-        spreads = DISCREPANCY * _GRID
-        scatters = scatter_scale * _SCATTERS if scatter_scale else np.zeros(1)
+        spreads, log_prior = grid_of_discrepancies()
+        scatters, probability = prior_of_scatter(scatter_scale)
         step, covariance, evidence = self._solve_all(spreads, scatters)
-        log_weight = evidence + _log_prior(spreads, DISCREPANCY)
-        if scatter_scale:
-            log_weight += _log_prior(scatters, scatter_scale)[:, None]
+        log_weight = evidence + log_prior + np.log(probability)[:, None]
         weight, size = np.exp(log_weight - scipy.special.logsumexp(log_weight)).ravel(), self.x.size
         scale = np.tile(spreads, scatters.size)
         mixture = Mixture(weight, step.reshape(-1, size), covariance.reshape(-1, size, size), scale)
         return mixture, np.repeat(scatters, spreads.size)
 
-    def at_scatter(self, scatter: float) -> Mixture:
-        """The posterior about the estimate where specimens scatter by so much."""
-        return self.at_scatter_with_logs(scatter)[0]
-
-    def at_scatter_with_logs(self, scatter: float) -> tuple[Mixture, FloatArray]:
-        """The same with (m,) logarithms of the weights, which hold those too that are 0 to rounding."""
-        spreads = DISCREPANCY * _GRID
+    def at_scatter(self, scatter: float) -> tuple[Mixture, FloatArray]:
+        """The posterior about the estimate at a scatter, and (m,) the logarithms of its weights, which hold those too that
+        are 0 to rounding.
+        """
+        spreads, log_prior = grid_of_discrepancies()
         step, covariance, evidence = (part[0] for part in self._solve_all(spreads, np.array([scatter])))
-        log_weight: FloatArray = scipy.special.log_softmax(evidence + _log_prior(spreads, DISCREPANCY))
+        log_weight: FloatArray = scipy.special.log_softmax(evidence + log_prior)
         return Mixture(np.exp(log_weight), step, covariance, spreads), log_weight
 
     def evidence_of_scatter(self, scale: float) -> tuple[float, float]:
@@ -350,8 +346,7 @@ def log_likelihood(noise: FloatArray, weights: FloatArray | float = 1.0) -> Call
 
     Each counts as far as its (n,) weight says that it is one of a mode.
     """
-    s = DISCREPANCY * _GRID
-    return over_scales(noise, s, _log_prior(s, DISCREPANCY), np.broadcast_to(weights, len(noise)))
+    return over_scales(noise, *grid_of_discrepancies(), np.broadcast_to(weights, len(noise)))
 
 
 def over_scales(

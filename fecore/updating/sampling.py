@@ -224,6 +224,7 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
     frequencies = _LocalFrequencies.about(state.forward.on_basis(), prior.theta(centre), covariance, highest)
     by_inputs = elastic.problem.sensitivity[:, free:] * prior.xi_sd[free:]
     likelihood = log_likelihood(elastic.problem.noise + by_inputs @ by_inputs.T, elastic.problem.weights)
+    log_prior = elastic.layout.log_prior()
 
     def density(xi: FloatArray) -> FloatArray:
         value = np.full(len(xi), -np.inf)
@@ -232,7 +233,7 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
         allowed = prior.are_believable(whole)
         if allowed.any():
             residual = measured_log - np.log(frequencies.at(prior.theta(whole[allowed]))[:, columns])
-            value[allowed] = likelihood(residual) + elastic.layout.log_prior((whole[allowed] - prior.xi_mean)[:, :free])
+            value[allowed] = likelihood(residual) + log_prior((whole[allowed] - prior.xi_mean)[:, :free])
         return value
 
     return density

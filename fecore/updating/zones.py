@@ -17,7 +17,6 @@ from fecore.body.constants import kind_of
 from fecore.body.specimen import LayeredSpecimen, Specimen, divided
 from fecore.updating.elastic import Misfit
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.recipe import Recipe
 from fecore.updating.stretches import Compliance, Partitions, Stretches
@@ -39,7 +38,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     if not zones.any():
         return first
     parts = _Parts.of(prior, recipe)
-    layout = _with(only, parts.prior, reduced=False)
+    layout = first.layout.with_prior(parts.prior, reduced=False)
     misfit, x = Misfit(layout, use_shapes=recipe.use_shapes, held=first.held), first.x[parts.column]
     for _ in range(_ROUNDS):
         states = layout.solved(x)
@@ -54,7 +53,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     # MacKay, Neural Comput. 4, 1992: the variance s² of a factor's prior that has the largest evidence is E ξ².
     known = prior.prior_mean * np.clip(np.sqrt(np.diag(mixture.total) + at**2), _LEAST, prior.xi_sd)
     body = replace(prior.body, profile=parts.profile(x))  # type: ignore[type-var]
-    layout = _with(only, replace(prior, body=body, prior_sd=np.where(zones, known, prior.prior_sd)))
+    layout = first.layout.with_prior(replace(prior, body=body, prior_sd=np.where(zones, known, prior.prior_sd)))
     misfit, states = replace(misfit, layout=layout), layout.solved(at)
     pairings = misfit.pair(states)
     problem = misfit.linear(at, states, pairings, first.weights)
@@ -71,12 +70,6 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         excursions=(only.seek_excursions(states[0]),),
         stretches=Stretches(parts.lines, partitions.change, mixture),
     )
-
-
-def _with(campaign: CampaignModel, prior: Parametrisation, *, reduced: bool = True) -> Layout:
-    """The layout of a campaign with other parameters and their body."""
-    forward = replace(campaign.forward, specimen=prior.body, parametrisation=prior, reduced=reduced)
-    return Layout.of_one(forward, campaign.modes, campaign.seek_excursions)
 
 
 @dataclass(frozen=True)
