@@ -216,7 +216,7 @@ def _structure(project: Project, archive: ArchiveFile, was: Mapping[str, Any]) -
     if archive.has(f"{folder}/deck"):
         deck = archive.json(f"{folder}/model.json")
         with archive.unpacked(f"{folder}/deck", str(deck["filename"])) as file:
-            made.import_model(file, deck["units"], accept=deck["accepted"])
+            made.import_model(file, deck["units"], accept=deck["accepted"], sections=deck.get("sections"))
     return made
 
 

@@ -30,7 +30,7 @@ from service.store.frfs.operations import FrfFilter
 from service.store.frfs.routes import write_uff
 from service.store.modes.operations import describe_all as described_modes
 from service.store.modes.operations import mode_sets_of
-from service.store.structures.models import accepted_of, deck_of
+from service.store.structures.models import deck_of, said_of_deck
 from service.store.structures.operations import describe as described_structure
 from service.store.structures.operations import structures_of
 from service.store.updating.operations import labelled_results
@@ -126,7 +126,7 @@ def write_archive(session: Session, user: User, title: str, keys: Sequence[UUID]
         archive.json(f"structures/{key}/structure.json", shown)
         if shown.model is not None:
             name, units, deck = deck_of(session, shown.model)
-            read = {"filename": name, "units": units, "accepted": accepted_of(session, shown.model)}
+            read = {"filename": name, "units": units, **said_of_deck(session, shown.model)}
             archive.json(f"structures/{key}/model.json", read)
             with archive.member(f"structures/{key}/deck") as target:
                 target.write(deck)
