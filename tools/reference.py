@@ -82,7 +82,7 @@ def table() -> str:
 
 
 MARK = "<!-- made by python -m tools.reference -->"
-PLAIN = re.compile("(list|search|delete|restore|purge|cancel|watch)_")
+PLAIN = re.compile("(list|search|get|delete|restore|purge|cancel|watch)_")
 """Names of routes that the page explains once."""
 OFTEN, NEARLY_ALL = 2, 15
 """Commands with the same option, from which on it is explained once at the top, and from which on it is named there only."""
@@ -94,7 +94,7 @@ def rest_page() -> str:
         "# REST, route by route", "", MARK, "",
         "Paths are below `/api/v1`. `/openapi.json` has all parameters and fields, `/docs` is the page to try them.",
         "Each route is a method of [`lab.rest`](library.md) by the name before it. Of most, the name says what they do:",
-        "`list_…` and [`search_…`](search.md) answer pages; `delete_…` hides what has a `restore_…`, and removes the rest;",
+        "`list_…` and [`search_…`](search.md) answer pages, `get_…` one thing; `delete_…` hides what has a `restore_…`, and removes the rest;",
         "`purge_…` removes for good; `cancel_…` asks for a job's end; `watch_…` streams its state as server-sent events.", "",
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
@@ -128,7 +128,14 @@ def cli_page() -> str:
     for words, one in commands:
         own = [row for row in rows[words] if row not in common]
         others = " ".join(row.split(":")[0][2:] for row in rows[words] if row in common and row not in everywhere)
-        lines += [f"## {words}", "", f"{_plain(one.help or '')} {others}".strip(), "", *own, *([""] if own else [])]
+        lines += [
+            f"## {words.removeprefix('modalbase ')}",
+            "",
+            f"{_plain(one.help or '')} {others}".strip(),
+            "",
+            *own,
+            *([""] if own else []),
+        ]
     return "\n".join(lines)
 
 
