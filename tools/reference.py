@@ -17,6 +17,7 @@ from typing import Any
 import typer
 from fastapi import FastAPI
 
+from modalbase.client.options import NAMED
 from service.app.application import PREFIX
 from service.app.cli.command import app
 from service.app.composition import ROUTERS
@@ -82,7 +83,7 @@ def table() -> str:
 
 
 MARK = "<!-- made by python -m tools.reference -->"
-PLAIN = re.compile("(list|search|get|delete|restore|purge|cancel|watch)_")
+PLAIN = re.compile("(create|list|search|get|change|delete|restore|purge|cancel|watch)_")
 """Names of routes that the page explains once."""
 OFTEN, NEARLY_ALL = 2, 15
 """Commands with the same option, from which on it is explained once at the top, and from which on it is named there only."""
@@ -93,8 +94,8 @@ def rest_page() -> str:
     lines = [
         "# REST, route by route", "", MARK, "",
         "Paths are below `/api/v1`. `/openapi.json` has all parameters and fields, `/docs` is the page to try them.",
-        "Each route is a method of [`lab.rest`](library.md) by the name before it. Of most, the name says what they do:",
-        "`list_…` and [`search_…`](search.md) answer pages, `get_…` one thing; `delete_…` hides what has a `restore_…`, and removes the rest;",
+        "Each route is a method of [`lab.rest`](library.md) by the name before it, which mostly says what it does:",
+        "`list_…` and [`search_…`](search.md) answer pages; `delete_…` hides what has a `restore_…`, and removes the rest;",
         "`purge_…` removes for good; `cancel_…` asks for a job's end; `watch_…` streams its state as server-sent events.", "",
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
@@ -123,7 +124,11 @@ def cli_page() -> str:
     common = [row for row, times in count.items() if times >= OFTEN]
     everywhere = [row for row, times in count.items() if times >= NEARLY_ALL]
     lines = ["# The command, word by word", "", MARK, ""]
-    lines += ["[How to use it](command-line.md); `--help` has more. Nearly all commands have", "", *everywhere, ""]
+    lines += [
+        f"[How to use it](command-line.md); `--help` has more. Things are named by {NAMED}. Nearly all commands have",
+        "",
+    ]
+    lines += [*everywhere, ""]
     lines += ["Others name these behind what they do:", "", *(row for row in common if row not in everywhere), ""]
     for words, one in commands:
         own = [row for row in rows[words] if row not in common]
@@ -154,7 +159,7 @@ def _shown(parameter: Any) -> bool:
 def _parameter(parameter: Any) -> str:
     names = parameter.opts + parameter.secondary_opts
     shown = names if names[0].startswith("-") else [parameter.name.strip("_").upper()]
-    means = _plain(getattr(parameter, "help", None) or "").split("; ")[0]
+    means = _plain(getattr(parameter, "help", None) or "").split("; ")[0].replace(f": {NAMED}", "")
     return f"- {', '.join(f'`{name}`' for name in shown)}{means and ': '}{means}"
 
 
