@@ -1,4 +1,4 @@
-"""Projects, the structures in them, and what is kept of a structure: coupon tests, monitors with their alarms."""
+"""Projects, the structures in them, and the coupon tests of a structure."""
 
 from __future__ import annotations
 
@@ -6,20 +6,17 @@ import json
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from modalbase.client.files import MESH_FORMATS, fetch_file, format_of, send_file
-from modalbase.client.finding import BATCH, MONITOR, PROJECT, STRUCTURE, Kind
+from modalbase.client.finding import BATCH, PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.forecasts import Forecast
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.models import Model
-from modalbase.objects.thing import Editable, Figure, Table, Thing
-
-if TYPE_CHECKING:
-    pass
-
+from modalbase.objects.monitors import Monitor
+from modalbase.objects.thing import Editable, Table, Thing
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
 STRUCTURE_INPUTS = (
@@ -87,14 +84,14 @@ class Project(Editable):
         return self._one(Structure, which, create, _nested(properties), confirm)
 
     def archive(self, file: str | Path) -> Path:
-        """Write all its campaigns, with structures, modes and results, to a zip that others read without this service."""
+        """Write all of it, instruments, structures and campaigns, to a zip that others read without this service."""
         fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
         return Path(file)
 
     def import_archive(self, file: str | Path) -> Imported:
-        """Read an archive that a service wrote: structures, campaigns, points, FRFs and mode sets, with new ids.
+        """Read an archive that a service wrote, with new ids: all but results, which stay in it, and monitors at rest.
 
-        Each structure and campaign says in `meta.archive` which one it was. Results stay in the archive.
+        Each structure and campaign says in `meta.archive` which one it was.
 
         Raises:
             ClientError: the archive is broken or no longer what was written, in which case nothing is sent; or the service
@@ -122,6 +119,17 @@ class Project(Editable):
         body = {"kind": kind, "serial": serial, **fields}
         made: dict[str, Any] = self.lab.connection.post(f"{self.address}/instruments", body)
         return made
+
+    def change_instrument(self, instrument_id: str, **fields: Any) -> dict[str, Any]:
+        """Change an instrument's `serial`, `model`, `notes`, or with `calibrations` its whole history.
+
+        Raises:
+            ClientError: the service refuses it.
+        """
+        address = f"instruments/{instrument_id}"
+        tag = self.lab.connection.request("GET", address).headers["ETag"]
+        changed: dict[str, Any] = self.lab.connection.call("PATCH", address, json=fields, headers={"If-Match": tag})
+        return changed
 
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""
@@ -350,49 +358,3 @@ class CouponBatch(Thing):
         content = self.lab.rest.get_curve_data(self.coupons()[specimen]["id"], format="npz")
         with np.load(BytesIO(content)) as arrays:
             return {name: arrays[name] for name in arrays.files}
-
-
-class Monitor(Editable):
-    """A frozen recipe that runs on a structure's campaigns, with control charts of what it finds."""
-
-    noun = MONITOR
-
-    def run(self, campaign: Any = None, **how: Any) -> list[dict[str, Any]]:
-        """Run it now.
-
-        Args:
-            campaign: on this one; by default on all that are complete and not yet in the series.
-            how: `rerun`, `reason`.
-        """
-        body = {**({} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}), **how}
-        runs: list[dict[str, Any]] = self.lab.connection.post(f"{self.address}/runs", body)["items"]
-        return runs
-
-    def runs(self) -> Table:
-        """What became of each run."""
-        return Table(list(self.lab.connection.pages(f"{self.address}/runs")), key="id")
-
-    def series(self, number: int | None = None) -> dict[str, Any]:
-        """Values with their uncertainty, baseline, limits, alarms and campaigns."""
-        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/series", series=number)
-        return found
-
-    def figure(self, parameter: str | None = None) -> Figure:
-        """The control chart of a parameter; by default of the first one that is watched."""
-        return Figure(self.lab, f"{self.address}/series/figure", {"parameter": parameter})
-
-    def alarms(self) -> list[Alarm]:
-        """Its alarms, newest first."""
-        found = self.lab.connection.pages("alarms", monitor=self.fields["id"])
-        return [Alarm(self.lab, fields) for fields in found]
-
-
-class Alarm(Thing):
-    """A change that a monitor has found."""
-
-    noun = Kind("alarm", "alarms/{}", "alarms")
-
-    def acknowledge(self, note: str) -> Alarm:
-        """Say that one has seen it, and what is done about it."""
-        self.fields = self.lab.rest.acknowledge_alarm(self.fields["id"], body={"note": note})
-        return self
