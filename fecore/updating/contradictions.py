@@ -13,9 +13,9 @@ all of them together (posterior predictive χ²).
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
 of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
 A source explains what contradicts where some of it does so no longer once the slip is allowed for. One that the rest says
-nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. The likeliest explanation is the
-cause. It is allowed for, and the others are looked at anew: those that still contradict have causes of their own, the rest are
-cleared.
+nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. A clamp may yield and need not:
+one that is firmer than expected contradicts nothing. The likeliest explanation is the cause. It is allowed for, and the others
+are looked at anew: those that still contradict have causes of their own, the rest are cleared.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.layout import Unknown
+from fecore.updating.layout import CLAMP, Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05
@@ -172,8 +172,8 @@ class _Sources:
     def of(cls, elastic: ElasticResult) -> _Sources:
         layout = elastic.layout
         statements = [
-            _Statement("input", _labelled(unknown), unknown.owner or "", row[None], np.zeros(1), np.array([unknown.sd]))
-            for row, unknown in zip(np.eye(elastic.x.size), layout.unknowns, strict=True)
+            _Statement("input", _labelled(unknown), unknown.owner or "", row[None], np.zeros(1), sd[None])
+            for row, unknown, sd in zip(np.eye(elastic.x.size), layout.unknowns, layout.sd(layout.scatter), strict=True)
             if not unknown.is_scatter
         ]
         for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
@@ -281,7 +281,9 @@ class _Sources:
         evidence = scipy.special.logsumexp(slipped) - scipy.special.logsumexp(log_weight + as_stated, b=len(SLIPS))
         rest, elsewhere = weight @ m, self.problem.x.copy()
         elsewhere[source.places] = rest
-        if not self.elastic.layout.are_believable(elsewhere):
+        layout = self.elastic.layout
+        firmer = layout.unknowns[source.places[0]].name == CLAMP and rest[0] < source.values[0]
+        if firmer or not layout.are_believable(elsewhere):
             return Check(source.kind, source.name, 1.0, 0.0, source.owner)
         spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))

@@ -34,7 +34,10 @@ from fecore.updating.posterior import prior_of_scatter
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
 """Constants that belong to a specimen, whatever its boundary; Poisson's ratio is the material's."""
 
-CAMPAIGNS_OWN = ("length", "clamp_compliance")
+CLAMP = "clamp_compliance"
+"""EI/kL of a clamp that may yield: a half-normal about nothing, so that a clamp as firm as can be surprises nobody."""
+
+CAMPAIGNS_OWN = ("length", CLAMP)
 """Constants that belong to one campaign: a clamp begins to hold somewhere else each time."""
 
 UNKNOWN_FREQUENCY_SD = 0.0002
