@@ -11,7 +11,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body, kind_of
 from fecore.body.specimen import OrientedSpecimen
-from fecore.body.structure import OWN_SD, Structure
+from fecore.body.structure import OWN_SD
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
@@ -100,7 +100,7 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scat
             if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
                 pick[row, number[name, campaign.specimen]] = 1.0
         inputs = campaign.inputs
-        if isinstance(campaign.body, Structure):
+        if not isinstance(campaign.body, OrientedSpecimen):
             # Of a strip the clamp is an unknown here; a pull would outweigh what is free of it.
             inputs = replace(inputs, clamp_compliance_sd=0.0)
         seek = partial(excursions, inputs=inputs, fixed_points=campaign.fixed_points)
@@ -142,12 +142,12 @@ def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> No
 
 
 def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
-    """Make sure that parameters of specimens are their material's; sets of a body in space have constants of their own.
+    """Make sure that parameters of specimens are their material's; bodies in space have constants of their own.
 
     Raises:
         InputError: one is not.
     """
-    if isinstance(body, Structure):
+    if not isinstance(body, OrientedSpecimen):
         return
     for index, parameter in enumerate(parameters):
         if parameter.name not in MATERIAL:
@@ -174,7 +174,7 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     """The parameters, and the body's own constants as far as they are not known exactly."""
     body, inputs = campaign.body, campaign.inputs
     nominal = body.nominal
-    own = nominal if isinstance(body, Structure) else (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])
+    own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if isinstance(body, OrientedSpecimen) else nominal
     known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
     sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
     if isinstance(body, OrientedSpecimen) and body.clamp_compliance:
