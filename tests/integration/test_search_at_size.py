@@ -64,7 +64,7 @@ def _whole(node: dict[str, Any]) -> Any:
 
 
 def test_an_index_answers_every_question_of_the_documents(sessions: Sessions, user: User) -> None:
-    assert len(QUESTIONS) == 10
+    assert len(QUESTIONS) == 11
     labels = [(noun, text) for noun in ("frfs", "results") for text in ("tag = 'winter'", "meta.tip = 'steel'")]
     with sessions() as session, bounded(session):
         for noun, question in [*QUESTIONS, *labels]:

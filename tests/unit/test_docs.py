@@ -121,7 +121,7 @@ def test_no_other_setting_is_named() -> None:
 EVERY_NOUN = {"id", "created_at", "tag", "meta"}
 
 
-@pytest.mark.parametrize("noun", NOUNS)
+@pytest.mark.parametrize("noun", [name for name, noun in NOUNS.items() if noun.fields])
 def test_every_field_of_a_search_is_named(noun: str) -> None:
     (row,) = re.findall(rf"^\| `{noun}` \|.*$", (ROOT / "docs/search.md").read_text(), flags=re.MULTILINE)
     wanted = {field.name for field in NOUNS[noun].fields} - EVERY_NOUN
