@@ -216,7 +216,8 @@ def _structure(project: Project, archive: ArchiveFile, was: Mapping[str, Any]) -
     if archive.has(f"{folder}/deck"):
         deck = archive.json(f"{folder}/model.json")
         with archive.unpacked(f"{folder}/deck", str(deck["filename"])) as file:
-            made.import_model(file, deck["units"], accept=deck["accepted"], sections=deck.get("sections"))
+            said = {"accept": deck["accepted"], "sections": deck.get("sections")}
+            made.import_model(file, deck["units"], **said, confirm=True)
     return made
 
 
