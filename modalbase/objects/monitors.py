@@ -1,4 +1,4 @@
-"""Monitors of a structure, and the alarms that they raise."""
+"""Monitors of a structure, and their alarms."""
 
 from __future__ import annotations
 

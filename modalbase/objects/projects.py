@@ -83,14 +83,14 @@ class Project(Editable):
         return self._one(Structure, which, create, _nested(properties), confirm)
 
     def archive(self, file: str | Path) -> Path:
-        """Write all its campaigns, with structures, modes and results, to a zip that others read without this service."""
+        """Write all of it, instruments, structures and campaigns, to a zip that others read without this service."""
         fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
         return Path(file)
 
     def import_archive(self, file: str | Path) -> Imported:
-        """Read an archive that a service wrote: structures, campaigns, points, FRFs and mode sets, with new ids.
+        """Read an archive that a service wrote, with new ids: all but results, which stay in it, and monitors at rest.
 
-        Each structure and campaign says in `meta.archive` which one it was. Results stay in the archive.
+        Each structure and campaign says in `meta.archive` which one it was.
 
         Raises:
             ClientError: the archive is broken or no longer what was written, in which case nothing is sent; or the service
@@ -118,6 +118,17 @@ class Project(Editable):
         body = {"kind": kind, "serial": serial, **fields}
         made: dict[str, Any] = self.lab.connection.post(f"{self.address}/instruments", body)
         return made
+
+    def change_instrument(self, instrument_id: str, **fields: Any) -> dict[str, Any]:
+        """Change an instrument's `serial`, `model`, `notes`, or with `calibrations` its whole history.
+
+        Raises:
+            ClientError: the service refuses it.
+        """
+        address = f"instruments/{instrument_id}"
+        tag = self.lab.connection.request("GET", address).headers["ETag"]
+        changed: dict[str, Any] = self.lab.connection.call("PATCH", address, json=fields, headers={"If-Match": tag})
+        return changed
 
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""

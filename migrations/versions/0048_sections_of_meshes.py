@@ -5,8 +5,8 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-revision = "0047_sections_of_meshes"
-down_revision = "0046_forecasts"
+revision = "0048_sections_of_meshes"
+down_revision = "0047_seen_windows"
 branch_labels = None
 depends_on = None
 
