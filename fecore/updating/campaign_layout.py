@@ -13,7 +13,7 @@ from fecore.body.clamps import AnyStructure, bed_of, on_bed
 from fecore.body.constants import Body, kind_of
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import OWN_SD, Structure
-from fecore.dynamics.eigen import normal_modes
+from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
@@ -149,7 +149,7 @@ def _on_bed(body: AnyStructure, compliance: float) -> AnyStructure:
         return body
     model, constants = body.model, np.array(list(body.nominal.values()))
     mass = model.mass.at(body.mass_coefficients(constants))
-    first = normal_modes(model.stiffness.at(body.stiffness_coefficients(constants)), mass, 1)
+    first = body_modes(model, model.stiffness.at(body.stiffness_coefficients(constants)), mass, 1)
     pushes = first.eigenvalue * ((mass @ model.motions).T @ first.shapes)
     stiffness = bed.yields(pushes) / (4 * first.eigenvalue)
     return on_bed(body, bed, compliance, float(stiffness[0]))

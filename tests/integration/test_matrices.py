@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from shutil import which
 from typing import Any
 
 import httpx
@@ -15,6 +16,7 @@ from service.store.updating.bodies import nominal_body
 from tests.integration.test_bodies import updated
 from tests.integration.test_forecasts import forecast
 from tests.integration.test_models import sent
+from tests.support import solids
 from tests.support.matrices import archived, zipped
 from tests.support.profiles import ANGLE, uff
 from tests.support.rest import finished, ok
@@ -123,3 +125,23 @@ def test_what_is_wrong_with_matrices_is_said_by_file(api: httpx.Client, bare: st
         )
     damaged = sent(api, bare, b"PK nothing", units="m-N-kg", filename="a.npz")
     assert "a.npz" in damaged["message"]
+
+
+@pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
+def test_matrices_of_solids_that_calculix_stores(api: httpx.Client, bare: str) -> None:
+    """K of each part of 20-node bricks, as a user stores it; FRFs of CalculiX's modes with other moduli."""
+    model = sent(api, bare, solids.stored_matrices(), units="mm-N-t", filename="solids.zip")
+    assert model["status"] == "succeeded", model["message"]
+    assert model["found"]["factors"] == ["plate.factor", "rib.factor"]
+    assert model["found"]["mass_kg"] == pytest.approx(1850 * 0.3 * (0.06 * 0.008 + 0.008 * 0.03), rel=1e-6)
+    seen = forecast(api, bare, modes=8)["found"]
+    expected, _ = solids.solved(dict.fromkeys(solids.MODULI, 1.0), [1])
+    # Of each part the other's modulus is a millionth.
+    assert [mode["frequency_hz"] for mode in seen["model_modes"]] == pytest.approx(expected[6:14], rel=2e-6)
+    truth = {"plate": 1.06, "rib": 0.9}
+    _, result = updated(api, bare, solids.measured(truth), "free", {"damping_models": ["rayleigh"]})
+    rows = {row["name"]: row for row in result["parameters"]}
+    for name, value in truth.items():
+        low, high = rows[f"{name}.factor"]["interval_95"]
+        assert low < value < high, rows[f"{name}.factor"]
+        assert rows[f"{name}.factor"]["estimate"] == pytest.approx(value, rel=0.01)
