@@ -23,6 +23,7 @@ from fecore.dynamics.factor import Factor, factorise, negative_eigenvalues
 from fecore.errors import InputError, ModelError
 
 _MOST = 12  # vectors a wanted mode, and blocks; beyond it the iteration has failed
+_LARGE, _WIDE = 20_000, 6  # dofs from where a factor outgrows the caches: it is read once for six vectors, not for each
 _TOLERANCE = 1e-10  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
 _INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
 _EVEN = 1e-4  # share of the longest direction's square above which the others lose nothing that matters
@@ -99,7 +100,8 @@ def normal_modes(
         )
     _check_diagonal(stiffness, mass)
     shift, factor = _near_first(stiffness, mass, rigid) if free else (0.0, factorise(stiffness))
-    for width in (1, 2, wanted + 2):  # symmetry repeats a root no more than twice; so many hold any
+    first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)  # symmetry repeats a root no more than twice
+    for width in (*first, wanted + 2):  # and so many hold any
         value, vectors = _lanczos(factor, mass, rigid, wanted, width)
         eigenvalue = shift + 1 / value
         missing = _missing(stiffness, mass, eigenvalue, free, factor)

@@ -91,6 +91,7 @@ class NounRoutes(Generic[Row, Out]):
         limit: Limit = 100,
         *,
         deleted: bool | None = None,
+        newest_first: bool | None = None,
     ) -> Page[Out]:
         """Rows of one owner, such as a campaign, as clients see them.
 
@@ -101,6 +102,7 @@ class NounRoutes(Generic[Row, Out]):
             cursor: of the page before.
             limit: rows in a page.
             deleted: those that are deleted, or those that are not; None where no row can be.
+            newest_first: their order; None for the noun's own.
         """
         table: Any = self._find.table
         owner = (self._find.owner or project_for)(session, user, owner_id)
@@ -108,7 +110,8 @@ class NounRoutes(Generic[Row, Out]):
         if deleted is not None:
             query = query.where(table.deleted_at.is_not(None) if deleted else table.deleted_at.is_(None))
         shown = partial(self.all_shown, session)
-        return paged(session, query, cursor, limit, shown, newest_first=self.newest_first, weight=self._weight)
+        newest_first = self.newest_first if newest_first is None else newest_first
+        return paged(session, query, cursor, limit, shown, newest_first=newest_first, weight=self._weight)
 
     def listing(self, name: str, text: str, rows: int = 100, owners: str | None = None, *, hides: bool = False) -> None:
         """Add `GET /{owners}/{owner_id}/{address}`.

@@ -22,9 +22,18 @@ from modalbase.formats.frfs.mat import frfs_of, propose_frfs
 from modalbase.formats.frfs.npz import REQUIRED
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.recognise import Format
-from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
+from modalbase.formats.records import (
+    TimeBlock,
+    Variables,
+    blocks_of,
+    described,
+    propose,
+    propose_recording,
+    read_mapping,
+    read_variables,
+)
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of, recording_of
+from service.compute.recordings import channels_of, looked_at, recording_of
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -48,7 +57,7 @@ class Found:
     Attributes:
         format: by its content.
         kind: whether its arrays are hits or FRFs; None of UFF, which may hold both.
-        variables: type and shape of its arrays.
+        variables: type and shape of its arrays, with their extremes.
         mapping: one that suggests itself; empty where none is needed.
         blocks: time blocks that the stated mapping makes.
         counted: hit numbers were only counted in the file.
@@ -76,12 +85,12 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         yield from _recording(inputs, inputs.mapping, form)
         return
-    if form == "tdms":
-        shapes = _faults_as(_dotted, lambda: recording_of(inputs.path)).shapes()
+    if form == "tdms" or (form == "wav" and inputs.mapping is None):
+        file = _faults_as(_dotted, lambda: recording_of(inputs.path))
         if not inputs.dry_run:
-            why = f"is missing: a TDMS holds a recording of hits; the file has {', '.join(shapes)}"
+            why = f"is missing: a {form} holds a recording of hits; the file has {', '.join(file.names)}"
             raise Invalid(_dotted("mapping.recording"), why)
-        yield Found(form, "hits", shapes)
+        yield Found(form, "hits", _faults_as(_dotted, lambda: looked_at(file)), propose_recording(file.names))
         return
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", UserWarning)
@@ -183,7 +192,7 @@ def _quantity(inputs: ReadingInputs, form: Format) -> Quantity:
 
 def _shapes(variables: Variables) -> dict[str, str]:
     listed = sorted(variables.items())[:MOST_VARIABLES]
-    return {name: f"{array.dtype} {list(array.shape)}" for name, array in listed}
+    return {name: described(array) for name, array in listed}
 
 
 def _faults_as(place: Callable[[str], str], read: Callable[[], T]) -> T:

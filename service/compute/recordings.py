@@ -200,6 +200,22 @@ def recording_of(path: Path) -> Wav | Tdms:
     return read_tdms_head(path) if recognise(path) == "tdms" else read_wav_head(path)
 
 
+def looked_at(file: Wav | Tdms) -> dict[str, str]:
+    """Type and shape of each channel, and its least and greatest sample, by which a person knows the hammer's.
+
+    Raises:
+        FormatError: the samples cannot be read.
+    """
+    shapes = file.shapes()
+    for names in [file.names] if isinstance(file, Wav) else [[name] for name in file.names]:
+        if not (parts := [(part.min(axis=1), part.max(axis=1)) for part in file.chunks(names)]):
+            raise FormatError("", "holds no samples")
+        extremes = np.array(parts)
+        for name, low, high in zip(names, extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0), strict=True):
+            shapes[name] += f", {low:.3g} to {high:.3g}"
+    return shapes
+
+
 def _rate(stated: float | str, own: float | None) -> float:
     """The rate of a recording that states its own, or of which it is stated.
 

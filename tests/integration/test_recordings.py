@@ -105,7 +105,10 @@ def test_a_tdms_lists_its_channels_and_gives_its_hits(api: httpx.Client, campaig
 
     seen = send(dry_run="true")
     assert (seen["format"], seen["kind"]) == ("tdms", "hits"), seen
-    assert seen["found"]["variables"] == dict.fromkeys(("daq/force", "daq/acc"), f"float32 [{force.size}]")
+    assert seen["found"]["variables"] == {
+        f"daq/{name}": f"float32 [{force.size}], {values.min():.3g} to {values.max():.3g}"
+        for name, values in (("force", force), ("acc", response))
+    }
     (fault,) = send()["error"]["errors"]
     assert fault["pointer"] == "/mapping/recording"
     channels = [{**CHANNELS[0], "variable": "daq/force"}, {**CHANNELS[1], "variable": "daq/acc"}]

@@ -4,9 +4,9 @@ in SI.
 
 from modalbase.formats.records.blocks import TimeBlock
 from modalbase.formats.records.mapping import ChannelMapping, Mapping, blocks_of, read_mapping
-from modalbase.formats.records.proposing import propose
+from modalbase.formats.records.proposing import propose, propose_recording
 from modalbase.formats.records.sep005 import Place, records_from_sep005, records_to_sep005
-from modalbase.formats.records.variables import SUFFIXES, Variables, read_variables
+from modalbase.formats.records.variables import SUFFIXES, Variables, described, read_variables
 
 __all__ = [
     "SUFFIXES",
@@ -16,7 +16,9 @@ __all__ = [
     "TimeBlock",
     "Variables",
     "blocks_of",
+    "described",
     "propose",
+    "propose_recording",
     "read_mapping",
     "read_variables",
     "records_from_sep005",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,15 @@ def propose(variables: Variables) -> dict[str, Any]:
     if "hit" in variables:
         found["hit"] = {"variable": "hit"}
     return found
+
+
+def propose_recording(names: Iterable[str]) -> dict[str, Any]:
+    """The same of a recording of many hits, by the names of its channels: "?" where one does not say what it is."""
+    channels = []
+    for name in names:
+        quantity = next((q for q, parts in _NAMES.items() if any(part in name.lower() for part in parts)), "?")
+        channels.append({"variable": name, "quantity": quantity, "sensitivity": 1.0, "direction": 3})
+    return {"recording": {"order": []}, "channels": channels}
 
 
 def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:

@@ -73,6 +73,12 @@ def variable(variables: Variables, name: str) -> np.ndarray[Any, Any]:
     return variables[name]
 
 
+def described(array: np.ndarray[Any, Any]) -> str:
+    """Type and shape of an array, and its least and greatest value where it has such."""
+    extent = "" if array.dtype.kind == "c" or not array.size else f", {array.min():.3g} to {array.max():.3g}"
+    return f"{array.dtype} {list(array.shape)}{extent}"
+
+
 def is_named(given: Any) -> bool:
     """Whether a mapping's value is `{"variable": name}`."""
     return isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)

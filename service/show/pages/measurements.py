@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Query
@@ -130,7 +130,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     processings = records.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items
     done = next((row.result for row in processings if row.result is not None), None)
     mode_sets = modes.nouns.page(visit.session, visit.user, campaign_id, limit=50).items
-    sent = list(reversed(imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=50).items))
+    sent = _sent(visit, campaign_id)
     return visit.show(
         "campaign.html",
         **context,
@@ -145,6 +145,7 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
         point_count=len(points),
         imports=sent,
         reports=_reports(sent),
+        starts=_starts(_reports(sent), sent),
         mode_sets=mode_sets,
         other_sets=_sets_to_compare(visit, context["campaign"]),
         identifications=modes.of_jobs.page(visit.session, visit.user, campaign_id, limit=10).items,
@@ -158,10 +159,33 @@ def get_campaign(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
     )
 
 
+def _sent(visit: Visit, campaign_id: UUID) -> list[ImportOut]:
+    """The newest files of a campaign, the last one first."""
+    return imports.of_jobs.page(visit.session, visit.user, campaign_id, limit=MOST, newest_first=True).items
+
+
 def _reports(sent: Sequence[ImportOut]) -> list[ImportOut]:
     """Of the files, newest first, those whose reports stand open: the newest, and those that were looked at and never read."""
     read = {row.sha256 for row in sent if not row.dry_run and row.status != "failed"}
-    return [row for number, row in enumerate(sent) if number == 0 or (row.dry_run and row.sha256 not in read)]
+    looked_at = {row.sha256: row.id for row in reversed(sent) if row.dry_run and row.sha256 not in read}
+    return [row for number, row in enumerate(sent) if number == 0 or row.id in looked_at.values()]
+
+
+def _starts(looked_at: Sequence[ImportOut], sent: Sequence[ImportOut]) -> dict[UUID, Any]:
+    """The mapping that the form of each file begins with: as it was last stated of these arrays, else as they suggest it."""
+    return {
+        row.id: next((each.mapping for each in sent if _says_of(each, row)), row.found.mapping)
+        for row in looked_at
+        if row.found is not None
+    }
+
+
+def _says_of(stated: ImportOut, row: ImportOut) -> bool:
+    """Whether a mapping was stated with a file, of the kind of this one, and the file is the same or has the same arrays."""
+    if not isinstance(stated.mapping, dict) or ("frf" in stated.mapping) != (row.kind == "frfs"):
+        return False
+    names = stated.found and row.found and stated.found.variables.keys() == row.found.variables.keys()
+    return stated.sha256 == row.sha256 or bool(names)
 
 
 def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, str]]:
@@ -225,6 +249,7 @@ def get_points(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
 def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
     """What became of a file, dataset by dataset; `part` is the piece that replaces itself until the import has ended."""
     shown = imports.of_jobs.one(visit.session, visit.user, import_id)
+    starts = _starts([shown], _sent(visit, shown.campaign_id))
     if part:
-        return visit.show("import_report.html", item=shown)
-    return visit.show("import.html", **visit.in_campaign(shown.campaign_id), item=shown)
+        return visit.show("import_report.html", item=shown, starts=starts)
+    return visit.show("import.html", **visit.in_campaign(shown.campaign_id), item=shown, starts=starts)

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from fecore.signal import FALSE_DISCOVERY, Estimator, Processing, Windows
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, propose, read_mapping
+from modalbase.formats.records import Mapping, TimeBlock, Variables, blocks_of, described, propose, read_mapping
 from service.errors import Fault, Invalid, pointer
 from service.jobs.resource import JobOut
 from service.store.campaigns.schemas import Point
@@ -77,7 +77,7 @@ class HitOut(StrictModel):
 class Proposal(StrictModel):
     """What a dry run says of a file."""
 
-    variables: dict[str, str] = Field(description="shape and type of each array")
+    variables: dict[str, str] = Field(description="type, shape, least and greatest value of each array")
     mapping: dict[str, Any] = Field(description="a mapping that names and shapes suggest; look at it and complete it")
     blocks: int | None = Field(description="time blocks that the stated mapping makes of the file")
 
@@ -212,7 +212,7 @@ class Sent:
         Raises:
             Invalid: there is a mapping and it does not fit the arrays.
         """
-        shapes = {name: f"{array.dtype} {list(array.shape)}" for name, array in sorted(self.variables.items())}
+        shapes = {name: described(array) for name, array in sorted(self.variables.items())}
         blocks = None if self.document is None else len(self.blocks()[0])
         return Proposal(variables=shapes, mapping=propose(self.variables), blocks=blocks)
 

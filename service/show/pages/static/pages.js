@@ -34,11 +34,16 @@ function valueOf(input) {
   if ("table" in input.dataset) return text.split("\n").filter((row) => row.trim()).map(pointOf);
   if ("numbers" in input.dataset && "scale" in input.dataset) return text.split(/[\s,;]+/).map((part) => inSI(input, part));
   if ("scale" in input.dataset) return inSI(input, text);
-  if ("array" in input.dataset) return Number.isNaN(Number(text)) ? { variable: text } : Number(text);
+  if ("array" in input.dataset) return arrayOf(text);
   if (input.type === "number" || "number" in input.dataset) return Number(text);
   if (input.type === "datetime-local") return new Date(text).toISOString();
   if ("numbers" in input.dataset) return text.split(/[\s,;]+/).map(Number);
   return text;
+}
+/* A number, several, or the array of this name. */
+function arrayOf(text) {
+  const numbers = text.split(/[\s,;]+/).map(Number);
+  return numbers.some(Number.isNaN) ? { variable: text } : numbers.length > 1 ? numbers : numbers[0];
 }
 /* A grid point of a line: its number, x, y and where it is given z, in mm. */
 function pointOf(line) {
@@ -71,15 +76,15 @@ function put(target, pointer, value) {
   const steps = pointer.split("/");
   let node = target;
   steps.slice(0, -1).forEach((step, i) => { node = node[step] ??= /^\d+$/.test(steps[i + 1]) ? [] : {}; });
-  node[steps.at(-1)] = value;
+  return node[steps.at(-1)] = value;
 }
 function bodyOf(form) {
-  const body = {};
+  const body = {}, lists = {};
   for (const input of form.elements) {
     if (!input.name || input.type === "file" || input.matches(":disabled") || input.closest("template")) continue;
     if (input.name.endsWith("[]")) {
       const name = input.name.slice(0, -2);
-      const list = body[name] ??= [];
+      const list = lists[name] ??= put(body, name, []);
       if (input.checked) list.push(input.value);
       continue;
     }
@@ -194,29 +199,36 @@ async function newStructure(form, body, make) {
   return structure;
 }
 
-/* Arrays of a file that does not say what they are, and of which the form says nothing, are only looked at first: the report
-   asks for what is missing. */
+/* Arrays of a file that does not say what they are are only looked at first: the report asks for what is missing. */
 const ARRAYS = /\.(npz|mat|csv|wav|tdms)$/i;
 const upload = (path, file, form) => {
-  const stated = ["kind", "quantity", "mapping"].map((name) => [name, form.querySelector(`details [name=${name}]`)?.value.trim()]).filter(([, value]) => value);
-  if (ARRAYS.test(file.name) && !stated.length) stated.push(["dry_run", "true"]);
-  return sendFile(path, file, file.name, stated);
+  const quantity = form.querySelector("details [name=quantity]")?.value;
+  return sendFile(path, file, file.name, ARRAYS.test(file.name) ? [["dry_run", "true"]] : quantity ? [["quantity", quantity]] : []);
 };
 const sendFile = (path, file, name, stated) => call("POST", `${path}?${new URLSearchParams([["filename", name.slice(0, 200)], ...stated])}`, file, { "Content-Type": "application/octet-stream" });
-/* A file that was looked at is read as its form says. */
+/* A file that was looked at is read as its form says, with others that have its arrays where that is wished. */
+async function sendAgain({ read, into, name }, stated) {
+  const original = await fetch(rest(`imports/${read}/original`), { credentials: "same-origin" });
+  return sendFile(into, await original.blob(), name, stated);
+}
+document.addEventListener("change", ({ target }) => { // what its arrays are decides what is asked of it
+  if ("look" in target.dataset) submitted(target.form, async () => { await sendAgain(target.form.dataset, [["dry_run", "true"], ["kind", target.value]]); location.reload(); });
+});
+const alike = (form) => [...document.querySelectorAll("form[data-arrays]")].filter((other) => other !== form && other.dataset.arrays === form.dataset.arrays);
 async function readSo(form) {
-  const original = await fetch(rest(`imports/${form.dataset.read}/original`), { credentials: "same-origin" });
-  const aside = [...form.querySelectorAll("[data-aside]")].map((input) => [input.name, input.value.trim()]);
-  const stated = form.dataset.start ? [["mapping", JSON.stringify(bodyOf(form))]] : aside;
-  await sendFile(form.dataset.into, await original.blob(), form.dataset.name, stated);
+  const aside = form.querySelector("[data-aside]");
+  const { [aside?.name]: said, ...mapping } = bodyOf(form);
+  const stated = said ? [[aside.name, said]] : [];
+  if (Object.keys(mapping).length) stated.push(["mapping", JSON.stringify(mapping)]);
+  for (const { dataset } of [form, ...(form.querySelector("[data-alike]").checked ? alike(form) : [])]) await sendAgain(dataset, stated);
   location.assign(at(`ui/${form.dataset.into.replace(/\/imports$/, "")}`));
 }
 
 /* A deck with its units; its reading is waited for on the structure's page, and before a test of it is made. */
 function sendDeck(form, structure) {
-  const { deck, units, accept } = form.elements;
+  const { deck, units, accept, sections } = form.elements;
   const query = new URLSearchParams([["filename", deck.files[0].name.slice(0, 200)]]);
-  if (units.value.trim()) query.set("units", units.value.trim());
+  for (const one of [units, sections]) if (one.value.trim()) query.set(one.name, one.value.trim());
   for (const card of accept.value.split(/[,;]+/)) if (card.trim()) query.append("accept", card.trim());
   return call("POST", `structures/${structure}/model?${query}`, deck.files[0], { "Content-Type": "application/octet-stream" });
 }
@@ -307,22 +319,27 @@ function begin() {
     const place = (value, pointer) => {
       const rows = form.querySelector(`[data-rows="${pointer}"]`);
       const boxes = form.querySelectorAll(`[name="${pointer}[]"]`);
-      if (rows) value.forEach((row) => addRow(rows, row));
+      if (rows && Array.isArray(value)) value.forEach((row) => addRow(rows, row));
       else if (boxes.length) boxes.forEach((box) => { box.checked = value.includes(box.value); });
       else if (value && typeof value === "object" && !form.elements[pointer]) Object.entries(value).forEach(([key, inner]) => place(inner, pointer ? `${pointer}/${key}` : key));
       else fill(form.elements[pointer], value);
     };
     place(JSON.parse(form.dataset.start), "");
   }
-  for (const form of document.querySelectorAll("form[data-at-once]:not([data-begun])")) { form.dataset.begun = ""; submitted(form, () => readSo(form)); }
+  for (const kind of document.querySelectorAll("select[data-kind]:not([data-begun])")) { kind.dataset.begun = ""; followKind(kind); }
+  for (const form of document.querySelectorAll("form[data-arrays]")) {
+    const label = form.querySelector("label:has([data-alike])"), others = alike(form).map((other) => other.dataset.name);
+    label.hidden = !others.length;
+    label.querySelector("span").textContent = `Read ${others.join(", ")} so, too`;
+  }
+  for (const form of document.querySelectorAll("form[data-at-once]")) { delete form.dataset.atOnce; submitted(form, () => readSo(form)); }
 }
-begin();
 /* Of a form the parts that a choice leaves out are neither seen nor sent nor asked for. */
 function leaveOut(part, out) {
   part.hidden = out;
   for (const input of part.querySelectorAll("input, select, textarea")) input.disabled = [...input.form.querySelectorAll("[data-for], [data-new]")].some((each) => each.hidden && each.contains(input));
 }
-for (const kind of document.querySelectorAll("select[data-kind]")) {
+function followKind(kind) {
   const follow = () => {
     for (const part of kind.form.querySelectorAll("[data-for]")) part.hidden = !part.dataset.for.split(" ").includes(kind.value);
     for (const part of kind.form.querySelectorAll("[data-for]")) leaveOut(part, part.hidden);
@@ -333,6 +350,7 @@ for (const kind of document.querySelectorAll("select[data-kind]")) {
   if (asked) kind.value = asked;
   follow();
 }
+begin();
 const project = document.getElementById("which-project");
 if (project) {
   const structure = document.getElementById("which-structure");

@@ -1,0 +1,174 @@
+"""Files that do not say what their arrays are, in the system's Chromium: columns are chosen, and nobody writes JSON."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import numpy as np
+import pytest
+from scipy.io import savemat, wavfile
+
+from service.app.supervisor import LocalService
+from service.jobs.resource import ENDED
+from tests.acceptance.test_browser import overflow, signed_in
+from tests.acceptance.test_forms import fill
+from tests.support.browser import browser, chromium, hindrances, watched_page
+from tests.support.rest import client_at, ok, posted
+from tests.support.waiting import until
+from tests.unit.fecore.signal.test_recording import RATE, recording
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Locator, Page
+
+FREQUENCY = np.arange(1.0, 101.0)
+VALUES = FREQUENCY * np.array([[1 + 2j], [3 - 1j]])
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[Browser]:
+    chromium()
+    with browser() as found:
+        yield found
+
+
+def wav(times: list[float], seconds: float) -> bytes:
+    file = io.BytesIO()
+    whole = recording(times, [1.0] * len(times), seconds)
+    wavfile.write(file, int(RATE), np.round(whole.T * 0.25 * 2**31).astype(np.int32))
+    return file.getvalue()
+
+
+def tdms(times: list[float], seconds: float) -> bytes:
+    nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'")
+    file, said = io.BytesIO(), {"wf_increment": 1 / RATE}
+    whole = recording(times, [1.0] * len(times), seconds)
+    with nptdms.TdmsWriter(file) as written:
+        both = zip(("Hammer", "Acc top"), whole, strict=True)
+        written.write_segment([nptdms.ChannelObject("daq", name, values, said) for name, values in both])
+    return file.getvalue()
+
+
+def mat(**arrays: Any) -> bytes:
+    file = io.BytesIO()
+    savemat(file, arrays)
+    return file.getvalue()
+
+
+def dropped(page: Page, files: dict[str, bytes]) -> None:
+    """Files are sent together; the page comes anew when all were looked at."""
+    with page.expect_navigation():
+        page.set_input_files(
+            "#file",
+            [
+                {"name": name, "mimeType": "application/octet-stream", "buffer": content}
+                for name, content in files.items()
+            ],
+        )
+    for name in files:
+        page.wait_for_selector(f"form[data-name='{name}']")
+
+
+def form_of(page: Page, name: str) -> Locator:
+    return page.locator(f"form[data-name='{name}']")
+
+
+def read_so(page: Page, api: httpx.Client, name: str) -> None:
+    """Press the button, wait until what was sent is read, and look again."""
+    with page.expect_navigation():
+        form_of(page, name).locator("button[type=submit]").click()
+    address = page.url.rsplit("/", 1)[1]
+    until(lambda: all(f["status"] in ENDED for f in sent(api, address)), "the end of all imports")
+    page.reload()
+
+
+def sent(api: httpx.Client, campaign: str) -> list[dict[str, Any]]:
+    items: list[dict[str, Any]] = ok(api.get(f"campaigns/{campaign}/imports"))["items"]
+    return items
+
+
+def counts(api: httpx.Client, campaign: str) -> list[tuple[str, str, Any]]:
+    """Name, state and what came of each file that was read, not only looked at."""
+    items = sent(api, campaign)
+    sums = [(f["filename"], f["status"], f["counts"] and f["counts"]["frfs"] + f["counts"]["records"]) for f in items]
+    return [each for each, item in zip(sums, items, strict=True) if not item["dry_run"]]
+
+
+def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser, service: LocalService) -> None:
+    """A TDMS whose order was wrong first, wavs of a point each read together, FRFs in two parts; what was typed is kept."""
+    key = service.new_key("mapper")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        project = posted(api, "projects", {"name": "files"})["id"]
+        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
+        body = {"name": "June", "boundary": "free"}
+        campaign = posted(api, f"structures/{structure}/campaigns", body)["id"]
+        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
+        files = {"june.tdms": tdms([1.0, 4.0, 7.0], 10.0), "point_4.wav": wav([1.0, 4.0], 7.0)}
+        files |= {"point_5.wav": wav([1.5, 4.5], 7.5), "frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag)}
+        dropped(page, files)
+        assert page.locator("main textarea").count() == 0
+        assert "{" not in page.inner_text("main")
+
+        june = form_of(page, "june.tdms")
+        quantities = [june.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
+        assert quantities == ["force", "acceleration"]
+        june.locator("button:text('Add a point')").click()
+        june.locator("[name='recording/order/0/point']").fill("7")
+        june.locator("[name='recording/order/0/hits']").fill("2")
+        june.locator("[name='channels/1/point']").fill("33")
+        read_so(page, api, "june.tdms")
+        assert "has 2 hits, and 3 were found, at 1.00 s" in page.inner_text("#uploaded .faults >> nth=0")
+        assert form_of(page, "june.tdms").locator("[name='channels/1/point']").input_value() == "33"
+        form_of(page, "june.tdms").locator("[name='recording/order/0/hits']").fill("3")
+        read_so(page, api, "june.tdms")
+
+        first = form_of(page, "point_4.wav")
+        assert "-0.223 to 0.241" in first.locator("[name='channels/1/variable'] option >> nth=2").inner_text()
+        first.locator("select[data-kind]").select_option("filename")
+        for name, value in {"0/quantity": "force", "1/quantity": "acceleration"}.items():
+            first.locator(f"[name='channels/{name}']").select_option(value)
+        for name in ("0/sensitivity", "1/sensitivity"):
+            first.locator(f"[name='channels/{name}']").fill("0.25")
+        first.locator("[name='channels/1/point']").fill("33")
+        first.locator("label:has-text('Read point_5.wav so, too') input").check()
+        read_so(page, api, "point_4.wav")
+
+        page.wait_for_selector("form[data-name='frfs.mat']")
+        with page.expect_navigation():
+            form_of(page, "frfs.mat").locator("[data-look]").select_option("frfs")
+        page.wait_for_selector("form[data-name='frfs.mat'] [name='frf/real']")
+        page.select_option("[name=quantity]:visible", "mobility")
+        page.select_option("[name='frf/real']", "Hr")
+        page.select_option("[name='frf/imaginary']", "Hi")
+        fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
+        assert hindrances(page) == []
+        read_so(page, api, "frfs.mat")
+        page.wait_for_selector("[data-frf-viewer]")
+        assert sorted(counts(api, campaign)) == [
+            ("frfs.mat", "succeeded", 2),
+            ("june.tdms", "failed", None),
+            ("june.tdms", "succeeded", 6),
+            ("point_4.wav", "succeeded", 4),
+            ("point_5.wav", "succeeded", 4),
+        ]
+        frf = ok(api.get(f"campaigns/{campaign}/frfs"))["items"][1]
+        assert (frf["quantity"], frf["reference_point"]) == ("mobility", 5)
+        np.testing.assert_array_equal(ok(api.get(f"frfs/{frf['id']}/data"))["frfs"][0]["imag"], 2 * VALUES[1].imag)
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:
+    key = service.new_key("pocket")
+    with (
+        client_at(service.url, key) as api,
+        watched_page(running, service.url, width=390, height=844, dark=True) as seen,
+    ):
+        project = posted(api, "projects", {"name": "small"})["id"]
+        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
+        campaign = posted(api, f"structures/{structure}/campaigns", {"name": "June", "boundary": "free"})["id"]
+        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
+        dropped(page, {"long.wav": wav([1.0, 4.0], 7.0), "frfs.mat": mat(f=FREQUENCY, H=VALUES)})
+        assert (overflow(seen), hindrances(page)) == (0, [])
+        assert (seen.complaints, seen.strangers) == ([], [])
