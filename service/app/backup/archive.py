@@ -112,13 +112,14 @@ More = Callable[[int], None]
 
 
 def counted(watch: Watch | None, total: int) -> More:
-    """What counts bytes for a watcher; nothing where there is none."""
-    done = 0
+    """What counts bytes for a watcher, who is shown each thousandth; nothing where there is none."""
+    done, shown = 0, 0
 
     def more(size: int) -> None:
-        nonlocal done
+        nonlocal done, shown
         done += size
-        if watch is not None:
+        if watch is not None and done - shown >= total / 1000:
+            shown = done
             watch(done, max(done, total))
 
     return more
