@@ -41,7 +41,7 @@ $$
 CAMPAIGN = """
 CREATE FUNCTION campaign_stated() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
-  PERFORM pg_advisory_xact_lock_shared(hashtextextended(project_id::text, 49)) FROM structures WHERE id = NEW.structure_id;
+  PERFORM pg_advisory_xact_lock_shared(hashtextextended(project_id::text, 47)) FROM structures WHERE id = NEW.structure_id;
   PERFORM state_uses(ARRAY[NEW.id]);
   RETURN NULL;
 END $$;
@@ -51,7 +51,7 @@ CREATE TRIGGER campaign_stated AFTER INSERT OR UPDATE OF instruments, performed_
 INSTRUMENT = """
 CREATE FUNCTION instrument_stated() RETURNS trigger LANGUAGE plpgsql AS $$
 BEGIN
-  PERFORM pg_advisory_xact_lock(hashtextextended(NEW.project_id::text, 49));
+  PERFORM pg_advisory_xact_lock(hashtextextended(NEW.project_id::text, 47));
   PERFORM state_uses(ARRAY(
     SELECT campaign_id FROM instrument_uses WHERE instrument_id = NEW.id
     UNION

@@ -287,13 +287,3 @@ SEARCHED = {
 def lineage(noun: Noun) -> list[Noun]:
     """A noun, its owner, and so on up to the project."""
     return [noun, *(lineage(NOUNS[noun.owner]) if noun.owner else ())]
-
-
-def field_table() -> str:
-    """All fields as a table in Markdown."""
-    rows = (
-        f"| `{noun.name}.{field.name}` | {field.kind} | {field.meaning}{f', {field.unit}' if field.unit else ''} |"
-        for noun in _ALL
-        for field in noun.fields
-    )
-    return "\n".join(["| field | type | meaning |", "|---|---|---|", *rows])
