@@ -214,7 +214,7 @@ class Structure(Editable):
         return self._list(Forecast)
 
     def plan(self, tests: Sequence[Mapping[str, Any]] = (), **asked: Any) -> Table:
-        """Tests ranked by what they would add to what is known: boundaries, points to hit, coupons.
+        """Which test would show most, the best first: boundaries, points to hit, coupons.
 
         Args:
             tests: to compare: `boundary`, `highest_hz`, `points_m` and so on; none compares the boundaries.
