@@ -26,11 +26,9 @@ from fecore.body.clamps import bed_of
 from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
+from fecore.normal import Z_95
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
-
-REACH_95 = 1.959963984540054
-"""Of 95 % of a half-normal's mass, and of |z| of a Gaussian, in standard deviations."""
 
 _SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference below is round-off
 
@@ -66,7 +64,7 @@ class Excursion:
     @property
     def reach(self) -> float:
         """Of 95 % of the effect, over that of one standard deviation."""
-        return REACH_95**2 if self.kind == "square" else REACH_95
+        return Z_95**2 if self.kind == "square" else Z_95
 
 
 def excursions(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> tuple[Excursion, ...]:

@@ -1,22 +1,21 @@
-"""Projects, the structures in them, and the coupon tests of a structure."""
+"""Projects and the structures in them."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from io import BytesIO
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from modalbase.client.files import MESH_FORMATS, fetch_file, format_of, send_file
-from modalbase.client.finding import BATCH, PROJECT, STRUCTURE
+from modalbase.client.finding import PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.coupons import CouponBatch
 from modalbase.objects.forecasts import Forecast
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.models import Model
 from modalbase.objects.monitors import Monitor
-from modalbase.objects.thing import Editable, Table, Thing
+from modalbase.objects.thing import Editable, Table
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
 STRUCTURE_INPUTS = (
@@ -146,16 +145,24 @@ class Structure(Editable):
     noun = STRUCTURE
 
     def import_model(
-        self, file: str | Path, units: str | None = None, *, accept: Sequence[str] = (), wait: bool = True
+        self,
+        file: str | Path,
+        units: str | None = None,
+        *,
+        accept: Sequence[str] = (),
+        sections: Mapping[str, Any] | None = None,
+        wait: bool = True,
     ) -> Model:
-        """Send a deck; once it was read, the structure's next version is that model.
+        """Send a deck or mesh; once it was read, the structure's next version is that model.
 
         Args:
             file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas), or a .zip of one with what it includes; or
-                matrices of any solver (.zip, .npz).
+                matrices of any solver (.zip, .npz); or a mesh of gmsh (.msh), VTK (.vtu, .vtk) or UFF (.unv, .uff).
             units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch` and the like. A deck has
                 none; without them the error says which fit.
             accept: names of cards that may be left out although modes change by that.
+            sections: of a mesh, by set: `{"skin": {"thickness_m": …, "material": {"E1_Pa": …}}}` with `isotropic` or `plies`
+                as well, SI.
             wait: for the end of the reading.
 
         Raises:
@@ -163,7 +170,8 @@ class Structure(Editable):
             ClientError: the service refuses it.
         """
         path = f"{self.address}/model"
-        sent = Model(self.lab, send_file(self.lab.connection, path, Path(file), units=units, accept=list(accept)))
+        answer = send_file(self.lab.connection, path, Path(file), sections=sections, units=units, accept=list(accept))
+        sent = Model(self.lab, answer)
         if wait:
             sent.wait().check()
             self.refresh()
@@ -201,6 +209,19 @@ class Structure(Editable):
     def forecasts(self) -> list[Forecast]:
         """Its forecasts, newest first."""
         return self._list(Forecast)
+
+    def plan(self, tests: Sequence[Mapping[str, Any]] = (), **asked: Any) -> Table:
+        """Which test would tell most, the best first: boundaries, points to hit, coupons.
+
+        Args:
+            tests: to compare: `boundary`, `highest_hz`, `points_m` and so on; none compares the boundaries.
+            asked: `coupons`, `about`, `made` so far, `points_to_hit` and the others of `POST /structures/{id}/plans`.
+
+        Raises:
+            ClientError: the structure lacks what a model needs.
+        """
+        body = {**asked, **({"tests": list(tests)} if tests else {})}
+        return Table(self.lab.connection.post(f"{self.address}/plans", body)["items"])
 
     def new_campaign(self, name: str, boundary: str, *, confirm: bool = False, **fields: Any) -> Campaign:
         """Make a campaign.
@@ -302,59 +323,3 @@ def _shaped(properties: dict[str, Any]) -> dict[str, Any]:
     if walls := [name for name in body if name.endswith(WALL)]:
         shape["walls"] = {name.removesuffix(WALL): {"thickness_m": body.pop(name)} for name in walls}
     return {**body, "shape": shape}
-
-
-class CouponBatch(Thing):
-    """Coupons of one plate and direction, tested to ASTM D3039 or D3518."""
-
-    noun = BATCH
-
-    def add_curve(self, file: str | Path, *, confirm: bool = False, **about: Any) -> dict[str, Any]:
-        """Add a specimen from a testing machine's file.
-
-        Args:
-            file: CSV of the machine.
-            confirm: take unusual dimensions and results as they are.
-            about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the file's name) and the
-                others of `POST /coupon-batches/{id}/coupons`.
-
-        Raises:
-            ClientError: the file cannot be read so; the text says what is missing.
-        """
-        path = Path(file)
-        coupon = {"specimen": path.stem, **about}
-        fields = {"coupon": json.dumps(coupon)}
-        answer = self.lab.connection.submit(f"{self.address}/coupons", path, fields, confirm=confirm or None)
-        made: dict[str, Any] = answer["items"][0]
-        return made
-
-    def add_coupon(self, specimen: str, *, confirm: bool = False, **results: Any) -> dict[str, Any]:
-        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard` and so on; with `confirm`
-        unusual ones too.
-        """
-        body = {"specimen": specimen, **results}
-        answer = self.lab.connection.post(f"{self.address}/coupons", body, confirm=confirm or None)
-        made: dict[str, Any] = answer["items"][0]
-        return made
-
-    def coupons(self) -> Table:
-        """Its specimens with their results, SI."""
-        return Table(list(self.lab.connection.pages(f"{self.address}/coupons")), key="specimen")
-
-    def summary(self) -> dict[str, Any]:
-        """Statistics of the batch, the priors that follow, and warnings."""
-        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/summary")
-        return found
-
-    @property
-    def statistics(self) -> Table:
-        """Mean, standard deviation and coefficient of variation of each constant."""
-        return Table([{"name": name, **value} for name, value in self.summary()["constants"].items()])
-
-    def curve(self, specimen: str) -> dict[str, Any]:
-        """The raw curve of a specimen as numpy arrays in SI: force in N, strains in m/m, time in s, where it has them."""
-        import numpy as np
-
-        content = self.lab.rest.get_curve_data(self.coupons()[specimen]["id"], format="npz")
-        with np.load(BytesIO(content)) as arrays:
-            return {name: arrays[name] for name in arrays.files}

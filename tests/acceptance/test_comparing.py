@@ -53,13 +53,15 @@ def test_poles_and_campaigns_are_judged_by_eye(running: Browser, service: LocalS
             whole, less = ok(api.get(f"campaigns/{one}/mode-sets"))["items"]
             assert len(less["modes"]) == len(whole["modes"]) - 1
             assert less["details"]["decisions"][0]["reason"] == "a tone of the fan"
-            sets_are_compared(page, less["name"])
+            pairs = len(whole["modes"]) * len(less["modes"])
+            sets_are_compared(page, less["name"], pairs)
             address = campaigns_are_compared(page, structure)
             assert (seen.complaints, seen.strangers) == ([], [])
     with watched_page(running, service.url, width=390, height=844, dark=True) as seen:
         signed_in(seen, key, "/ui/")
         seen.visit(address)
         drawn(seen.page, "figure[data-figure*='/figures/mac']")
+        as_bars(seen.page, pairs)
         assert overflow(seen) == 0
         assert hindrances(seen.page) == []
         seen.visit(f"/ui/campaigns/{one}")
@@ -97,7 +99,7 @@ def a_pole_is_dropped_in_the_diagram(page: Page) -> None:
     page.wait_for_selector("summary:has-text('found, checked')")
 
 
-def sets_are_compared(page: Page, name: str) -> None:
+def sets_are_compared(page: Page, name: str, pairs: int) -> None:
     """Two sets of a campaign: each mode that is in both is itself, and that which was dropped has no partner."""
     form = page.locator("details[open] form[data-choose]").first
     assert "found" in form.locator("select").inner_text()
@@ -107,6 +109,20 @@ def sets_are_compared(page: Page, name: str) -> None:
     assert name in page.inner_text("#shapes")
     assert set(table.locator("td:nth-child(5)").all_inner_texts()) == {"1.000"}
     drawn(page, "figure[data-figure*='/figures/mac']")
+    as_bars(page, pairs)
+
+
+def as_bars(page: Page, pairs: int) -> None:
+    """The MAC as bars in space: a bar for each pair, the keys choose one, and what it is stands below."""
+    page.click("summary:has-text('as bars in space')")
+    page.wait_for_selector("[data-bars][data-ready=webgl]")
+    listed = page.locator("[data-bars] [data-space-legend] li").all_inner_texts()
+    assert sum(int(words.split()[-2]) for words in listed) == pairs
+    assert listed[-1].startswith("0.9 to 1, ")
+    page.focus("[data-bars] canvas")
+    page.keyboard.press("n")
+    page.wait_for_selector("[data-bars] [data-space-said]:has-text(' Hz: MAC ')")
+    assert hindrances(page) == []
 
 
 def campaigns_are_compared(page: Page, structure: str) -> str:

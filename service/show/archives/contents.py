@@ -30,7 +30,7 @@ from service.store.modes.operations import mode_sets_of
 from service.store.records.decisions import decisions_of
 from service.store.records.processings import documents_of
 from service.store.records.schemas import HitDecisionOut
-from service.store.structures.models import accepted_of, deck_of
+from service.store.structures.models import deck_of, said_of_deck
 from service.store.structures.operations import describe as described_structure
 from service.store.structures.operations import structures_of
 from service.store.updating.operations import labelled_results
@@ -101,7 +101,7 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
     archive.json(f"{folder}/structure.json", shown)
     if shown.model is not None:
         name, units, deck = deck_of(session, shown.model)
-        read = {"filename": name, "units": units, "accepted": accepted_of(session, shown.model)}
+        read = {"filename": name, "units": units, **said_of_deck(session, shown.model)}
         archive.json(f"{folder}/model.json", read)
         with archive.member(f"{folder}/deck") as target:
             target.write(deck)

@@ -34,6 +34,7 @@ function narrowed(layout) {
 }
 function draw(place, figure) {
   place.replaceChildren();
+  place.style.minHeight = figure.layout.height ? 0 : ""; // one that has its height leaves no room below
   const layout = { ...figure.layout, autosize: true };
   delete layout.width;
   const narrow = place.clientWidth < 640;

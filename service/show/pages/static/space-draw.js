@@ -116,7 +116,7 @@ function bodyOf(three, scene, rest, colors, look) {
   body.add(three.Points, "nodes", mesh.held, dot(colors.care, 6));
   body.add(three.Points, "nodes", mesh.masses, dot(colors.good, 9));
   if (!look.points) return body;
-  const among = (test) => scene.points.flatMap((point, i) => (test(point) && !(look.moves && point.held_out) ? [i] : []));
+  const among = (test) => scene.points.flatMap((point, i) => (test(point) && !point.bare && !(look.moves && point.held_out) ? [i] : []));
   body.add(three.LineSegments, "points", scene.joined, body.material("line", colors.measured, { opacity: look.moves ? 1 : 0.5 }));
   body.add(three.Points, "points", among((p) => !p.off && p.frfs !== 0), dot(colors.measured, 7));
   body.add(three.Points, "points", among((p) => !p.off && p.frfs === 0), dot(colors.hint, 6));
@@ -252,9 +252,11 @@ export class Space {
   }
   label() {
     const { labels } = this.said;
-    if (!labels || this.scene.points.length > MOST_LABELS) return;
-    if (!labels.childElementCount) labels.append(...this.scene.points.map((point) => Object.assign(document.createElement("span"), { textContent: point.label })));
-    this.seenAt().forEach(([x, y], i) => { labels.children[i].style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`; });
+    this.named ??= this.scene.points.flatMap(({ label }, i) => (label === "" ? [] : [i]));
+    if (!labels || this.named.length > MOST_LABELS) return;
+    if (!labels.childElementCount) labels.append(...this.named.map((i) => Object.assign(document.createElement("span"), { textContent: this.scene.points[i].label })));
+    const seen = this.seenAt();
+    this.named.forEach((i, k) => { labels.children[k].style.transform = `translate(${seen[i].map((value) => value.toFixed(1)).join("px, ")}px)`; });
   }
   /* The point nearest to a place of the canvas, CSS pixels; −1 where none is near. */
   pick(x, y) {

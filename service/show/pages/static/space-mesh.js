@@ -93,7 +93,7 @@ export function still(scene, shape, reach, colors) {
   if (shape?.nodes) lines(scene.mesh.outline, places(scene.mesh.positions, shape.nodes.real), colors.updated);
   const moved = shape?.points ? places(scene.positions, shape.points.real) : points;
   lines(scene.joined, moved, colors.measured);
-  for (const p of moved) { const [cx, cy] = put(p); drawn("circle", { cx: cx.toFixed(1), cy: cy.toFixed(1), r: 5, fill: colors.measured }); }
+  for (const p of moved.filter((_, i) => !scene.points[i].bare)) { const [cx, cy] = put(p); drawn("circle", { cx: cx.toFixed(1), cy: cy.toFixed(1), r: 5, fill: colors.measured }); }
   svg.setAttribute("viewBox", `0 0 800 ${((Math.max(...ys) - top) / size * 700 + 100).toFixed(0)}`);
   return svg;
 }

@@ -57,11 +57,9 @@ class Viewer {
   async open() {
     const { dataset } = this.place;
     try {
-      const [three, geometry, drawing] = await Promise.all(dataset.modules.split(" ").map((path) => import(address(path).href)));
+      const [three, geometry, drawing, bars] = await Promise.all(dataset.modules.split(" ").map((path) => import(address(path).href)));
       this.geometry = geometry;
-      const { mesh, said } = await this.data();
-      this.said = said;
-      this.scene = sceneOf(mesh ? geometry.meshOf(mesh) : geometry.noMesh(), said);
+      this.scene = bars ? await this.bars(bars) : await this.structure();
       if (document.createElement("canvas").getContext("webgl2")) this.draw(three, drawing);
       else this.flat();
     } catch (error) {
@@ -75,15 +73,18 @@ class Viewer {
     await this.first();
     this.place.dataset.ready = this.space ? "webgl" : "still";
   }
+  async bars(geometry) {
+    const { mesh, said, colors } = geometry.barsOf(await ask(this.place.dataset.bars));
+    this.colors.sets = colors;
+    return sceneOf(mesh, said);
+  }
   /* A result or a forecast has its own mesh and points; a test has points, and its structure may have a mesh. */
-  async data() {
+  async structure() {
     const { result, mesh, points } = this.place.dataset;
-    if (result) { const found = await ask(`${result}/mesh`); return { mesh: found, said: found }; }
-    const said = points ? JSON.parse(document.getElementById(points).textContent) : null;
-    try { return { mesh: mesh ? await ask(mesh) : null, said }; } catch (error) {
-      if (!said?.points.length) throw error;
-      return { mesh: null, said };
-    }
+    this.said = result ? await ask(`${result}/mesh`) : points ? JSON.parse(document.getElementById(points).textContent) : null;
+    let found = result ? this.said : null;
+    try { if (mesh) found = await ask(mesh); } catch (error) { if (!this.said?.points.length) throw error; }
+    return sceneOf(found ? this.geometry.meshOf(found) : this.geometry.noMesh(), this.said);
   }
   draw(three, drawing) {
     const canvas = this.part("canvas");
@@ -104,14 +105,16 @@ class Viewer {
   }
   legend() {
     const { scene, colors } = this;
-    const listed = this.place.dataset.result
+    const { bars, result } = this.place.dataset;
+    const listed = result
       ? [...(this.said.measured.length ? [[colors.hint, "measured, expanded over the mesh"]] : []), [colors.updated, "the model"]]
-      : scene.mesh.sets.map((set, i) => [colors.sets[i % colors.sets.length], `${set.name}, ${counted(set.elements, "element")}`]);
+      : scene.mesh.sets.flatMap((set, i) => (set.elements ? [[colors.sets[i % colors.sets.length], `${set.name}, ${counted(set.elements, bars ? "pair" : "element")}`]] : []));
     const of = (count, color, words) => { if (count) listed.push([color, words]); };
     of(scene.mesh.held.length, colors.care, `held: ${counted(scene.mesh.held.length, "node")}`);
     of(scene.mesh.junctions.length, colors.initial, "junctions of walls");
     of(scene.mesh.masses.length, colors.good, counted(scene.mesh.masses.length, "mass", "masses"));
-    of(scene.points.length, colors.measured, counted(scene.points.length, "measured point"));
+    const measured = scene.points.filter((point) => !point.bare).length;
+    of(measured, colors.measured, counted(measured, "measured point"));
     of(scene.arrows.some((a) => a.role === "response"), colors.measured, "→ measured directions");
     of(scene.arrows.some((a) => a.role === "reference"), colors.initial, "→ directions of references, such as hits");
     of(scene.points.some((p) => p.off), colors.bad, "points off the structure");
@@ -132,7 +135,7 @@ class Viewer {
     for (const name of ["measured", "model", "layout"]) on(name, "change", (list) => { globalThis.keep?.({ ["space-" + name]: list.value || null }); this.compare(); });
     for (const button of document.querySelectorAll("[data-shape]")) button.addEventListener("click", () => this.setOf(button));
     const list = this.part("point");
-    if (list) list.append(...this.scene.points.map((p, i) => new Option(`${p.label}: ${AXES.map((axis) => number(1e3 * p[axis + "_m"], 4)).join(", ")} mm`, i)));
+    if (list) list.append(...this.scene.points.map((p, i) => new Option(p.words ?? `${p.label}: ${AXES.map((axis) => number(1e3 * p[axis + "_m"], 4)).join(", ")} mm`, i)));
     list?.closest("label").toggleAttribute("hidden", !this.scene.points.length);
   }
   /* What the address names, or the first mode of a result. */
@@ -190,6 +193,7 @@ class Viewer {
     if (!point) return;
     this.space?.select(i);
     this.part("point").value = i;
+    if (point.words) return this.say(point.words);
     globalThis.keep?.({ point: point.label });
     const place = AXES.map((axis) => `${axis} ${number(1e3 * point[axis + "_m"], 4)}`).join(", ");
     this.say(`Point ${point.label}: ${place} mm` + ("frfs" in point ? `; ${counted(point.frfs, "FRF")}` : "") + ("distance_m" in point ? `; ${number(1e3 * point.distance_m)} mm from the structure` : ""));
