@@ -211,7 +211,7 @@ class Structure(Editable):
         return self._list(Forecast)
 
     def plan(self, tests: Sequence[Mapping[str, Any]] = (), **asked: Any) -> Table:
-        """Which test would tell most, the best first: boundaries, points to hit, coupons.
+        """Which test would show most, the best first: boundaries, points to hit, coupons.
 
         Args:
             tests: to compare: `boundary`, `highest_hz`, `points_m` and so on; none compares the boundaries.

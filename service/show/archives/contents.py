@@ -91,8 +91,9 @@ def write_archive(
 
 def _instruments(campaign: Campaign) -> list[tuple[str, str]]:
     """Kind and serial number of the instruments that a campaign names."""
-    stated = campaign.instruments
-    return [(kind, str(stated.get(kind, {}).get("serial"))) for kind in ("hammer", "sensor", "analyser")]
+    stated = [(kind, campaign.instruments.get(kind, {})) for kind in ("hammer", "sensor", "analyser")]
+    stated += [("sensor", one) for one in campaign.instruments.get("sensors", ())]
+    return [(kind, str(one.get("serial"))) for kind, one in stated]
 
 
 def _write_structure(session: Session, archive: Archive, structure: Structure) -> None:

@@ -125,8 +125,8 @@ def _kind(lines: Lines, number: int) -> Kind:
 
 
 def _take(
-    lines: Lines, found: Gathering, kind: Kind, names: Mapping[tuple[int, int], str], tags: list[int],
-    number: int, nodes: list[int],
+    lines: Lines, found: Gathering, kind: Kind, names: Mapping[tuple[int, int], str], *,
+    tags: list[int], number: int, nodes: list[int],
 ) -> None:  # fmt: skip
     """Put an element into the set of its group."""
     if len(nodes) != kind.nodes:
@@ -148,7 +148,7 @@ def _elements_2(lines: Lines, found: Gathering, names: Mapping[tuple[int, int], 
     for _ in range(lines.wholes("the number of elements", 1)[0]):
         number, kind, count, *rest = lines.wholes("an element: number, type, number of tags, tags, nodes", 3)
         tags = [tag for tag in rest[: min(count, 1)] if tag]
-        _take(lines, found, _kind(lines, kind), names, tags, number, rest[count:])
+        _take(lines, found, _kind(lines, kind), names, tags=tags, number=number, nodes=rest[count:])
 
 
 def _elements(lines: Lines, found: Gathering, names: Mapping[tuple[int, int], str], groups: _Groups) -> None:
@@ -157,4 +157,4 @@ def _elements(lines: Lines, found: Gathering, names: Mapping[tuple[int, int], st
         known, tags = _kind(lines, kind), groups.get((dimension, entity), [])
         for _ in range(count):
             number, *nodes = lines.wholes("an element: number, nodes", 2)
-            _take(lines, found, known, names, tags, number, nodes)
+            _take(lines, found, known, names, tags=tags, number=number, nodes=nodes)
