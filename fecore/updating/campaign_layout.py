@@ -165,12 +165,12 @@ def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> No
 
 
 def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
-    """Make sure that parameters of specimens are their material's; sets of a body in space have constants of their own.
+    """Make sure that parameters of specimens are their material's; bodies in space have constants of their own.
 
     Raises:
         InputError: one is not.
     """
-    if isinstance(body, Structure):
+    if not isinstance(body, OrientedSpecimen):
         return
     for index, parameter in enumerate(parameters):
         if parameter.name not in MATERIAL:
@@ -197,7 +197,7 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     """The parameters, and the body's own constants as far as they are not known exactly."""
     body, inputs = campaign.body, campaign.inputs
     nominal = body.nominal
-    own = nominal if isinstance(body, Structure) else (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])
+    own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if isinstance(body, OrientedSpecimen) else nominal
     known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
     sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
     if "clamp_compliance" in nominal:
