@@ -53,7 +53,7 @@ def sensitivities_figure(effects: Mapping[str, FloatArray], known: Mapping[str, 
         modes: names of the m measured modes.
     """
     percent = 100 * np.array(list(effects.values())).reshape(len(effects), len(modes))
-    cells = [["" if np.isnan(value) else f"{value:+.2g}" for value in row] for row in percent]
+    cells = [["" if np.isnan(value) else f"{value:+.1f}" for value in row] for row in percent]
     rows = [f"{name}  from the {'data' if known[name] else 'prior'}" for name in effects]
     largest = float(np.nanmax(np.abs(percent), initial=1e-6))
     hover = "%{y}, mode %{x}: %{text} % of its frequency"
