@@ -36,6 +36,7 @@ from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.preparation import prepare
 from fecore.modal.probability import design, judged, no_mode
 from fecore.modal.weights import COVARIANCE, MEAN, PRIOR_MEAN, PRIOR_SD
+from fecore.normal import Z_95
 
 SEEDS = int(os.environ.get("CALIBRATE_SEEDS", "10"))
 FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
@@ -97,7 +98,7 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
         poles.distortion.append(bool(of[k] < 0 and off < max(_NEAR * hz[k], 0.5 * zeta[k] * hz[k])))
         if of[k] >= 0:
             f, z = draw.frequency_hz[of[k]], draw.zeta[of[k]]
-            inside.append((abs(np.log(hz[k] / f)) < 1.96 * sd[k], abs(zeta[k] - z) < 1.96 * sd[hz.size + k]))
+            inside.append((abs(np.log(hz[k] / f)) < Z_95 * sd[k], abs(zeta[k] - z) < Z_95 * sd[hz.size + k]))
 
 
 def fitted_weights(ratio: np.ndarray, x: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

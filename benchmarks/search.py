@@ -46,6 +46,7 @@ INSERT INTO instruments (project_id, kind, serial, model, notes, calibrations)
   SELECT '{project}', 'sensor', i::text, '', '', jsonb_build_array(jsonb_build_object('performed_on', '2024-12-01',
     'valid_until', CASE WHEN i = 7 THEN '2024-12-31' ELSE '2026-12-31' END))
   FROM generate_series(1, {campaigns}) i ON CONFLICT DO NOTHING;
+SELECT state_uses(ARRAY(SELECT id FROM added));
 INSERT INTO frfs (campaign_id, label, response_point, response_direction, reference_point, reference_direction, quantity,
     start_hz, end_hz, step_hz, lines, dtype, sha256, data)
   SELECT id, 'f', k, 3, 1 + floor(random() * 3000), 3, 'accelerance', 0, 31, 1, 32, '<c8', '', {spectrum}

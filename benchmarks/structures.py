@@ -21,7 +21,7 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import of_boundary
-from fecore.dynamics.eigen import normal_modes
+from fecore.dynamics.bodies import body_modes
 from fecore.frf import FrfSet
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
@@ -42,8 +42,8 @@ def frequencies(structure: Structure, count: int) -> np.ndarray:
     q, model = np.array(list(structure.nominal.values())), structure.model
     K = model.stiffness.at(structure.stiffness_coefficients(q))
     M = model.mass.at(structure.mass_coefficients(q))
-    rigid = model.rigid_modes
-    return normal_modes(K, M, count + rigid.shape[1], rigid).frequency_hz[rigid.shape[1] :]
+    modes = body_modes(model, K, M, count)
+    return modes.frequency_hz[modes.rigid :]
 
 
 def body(truth: dict, elements: int, with_joints: bool) -> Structure:

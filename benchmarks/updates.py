@@ -25,8 +25,8 @@ from benchmarks.draws import Drawn, Truth
 from fecore.errors import FecoreError
 from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
+from fecore.normal import Z_95
 from fecore.updating.campaigns import Campaign, update_campaigns
-from fecore.updating.excursions import REACH_95
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
@@ -127,7 +127,7 @@ def _drawn(bodies: int, perfect: bool) -> None:
     for name in ("Ex", "Ey", "Gxy", "Gxz", "a0", "a1"):
         rows = [(each.held[name], each.off[name], each.half[name]) for each in every if name in each.held]
         held, off, half = (np.array(column) for column in zip(*rows, strict=True))
-        rms = np.sqrt(np.mean((off / half * REACH_95) ** 2))
+        rms = np.sqrt(np.mean((off / half * Z_95) ** 2))
         print(f"  {name:4} held {_percent(held)}   rms {rms:5.2f}   half {100 * np.median(half):6.2f} %")
     zero = sum(p.interval_95[0] <= 0 for each in every for p in each.estimates.values() if p.unit == "Pa")
     levels = dict(Counter(each.level for each in every))

@@ -17,6 +17,7 @@ from typing import Any
 import typer
 from fastapi import FastAPI
 
+from modalbase.client.options import NAMED
 from service.app.application import PREFIX
 from service.app.cli.command import app
 from service.app.composition import ROUTERS
@@ -82,16 +83,20 @@ def table() -> str:
 
 
 MARK = "<!-- made by python -m tools.reference -->"
-OFTEN = 10  # commands with the same option, from which on it stands once at the top
+PLAIN = re.compile("(create|list|search|get|change|delete|restore|purge|cancel|watch)_")
+"""Names of routes that the page explains once."""
+OFTEN, NEARLY_ALL = 2, 15
+"""Commands with the same option, from which on it is explained once at the top, and from which on it is named there only."""
 
 
 def rest_page() -> str:
     """`docs/reference-rest.md`: every route with what it takes and answers."""
     lines = [
         "# REST, route by route", "", MARK, "",
-        "Paths are below `/api/v1`. `/openapi.json` is the document with all fields, `/docs` the page to try them.",
-        "Each route is a method of [`lab.rest`](library.md) by the name in brackets.",
-        "Bodies are JSON; other media types are named.", "",
+        "Paths are below `/api/v1`. `/openapi.json` has all parameters and fields, `/docs` is the page to try them.",
+        "Each route is a method of [`lab.rest`](library.md) by the name before it, which mostly says what it does:",
+        "`list_…` and [`search_…`](search.md) answer pages; `delete_…` hides what has a `restore_…`, and removes the rest;",
+        "`purge_…` removes for good; `cancel_…` asks for a job's end; `watch_…` streams its state as server-sent events.", "",
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
     for route in described(document()):
@@ -102,24 +107,40 @@ def rest_page() -> str:
 
 
 def _route(route: Described) -> str:
-    query = "&".join(f"{name}=" for name in route.query if name not in ("cursor", "limit"))
-    kinds = [kind for kind in route.operation.get("requestBody", {}).get("content", {}) if kind != "application/json"]
-    summary = route.summary + "".join(f" `{kind}`" for kind in kinds)
-    call = f"{route.method} /{route.path}" + (f"?{query}" if query else "")
-    return f"- `{call}` (`{route.name}`): {summary}"
+    call = f"- `{route.name}` `{route.method} /{route.path}`"
+    return call if PLAIN.match(route.name) else f"{call}: {_brief(route.summary)}"
+
+
+def _brief(text: str) -> str:
+    """The first clause: what the OpenAPI document and `--help` say after it is not said again."""
+    return re.match(r"(`[^`]*`|[.;:](?! |$)|[^`.;:])*", text)[0]  # type: ignore[index]  # matches nothing, too
 
 
 def cli_page() -> str:
-    """`docs/reference-cli.md`: every command with its arguments and options; what many have stands once."""
+    """`docs/reference-cli.md`: every command with its arguments and options; what several have is explained once."""
     commands = list(_commands(typer.main.get_command(app), "modalbase"))
     rows = {words: [_parameter(each) for each in one.params if _shown(each)] for words, one in commands}
     count = Counter(row for found in rows.values() for row in found)
     common = [row for row, times in count.items() if times >= OFTEN]
+    everywhere = [row for row, times in count.items() if times >= NEARLY_ALL]
     lines = ["# The command, word by word", "", MARK, ""]
-    lines += ["[How to use it](command-line.md). Many commands have these options:", "", *common, ""]
+    lines += [
+        f"[How to use it](command-line.md); `--help` has more. Things are named by {NAMED}. Nearly all commands have",
+        "",
+    ]
+    lines += [*everywhere, ""]
+    lines += ["Others name these behind what they do:", "", *(row for row in common if row not in everywhere), ""]
     for words, one in commands:
         own = [row for row in rows[words] if row not in common]
-        lines += [f"## {words}", "", _plain(one.help or ""), "", *own, *([""] if own else [])]
+        others = " ".join(row.split(":")[0][2:] for row in rows[words] if row in common and row not in everywhere)
+        lines += [
+            f"## {words.removeprefix('modalbase ')}",
+            "",
+            f"{_plain(one.help or '')} {others}".strip(),
+            "",
+            *own,
+            *([""] if own else []),
+        ]
     return "\n".join(lines)
 
 
@@ -138,7 +159,8 @@ def _shown(parameter: Any) -> bool:
 def _parameter(parameter: Any) -> str:
     names = parameter.opts + parameter.secondary_opts
     shown = names if names[0].startswith("-") else [parameter.name.strip("_").upper()]
-    return f"- {', '.join(f'`{name}`' for name in shown)}: {_plain(getattr(parameter, 'help', None) or '')}"
+    means = _plain(getattr(parameter, "help", None) or "").split("; ")[0].replace(f": {NAMED}", "")
+    return f"- {', '.join(f'`{name}`' for name in shown)}{means and ': '}{means}"
 
 
 def _plain(text: str) -> str:

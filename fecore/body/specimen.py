@@ -207,7 +207,7 @@ class OrientedSpecimen(Specimen):
         if not self.clamp_compliance:
             return self._structure((Ply(self.material, self.thickness),), _BENDING)
         per_metre = self.bending_modulus * self.thickness**3 / (12 * self.length)
-        clamps = (Clamp(self.clamp_compliance, per_metre),)
+        clamps = (Clamp(self.clamp_compliance, Spring("clamp_compliance", per_metre, 5, edge="start")),)
         return self._structure((Ply(self.material, self.thickness),), _BENDING, clamps)
 
     @property

@@ -241,7 +241,7 @@ class Structure:
         for name, angle in self._joint_walls:
             along = self._shell(name).along(of[name], angle)
             values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True))
-        values |= {clamp.name: clamp.stiffness / of[""][clamp.name] for clamp in self.clamps}
+        values |= {clamp.name: clamp.spring.stiffness / of[""][clamp.name] for clamp in self.clamps}
         names = self.model.stiffness.names
         return self._stretched(names[: len(names) - len(self.springs)], values, of.get("", {}))
 

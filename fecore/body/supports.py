@@ -151,25 +151,20 @@ class NodeSpring:
 
 @dataclass(frozen=True)
 class Clamp:
-    """An edge that is held by a spring whose constant is its compliance C: the stiffness per metre is k/C.
+    """What is held by a spring whose constant is its compliance C: its stiffness is that of the spring over C.
 
     Attributes:
-        compliance: nominal C; of a strip's clamp EI/kL, so that 0.01 lowers the first bending mode by 2 %.
-        stiffness: k, per metre of edge.
-        edge, direction: as of a `Spring`.
-        name: of the constant.
+        compliance: nominal C; EI/kL, so that 0.01 lowers the first bending mode of a strip by 2 %.
+        spring: the spring at C = 1, with the name of the constant.
     """
 
     compliance: float
-    stiffness: float
-    edge: str = "start"
-    direction: int = 5
-    name: str = "clamp_compliance"
+    spring: Spring | NodeSpring
 
     @property
-    def spring(self) -> Spring:
-        """The spring of unit compliance."""
-        return Spring(self.name, self.stiffness, self.direction, self.edge)
+    def name(self) -> str:
+        """Name of the constant."""
+        return self.spring.name
 
 
 @dataclass(frozen=True)

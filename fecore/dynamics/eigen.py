@@ -23,6 +23,7 @@ from fecore.dynamics.factor import Factor, factorise, negative_eigenvalues
 from fecore.errors import InputError, ModelError
 
 _MOST = 12  # vectors a wanted mode, and blocks; beyond it the iteration has failed
+_LARGE, _WIDE = 20_000, 6  # dofs from where a factor outgrows the caches: it is read once for six vectors, not for each
 _TOLERANCE = 1e-10  # relative residual of 1/(λ - σ); the eigenvalue's own error is its square
 _INDEFINITE = 1e-8  # share of a block's energy that round-off may make of nothing
 _EVEN = 1e-4  # share of the longest direction's square above which the others lose nothing that matters
@@ -30,8 +31,21 @@ _ABOVE_ROUND_OFF = (
     1e-9  # first shift, as a share of the energy that a rigid motion's terms would have if none cancelled
 )
 _NEAR = 0.01  # share of the first elastic eigenvalue's scale that is as good a shift
+_NO_ENERGY = 1e-15  # share of what a motion's terms would have if none cancelled: its energy is their round-off alone
 _CAUSE = {"stiffness": "support", "mass": "density"}
 _DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
+
+
+class MechanismError(ModelError):
+    """Nothing resists a motion that is not one of the whole body.
+
+    Attributes:
+        shape: (dofs,) the motion.
+    """
+
+    def __init__(self, message: str, shape: FloatArray | None = None) -> None:
+        super().__init__(message)
+        self.shape = np.zeros(0) if shape is None else shape
 
 
 @dataclass(frozen=True)
@@ -87,6 +101,7 @@ def normal_modes(
     Raises:
         InputError: there are not so many modes.
         ModelError: K - σM is not positive definite, the iteration does not converge, or a mode is missing.
+        MechanismError: K resists nothing of a motion that `rigid_modes` do not have.
     """
     rigid = mass_orthonormal(rigid_modes, mass)
     free = rigid.shape[1]
@@ -99,14 +114,28 @@ def normal_modes(
         )
     _check_diagonal(stiffness, mass)
     shift, factor = _near_first(stiffness, mass, rigid) if free else (0.0, factorise(stiffness))
-    for width in (1, 2, wanted + 2):  # symmetry repeats a root no more than twice; so many hold any
+    first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)  # symmetry repeats a root no more than twice
+    for width in (*first, wanted + 2):  # and so many hold any
         value, vectors = _lanczos(factor, mass, rigid, wanted, width)
         eigenvalue = shift + 1 / value
         missing = _missing(stiffness, mass, eigenvalue, free, factor)
         if not missing:
+            _require_energy(stiffness, vectors)
             shapes = np.hstack([rigid, vectors])
             return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
     raise ModelError(f"{missing} of the {count} lowest modes were not found, though the iteration converged")
+
+
+def _require_energy(stiffness: scipy.sparse.csc_array, vectors: FloatArray) -> None:
+    """Refuse modes whose energy φᵀKφ is round-off of |φ|ᵀ|K||φ|: mechanisms, whose λ has no digit that is right."""
+    energy = np.einsum("dn,dn->n", vectors, stiffness @ vectors)
+    terms = np.einsum("dn,dn->n", abs(vectors), abs(stiffness) @ abs(vectors))
+    without = np.flatnonzero(energy <= _NO_ENERGY * terms)
+    if without.size:
+        raise MechanismError(
+            f"the stiffness resists nothing of {without.size} motions that are not of the whole body: is it a mechanism?",
+            vectors[:, without[0]],
+        )
 
 
 def mass_orthonormal(vectors: FloatArray | None, mass: scipy.sparse.csc_array) -> FloatArray:
@@ -146,7 +175,7 @@ def _near_first(
     vector = factor.solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
     vector = vector - rigid @ (rigid.T @ (mass @ vector))
     scale = float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
-    if _NEAR * scale <= -shift <= scale:
+    if scale <= 0 or _NEAR * scale <= -shift <= scale:  # below 0 is round-off, of a mechanism
         return shift, factor
     return -scale, factorise(_shifted(stiffness, mass, -scale), factor)
 

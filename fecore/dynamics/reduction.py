@@ -26,8 +26,9 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.affine import AffineMatrix
 from fecore.body.model import Model
+from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.dense import DenseFactor, largest_eigenpairs
-from fecore.dynamics.eigen import NormalModes, normal_modes
+from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.factor import Factor, factorise
 from fecore.dynamics.synthesis import RESIDUAL_TERMS
 
@@ -271,7 +272,7 @@ class ReducedModel:
     def _solve_full(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         self.full_solves += 1
         K, M = self._model.stiffness.at(stiffness), self._model.mass.at(mass)
-        return normal_modes(K, M, self._count, self._model.rigid_modes)
+        return body_modes(self._model, K, M, self._count - self._model.rigid_modes.shape[1])
 
     def _unit_energy(self, vectors: FloatArray) -> FloatArray:
         energy = np.einsum("di,di->i", vectors, self._metric @ vectors)

@@ -65,7 +65,8 @@ class Averages:
         hits: (N,) hits that each FRF is the mean of.
         used: the numbers of those hits, for each FRF.
         rate_per_s: rate of the exponential window that the FRFs carry, with the analyser's own; `remove_window`
-        corrects poles.
+            corrects poles.
+        rate_sd_per_s: its standard deviation, 0 where the hits state one; None where nothing shows whether there was another.
     """
 
     frfs: FrfSet
@@ -73,6 +74,7 @@ class Averages:
     hits: IntArray
     used: tuple[tuple[int, ...], ...]
     rate_per_s: float
+    rate_sd_per_s: float | None
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,11 @@ from functools import partial
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.clamps import AnyStructure, bed_of, on_bed
 from fecore.body.constants import Body, kind_of
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import OWN_SD, Structure
+from fecore.dynamics.eigen import normal_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
@@ -99,11 +101,7 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scat
             pick[row, number[name, owner]] = 1.0
             if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
                 pick[row, number[name, campaign.specimen]] = 1.0
-        inputs = campaign.inputs
-        if isinstance(campaign.body, Structure):
-            # Of a strip the clamp is an unknown here; a pull would outweigh what is free of it.
-            inputs = replace(inputs, clamp_compliance_sd=0.0)
-        seek = partial(excursions, inputs=inputs, fixed_points=campaign.fixed_points)
+        seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
         models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
     scale = OWN_SD if first.common and not scatter else scatter
     return Layout(tuple(models), tuple(places.values()), first.common, scale)
@@ -124,12 +122,32 @@ def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel
                 )
 
 
-def clamped(body: AnyBody, inputs: Inputs) -> AnyBody:
+def yielding(body: AnyBody, inputs: Inputs) -> AnyBody:
     """The body with a clamp that may yield as far as the inputs say; as it is where none is modelled."""
-    scale = inputs.standard_deviation("clamp_compliance")
-    if not isinstance(body, OrientedSpecimen) or body.boundary != "cantilever" or body.clamp_compliance or not scale:
+    compliance = _HALF_NORMAL_MEDIAN * inputs.standard_deviation("clamp_compliance")
+    if isinstance(body, Structure) and compliance:
+        return _on_bed(body, compliance)
+    if (
+        not isinstance(body, OrientedSpecimen)
+        or body.boundary != "cantilever"
+        or body.clamp_compliance
+        or not compliance
+    ):
         return body
-    return replace(body, clamp_compliance=_HALF_NORMAL_MEDIAN * scale)
+    return replace(body, clamp_compliance=compliance)
+
+
+def _on_bed(body: AnyStructure, compliance: float) -> AnyStructure:
+    """A body in space whose clamp yields so that a compliance of C lowers its first frequency by 2 C, as a strip's does."""
+    bed = bed_of(body)
+    if bed is None or np.linalg.matrix_rank(bed.inertia) < 3:  # beams alone: nothing says how wide the clamp is
+        return body
+    model, constants = body.model, np.array(list(body.nominal.values()))
+    mass = model.mass.at(body.mass_coefficients(constants))
+    first = normal_modes(model.stiffness.at(body.stiffness_coefficients(constants)), mass, 1)
+    pushes = first.eigenvalue * ((mass @ model.motions).T @ first.shapes)
+    stiffness = bed.yields(pushes) / (4 * first.eigenvalue)
+    return on_bed(body, bed, compliance, float(stiffness[0]))
 
 
 def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> None:
@@ -177,6 +195,6 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     own = nominal if isinstance(body, Structure) else (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])
     known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
     sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
-    if isinstance(body, OrientedSpecimen) and body.clamp_compliance:
-        sds["clamp_compliance"] = body.clamp_compliance * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
+    if "clamp_compliance" in nominal:
+        sds["clamp_compliance"] = nominal["clamp_compliance"] * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
     return parametrisation.with_inputs(sds)

@@ -9,7 +9,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
-from fecore.updating.campaign_layout import MATERIAL, MATERIAL_PARAMETERS, Campaign, check_material, clamped, lay_out
+from fecore.updating.campaign_layout import MATERIAL, MATERIAL_PARAMETERS, Campaign, check_material, lay_out, yielding
 from fecore.updating.contradictions import Agreement, Conflict, compare_sources
 from fecore.updating.discretisation import meshed
 from fecore.updating.elastic_findings import USUAL_MISS, contradiction, pairing_findings, points_beyond
@@ -31,9 +31,9 @@ __all__ = [
     "CampaignsResult",
     "Coupon",
     "check_material",
-    "clamped",
     "lay_out",
     "update_campaigns",
+    "yielding",
 ]
 
 
@@ -130,7 +130,7 @@ def update_campaigns(
     """
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
-    ready = [replace(each, body=meshed(clamped(each.body, each.inputs), _highest_hz(each))[0]) for each in campaigns]
+    ready = [replace(each, body=meshed(yielding(each.body, each.inputs), _highest_hz(each))[0]) for each in campaigns]
     layout = lay_out(ready, recipe.parameters, recipe.scatter)
     elastic = update_from_several_starts(
         layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons

@@ -17,7 +17,8 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
-from fecore.dynamics.eigen import modes_below, normal_modes
+from fecore.dynamics.bodies import body_modes
+from fecore.dynamics.eigen import modes_below
 from fecore.errors import InputError
 
 DISCRETISATION = 2e-4
@@ -127,5 +128,5 @@ def _frequencies(
     K, M = model.stiffness.at(stiffness), model.mass.at(meshed.mass_coefficients(constants))
     rigid = model.rigid_modes.shape[1]
     wanted = count or max(modes_below(K, M, (2 * np.pi * highest_hz) ** 2) - rigid, 1)
-    frequencies: FloatArray = normal_modes(K, M, wanted + rigid, model.rigid_modes).frequency_hz[rigid:]
+    frequencies: FloatArray = body_modes(model, K, M, wanted).frequency_hz[rigid:]
     return frequencies

@@ -7,9 +7,9 @@ import numpy as np
 from fecore.body.named import OfStructure
 from fecore.body.specimen import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
+from fecore.normal import Z_95
 from fecore.updating.contradictions import Check, Conflict, compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
-from fecore.updating.excursions import REACH_95
 from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -138,7 +138,7 @@ def contradiction(conflict: Conflict) -> Finding:
     cleared = listed(conflict.cleared, _NAMED)
     return found(
         "sources_conflict",
-        level="do_not_use" if cause.kind == "campaign" or conflict.moved > REACH_95 else None,
+        level="do_not_use" if cause.kind == "campaign" or conflict.moved > Z_95 else None,
         cause=_explained(cause),
         p=cause.p,
         rivals=f"; nearly as likely: {rivals}" if rivals else "",

@@ -21,9 +21,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.normal import Z_95
 from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, DampingResult
 from fecore.updating.elastic_result import DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS, NOISE, ElasticResult
-from fecore.updating.excursions import REACH_95, Excursion
+from fecore.updating.excursions import Excursion
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.laws import RankedLaw
@@ -58,7 +59,7 @@ class Spread:
         """The same of a constant that is tied to the coordinate's, `doubt` the standard deviation of the tie."""
         if not doubt:
             return self
-        below, above = (float(np.hypot(reach, REACH_95 * doubt)) for reach in (self.below, self.above))
+        below, above = (float(np.hypot(reach, Z_95 * doubt)) for reach in (self.below, self.above))
         variance = {**self.variance, f"tie to {master}": doubt**2}
         return Spread(float(np.hypot(self.sd, doubt)), self.noise_sd, below, above, variance)
 
@@ -232,7 +233,7 @@ def ratio_estimates(ranked: RankedLaw) -> list[ParameterEstimate]:
         strict=True,
     )
     return [
-        Spread(float(sd), float(noise), REACH_95 * float(sd), REACH_95 * float(sd), {}).estimate(name, unit, value)
+        Spread(float(sd), float(noise), Z_95 * float(sd), Z_95 * float(sd), {}).estimate(name, unit, value)
         for name, unit, value, sd, noise in rows
     ]
 

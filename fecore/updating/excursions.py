@@ -22,15 +22,13 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.body.beam_specimen import BeamSpecimen
-from fecore.body.sections import ShellSection
+from fecore.body.clamps import bed_of
 from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
+from fecore.normal import Z_95
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
-
-REACH_95 = 1.959963984540054
-"""Of 95 % of a half-normal's mass, and of |z| of a Gaussian, in standard deviations."""
 
 _SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference below is round-off
 
@@ -66,7 +64,7 @@ class Excursion:
     @property
     def reach(self) -> float:
         """Of 95 % of the effect, over that of one standard deviation."""
-        return REACH_95**2 if self.kind == "square" else REACH_95
+        return Z_95**2 if self.kind == "square" else Z_95
 
 
 def excursions(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> tuple[Excursion, ...]:
@@ -120,20 +118,10 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
 
 def _block(state: ForwardState, body: Structure, sd: float, *, stated: bool) -> list[Excursion]:
     """The one clamp of a body in space, as a block on an even bed."""
-    held = [support for support in body.supports if support.how == "clamped"]
-    skew = [link for link in body.links if not link.leaders]
-    if len(held) != 1 or len(body.supports) > 1 or skew or body.springs or body.clamps:
+    bed = bed_of(body)
+    if bed is None:
         return []
-    nodes = body.mesh.nodes
-    places = nodes[body.mesh.select(held[0].where)]
-    arms = places - places.mean(axis=0)
-    walls = [section.thickness for section in body.sections.values() if isinstance(section, ShellSection)]
-    inertia = np.mean(np.sum(arms**2, axis=1)) * np.eye(3) - arms.T @ arms / len(arms)
-    inertia += max(walls, default=0.0) ** 2 / 12 * np.eye(3)
-    shift, turn = np.split(state.participation(body.model.motions), 2)
-    turn = turn + np.cross((nodes.mean(axis=0) - places.mean(axis=0))[None], shift.T).T  # about the clamp's middle
-    yields = np.sum(shift**2, axis=0) + np.einsum("in,ij,jn->n", turn, np.linalg.pinv(inertia), turn)
-    yields *= state.modes.eigenvalue[state.modes.rigid :]
+    yields = bed.yields(state.participation(body.model.motions)) * state.modes.eigenvalue[state.modes.rigid :]
     return [Excursion("clamp", -2 * sd * yields / yields[0], "one-sided", stated, f"EI/kL = {sd:.3g}")]
 
 

@@ -28,7 +28,8 @@ from fecore.body.locate import evenly_spread
 from fecore.body.mesh import Mesh
 from fecore.body.model import observed_at
 from fecore.correlation import auto_mac
-from fecore.dynamics.eigen import NormalModes, modes_below, normal_modes
+from fecore.dynamics.bodies import body_modes
+from fecore.dynamics.eigen import NormalModes, modes_below
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
 from fecore.updating.discretisation import meshed
@@ -201,8 +202,7 @@ class _Nominal:
         return modes, count
 
     def _modes(self, elastic: int) -> NormalModes:
-        rigid = self.body.model.rigid_modes
-        return normal_modes(self.stiffness, self.mass, elastic + rigid.shape[1], rigid)
+        return body_modes(self.body.model, self.stiffness, self.mass, elastic)
 
     def frfs(
         self,

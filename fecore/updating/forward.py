@@ -16,7 +16,8 @@ import scipy
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.constants import Body
 from fecore.body.model import observed_at
-from fecore.dynamics.eigen import modes_below, normal_modes
+from fecore.dynamics.bodies import body_modes
+from fecore.dynamics.eigen import modes_below
 from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel
 from fecore.errors import InputError
 from fecore.frf import Dof
@@ -180,7 +181,7 @@ class ForwardModel:
                 c, modes, list(reduced.stiffness), list(reduced.mass), reduced.basis, forward=self, theta=theta
             )
         mass, stiffness = model.mass.at(c.mass), model.stiffness.at(c.stiffness)
-        modes = normal_modes(stiffness, mass, self.count, model.rigid_modes)
+        modes = body_modes(model, stiffness, mass, self.count - model.rigid_modes.shape[1])
         stiffness_terms = [model.stiffness.term(k) for k in range(len(c.stiffness))]
         mass_terms = [model.mass.term(j) for j in range(len(c.mass))]
         return ForwardState(c, modes, stiffness_terms, mass_terms, None, forward=self, theta=theta)

@@ -32,7 +32,7 @@ from fecore.body.supports import PointMass
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, clamped, lay_out
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out, yielding
 from fecore.updating.discretisation import meshed
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_result import ElasticResult
@@ -245,7 +245,7 @@ class _Simulated:
 
     @classmethod
     def of(cls, test: PlannedTest, parameters: Sequence[Parameter], theta: dict[str, float]) -> _Simulated:
-        body = clamped(test.body, test.inputs)
+        body = yielding(test.body, test.inputs)
         if test.sensor_mass:
             x, y, z = (*test.points[test.sensor], 0.0)[:3]
             body = carrying(body, [PointMass(x, y, test.sensor_mass, z=z)])

@@ -15,9 +15,9 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.correlation import csac, csf, frac, sac
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import Dof, FrfSet, convert
+from fecore.normal import Z_95
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.excursions import REACH_95
 from fecore.updating.posterior import root
 from fecore.updating.result import FrfCorrelation, HeldOut
 
@@ -115,7 +115,7 @@ class Predictor:
         noise = np.where(np.isnan(stated), self._noise(predicted), stated)
         error = frfs.values - predicted
         inside = [
-            (np.abs(part) <= REACH_95 * np.sqrt(spread + noise / 2))[measured]
+            (np.abs(part) <= Z_95 * np.sqrt(spread + noise / 2))[measured]
             for part, spread in zip((error.real, error.imag), variance, strict=True)
         ]
         return HeldOut(

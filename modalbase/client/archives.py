@@ -19,7 +19,7 @@ def import_archive(
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
-    """Read an archive into a project: structures, campaigns, FRFs and mode sets, with new ids. Results stay in the archive."""
+    """Read an archive into a project: all but results, with new ids. Results stay in the archive."""
     from modalbase.objects.laboratory import Laboratory  # it reads files, which no other command needs
 
     with service_at(url) as service:

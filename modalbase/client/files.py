@@ -42,10 +42,19 @@ def format_of(file: Path, formats: Mapping[str, str], advice: str = "") -> str:
 
 
 def send_file(
-    service: Connection, path: str, file: Path, *, mapping: Mapping[str, Any] | None = None, **query: Any
+    service: Connection,
+    path: str,
+    file: Path,
+    *,
+    mapping: Mapping[str, Any] | None = None,
+    sections: Mapping[str, Any] | None = None,
+    **query: Any,
 ) -> dict[str, Any]:
-    """Send a file, with a mapping that says which variable is what; returns the JSON that answers it."""
+    """Send a file, with a mapping that says which variable is what, or sections of a mesh; returns the JSON that answers it."""
     stated = None if mapping is None else json.dumps(mapping)
+    if sections is not None:  # in a form, since an address has no room for plies of many sets
+        found: dict[str, Any] = service.submit(path, file, {"sections": json.dumps(sections)}, **query)
+        return found
     with transfer(file.name) as watch:
         sent: dict[str, Any] = service.upload(path, file, watch, filename=file.name, mapping=stated, **query)
     return sent

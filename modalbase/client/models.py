@@ -11,13 +11,15 @@ from modalbase.client.display import print_json, print_table
 from modalbase.client.files import send_file
 from modalbase.client.finding import STRUCTURE, find_id
 from modalbase.client.jobs import require_success, wait_for
-from modalbase.client.options import AsJson, OfStructure, Url, say_next, service_at
+from modalbase.client.options import AsJson, OfStructure, Url, json_file, say_next, service_at
 
 
 def model(
     file: Annotated[
         Path | None,
-        typer.Argument(help="Deck of Abaqus, CalculiX (.inp) or Nastran (.bdf)", exists=True, dir_okay=False),
+        typer.Argument(
+            help="Deck of Abaqus, CalculiX (.inp) or Nastran (.bdf); matrices; a mesh", exists=True, dir_okay=False
+        ),
     ] = None,
     structure: OfStructure = None,
     units: Annotated[
@@ -25,6 +27,9 @@ def model(
     ] = None,
     accept: Annotated[
         list[str] | None, typer.Option(help="Name of a card that may be left out although modes change by that")
+    ] = None,
+    sections: Annotated[
+        Path | None, typer.Option(help="JSON of what each set of a mesh is", exists=True, dir_okay=False)
     ] = None,
     as_json: AsJson = False,
     url: Url = None,
@@ -35,7 +40,8 @@ def model(
         if file is None:
             found = service.get(address)
         else:
-            sent = send_file(service, address, file, units=units, accept=accept or [])
+            stated = None if sections is None else json_file(sections)
+            sent = send_file(service, address, file, sections=stated, units=units, accept=accept or [])
             found = wait_for(service, f"models/{sent['id']}", "model")
             require_success(found, f"model {sent['id']}")
     if as_json:

@@ -29,29 +29,33 @@ class Cells:
         set: name.
         numbers: (e,) the elements' own.
         nodes: (e, k) rows of the table of nodes: corners in order, then middles of sides.
+        lines: (e,) of the file in which each begins, from 1; None where it has no lines.
     """
 
     kind: str
     set: str
     numbers: IntArray
     nodes: IntArray
+    lines: IntArray | None = None
 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What is written.
+    """What is written or read.
 
     Attributes:
         numbers: (n,) of the nodes.
-        nodes: (n, 3) m.
+        nodes: (n, 3) m; of a file that was read, in its own unit of length.
         cells: elements.
         shapes: modes whose points are these numbers.
+        length_m: the unit of length, where the file that was read states one.
     """
 
     numbers: IntArray
     nodes: FloatArray
     cells: Sequence[Cells]
     shapes: Sequence[ModeShape] = ()
+    length_m: float | None = None
 
 
 def write_vtu(mesh: MeshFile) -> bytes:
@@ -97,18 +101,21 @@ def _array(name: str, values: FloatArray | IntArray) -> Iterator[str]:
 
 
 def uff_of(mesh: MeshFile) -> Iterator[Content]:
-    """Contents of a UFF file: grid points, elements, and the shapes. Cells that are points are grid points alone."""
+    """Contents of a UFF file: grid points, elements, and the shapes. Cells that are points are grid points alone; those of the
+    k-th set have the property table k.
+    """
     for number, (x, y, z) in zip(mesh.numbers.tolist(), mesh.nodes.tolist(), strict=True):
         yield GridPoint(number, (x, y, z))
+    sets = list(dict.fromkeys(block.set for block in mesh.cells))
     for block in mesh.cells:
         if block.kind in _UFF:
-            order = _around(block.kind)
+            order = around(block.kind)
             for number, row in zip(block.numbers.tolist(), mesh.numbers[block.nodes[:, order]].tolist(), strict=True):
-                yield Element(number, _UFF[block.kind], tuple(row))
+                yield Element(number, _UFF[block.kind], tuple(row), 1 + sets.index(block.set))
     yield from mesh.shapes
 
 
-def _around(kind: str) -> list[int]:
+def around(kind: str) -> list[int]:
     """Places of an element's nodes in the order of set 2412."""
     count = int(kind[-1])
     if kind == "beam3":

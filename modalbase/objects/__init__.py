@@ -4,7 +4,8 @@ They know the service by HTTP alone. numpy is imported by what has arrays, when 
 are installed and asked for by name. Each module imports those below it in this list alone:
 
 laboratory    the way in, and what one may see
-projects      projects and structures, with their coupon batches, monitors and alarms
+projects      projects and structures, with their coupon batches
+monitors      monitors and alarms
 campaigns     campaigns and their records
 jobs          what a worker does, and what it finds: mode sets and results
 frfs          FRFs as numpy arrays

@@ -145,7 +145,7 @@ class Campaign(Editable):
         return Frfs.from_npz(self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted)))
 
     def archive(self, file: str | Path) -> Path:
-        """Write it, with its structure, modes and results, to a zip that others read without this service."""
+        """Write it, with its structure and instruments, to a zip that others read without this service."""
         fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
         return Path(file)
 

@@ -13,7 +13,8 @@ from modalbase.client.place import find_place
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.found import Found
 from modalbase.objects.jobs import Result, UpdateJob, update_jobs
-from modalbase.objects.projects import Alarm, Monitor, Project, Structure
+from modalbase.objects.monitors import Alarm, Monitor
+from modalbase.objects.projects import Project, Structure
 from modalbase.objects.thing import Access, Table, found_or_made
 
 TOGETHER = 8

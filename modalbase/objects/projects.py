@@ -1,25 +1,21 @@
-"""Projects, the structures in them, and what is kept of a structure: coupon tests, monitors with their alarms."""
+"""Projects and the structures in them."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
-from io import BytesIO
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from modalbase.client.files import MESH_FORMATS, fetch_file, format_of, send_file
-from modalbase.client.finding import BATCH, MONITOR, PROJECT, STRUCTURE, Kind
+from modalbase.client.finding import PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
+from modalbase.objects.coupons import CouponBatch
 from modalbase.objects.forecasts import Forecast
 from modalbase.objects.jobs import UpdateJob, update_jobs
 from modalbase.objects.models import Model
-from modalbase.objects.thing import Editable, Figure, Table, Thing
-
-if TYPE_CHECKING:
-    pass
-
+from modalbase.objects.monitors import Monitor
+from modalbase.objects.thing import Editable, Table
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")
 STRUCTURE_INPUTS = (
@@ -87,14 +83,14 @@ class Project(Editable):
         return self._one(Structure, which, create, _nested(properties), confirm)
 
     def archive(self, file: str | Path) -> Path:
-        """Write all its campaigns, with structures, modes and results, to a zip that others read without this service."""
+        """Write all of it, instruments, structures and campaigns, to a zip that others read without this service."""
         fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
         return Path(file)
 
     def import_archive(self, file: str | Path) -> Imported:
-        """Read an archive that a service wrote: structures, campaigns, points, FRFs and mode sets, with new ids.
+        """Read an archive that a service wrote, with new ids: all but results, which stay in it, and monitors at rest.
 
-        Each structure and campaign says in `meta.archive` which one it was. Results stay in the archive.
+        Each structure and campaign says in `meta.archive` which one it was.
 
         Raises:
             ClientError: the archive is broken or no longer what was written, in which case nothing is sent; or the service
@@ -123,6 +119,17 @@ class Project(Editable):
         made: dict[str, Any] = self.lab.connection.post(f"{self.address}/instruments", body)
         return made
 
+    def change_instrument(self, instrument_id: str, **fields: Any) -> dict[str, Any]:
+        """Change an instrument's `serial`, `model`, `notes`, or with `calibrations` its whole history.
+
+        Raises:
+            ClientError: the service refuses it.
+        """
+        address = f"instruments/{instrument_id}"
+        tag = self.lab.connection.request("GET", address).headers["ETag"]
+        changed: dict[str, Any] = self.lab.connection.call("PATCH", address, json=fields, headers={"If-Match": tag})
+        return changed
+
     def members(self) -> list[dict[str, Any]]:
         """Who is in it, and in which role."""
         return list(self.lab.connection.pages(f"{self.address}/members"))
@@ -138,16 +145,24 @@ class Structure(Editable):
     noun = STRUCTURE
 
     def import_model(
-        self, file: str | Path, units: str | None = None, *, accept: Sequence[str] = (), wait: bool = True
+        self,
+        file: str | Path,
+        units: str | None = None,
+        *,
+        accept: Sequence[str] = (),
+        sections: Mapping[str, Any] | None = None,
+        wait: bool = True,
     ) -> Model:
-        """Send a deck; once it was read, the structure's next version is that model.
+        """Send a deck or mesh; once it was read, the structure's next version is that model.
 
         Args:
             file: of Abaqus or CalculiX (.inp) or Nastran (.bdf, .dat, .nas), or a .zip of one with what it includes; or
-                matrices of any solver (.zip, .npz).
+                matrices of any solver (.zip, .npz); or a mesh of gmsh (.msh), VTK (.vtu, .vtk) or UFF (.unv, .uff).
             units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch` and the like. A deck has
                 none; without them the error says which fit.
             accept: names of cards that may be left out although modes change by that.
+            sections: of a mesh, by set: `{"skin": {"thickness_m": …, "material": {"E1_Pa": …}}}` with `isotropic` or `plies`
+                as well, SI.
             wait: for the end of the reading.
 
         Raises:
@@ -155,7 +170,8 @@ class Structure(Editable):
             ClientError: the service refuses it.
         """
         path = f"{self.address}/model"
-        sent = Model(self.lab, send_file(self.lab.connection, path, Path(file), units=units, accept=list(accept)))
+        answer = send_file(self.lab.connection, path, Path(file), sections=sections, units=units, accept=list(accept))
+        sent = Model(self.lab, answer)
         if wait:
             sent.wait().check()
             self.refresh()
@@ -193,6 +209,19 @@ class Structure(Editable):
     def forecasts(self) -> list[Forecast]:
         """Its forecasts, newest first."""
         return self._list(Forecast)
+
+    def plan(self, tests: Sequence[Mapping[str, Any]] = (), **asked: Any) -> Table:
+        """Which test would show most, the best first: boundaries, points to hit, coupons.
+
+        Args:
+            tests: to compare: `boundary`, `highest_hz`, `points_m` and so on; none compares the boundaries.
+            asked: `coupons`, `about`, `made` so far, `points_to_hit` and the others of `POST /structures/{id}/plans`.
+
+        Raises:
+            ClientError: the structure lacks what a model needs.
+        """
+        body = {**asked, **({"tests": list(tests)} if tests else {})}
+        return Table(self.lab.connection.post(f"{self.address}/plans", body)["items"])
 
     def new_campaign(self, name: str, boundary: str, *, confirm: bool = False, **fields: Any) -> Campaign:
         """Make a campaign.
@@ -294,105 +323,3 @@ def _shaped(properties: dict[str, Any]) -> dict[str, Any]:
     if walls := [name for name in body if name.endswith(WALL)]:
         shape["walls"] = {name.removesuffix(WALL): {"thickness_m": body.pop(name)} for name in walls}
     return {**body, "shape": shape}
-
-
-class CouponBatch(Thing):
-    """Coupons of one plate and direction, tested to ASTM D3039 or D3518."""
-
-    noun = BATCH
-
-    def add_curve(self, file: str | Path, *, confirm: bool = False, **about: Any) -> dict[str, Any]:
-        """Add a specimen from a testing machine's file.
-
-        Args:
-            file: CSV of the machine.
-            confirm: take unusual dimensions and results as they are.
-            about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the file's name) and the
-                others of `POST /coupon-batches/{id}/coupons`.
-
-        Raises:
-            ClientError: the file cannot be read so; the text says what is missing.
-        """
-        path = Path(file)
-        coupon = {"specimen": path.stem, **about}
-        fields = {"coupon": json.dumps(coupon)}
-        answer = self.lab.connection.submit(f"{self.address}/coupons", path, fields, confirm=confirm or None)
-        made: dict[str, Any] = answer["items"][0]
-        return made
-
-    def add_coupon(self, specimen: str, *, confirm: bool = False, **results: Any) -> dict[str, Any]:
-        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard` and so on; with `confirm`
-        unusual ones too.
-        """
-        body = {"specimen": specimen, **results}
-        answer = self.lab.connection.post(f"{self.address}/coupons", body, confirm=confirm or None)
-        made: dict[str, Any] = answer["items"][0]
-        return made
-
-    def coupons(self) -> Table:
-        """Its specimens with their results, SI."""
-        return Table(list(self.lab.connection.pages(f"{self.address}/coupons")), key="specimen")
-
-    def summary(self) -> dict[str, Any]:
-        """Statistics of the batch, the priors that follow, and warnings."""
-        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/summary")
-        return found
-
-    @property
-    def statistics(self) -> Table:
-        """Mean, standard deviation and coefficient of variation of each constant."""
-        return Table([{"name": name, **value} for name, value in self.summary()["constants"].items()])
-
-    def curve(self, specimen: str) -> dict[str, Any]:
-        """The raw curve of a specimen as numpy arrays in SI: force in N, strains in m/m, time in s, where it has them."""
-        import numpy as np
-
-        content = self.lab.rest.get_curve_data(self.coupons()[specimen]["id"], format="npz")
-        with np.load(BytesIO(content)) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-
-
-class Monitor(Editable):
-    """A frozen recipe that runs on a structure's campaigns, with control charts of what it finds."""
-
-    noun = MONITOR
-
-    def run(self, campaign: Any = None, **how: Any) -> list[dict[str, Any]]:
-        """Run it now.
-
-        Args:
-            campaign: on this one; by default on all that are complete and not yet in the series.
-            how: `rerun`, `reason`.
-        """
-        body = {**({} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}), **how}
-        runs: list[dict[str, Any]] = self.lab.connection.post(f"{self.address}/runs", body)["items"]
-        return runs
-
-    def runs(self) -> Table:
-        """What became of each run."""
-        return Table(list(self.lab.connection.pages(f"{self.address}/runs")), key="id")
-
-    def series(self, number: int | None = None) -> dict[str, Any]:
-        """Values with their uncertainty, baseline, limits, alarms and campaigns."""
-        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/series", series=number)
-        return found
-
-    def figure(self, parameter: str | None = None) -> Figure:
-        """The control chart of a parameter; by default of the first one that is watched."""
-        return Figure(self.lab, f"{self.address}/series/figure", {"parameter": parameter})
-
-    def alarms(self) -> list[Alarm]:
-        """Its alarms, newest first."""
-        found = self.lab.connection.pages("alarms", monitor=self.fields["id"])
-        return [Alarm(self.lab, fields) for fields in found]
-
-
-class Alarm(Thing):
-    """A change that a monitor has found."""
-
-    noun = Kind("alarm", "alarms/{}", "alarms")
-
-    def acknowledge(self, note: str) -> Alarm:
-        """Say that one has seen it, and what is done about it."""
-        self.fields = self.lab.rest.acknowledge_alarm(self.fields["id"], body={"note": note})
-        return self

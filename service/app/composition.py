@@ -15,10 +15,10 @@ from service.access.lookup import project_for
 from service.access.routes import router as access
 from service.monitoring.notifications.routes import router as webhooks
 from service.monitoring.routes import router as monitoring
+from service.show.archives.routes import router as archives
 from service.show.results.forecasts import router as forecasts_shown
 from service.show.results.routes import router as results
 from service.show.routes import router as measured_figures
-from service.store.archives.routes import router as archives
 from service.store.campaigns.operations import campaign_for
 from service.store.campaigns.routes import points_router as grid_points
 from service.store.campaigns.routes import router as campaigns

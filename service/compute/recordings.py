@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -90,7 +90,7 @@ class Channels:
         """
         force, order = self.mapped[0], self.stated.order
         if not order:
-            return [(int(force.point), int(force.direction))] * len(hits)
+            return [_place(force)] * len(hits)
         if order[0][2] == 0:
             return [order[0][:2]] * len(hits)
         places = [entry[:2] for entry in order for _ in range(entry[2])]
@@ -141,7 +141,7 @@ class Channels:
         for hit, samples in cut(self.chunks(), found):
             place, number = numbers[hit.at]
             for c, values, full in zip(self.mapped, samples, self.full_scales, strict=True):
-                own = place if c.quantity == "force" else (int(c.point), int(c.direction))
+                own = place if c.quantity == "force" else _place(c)
                 yield TimeBlock(
                     c.quantity,
                     *own,
@@ -179,7 +179,7 @@ def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels
         for name in ("point", "direction"):
             value = getattr(c, name)
             if (
-                isinstance(value, str)
+                not isinstance(value, float)
                 or value != int(value)
                 or not (value >= 1 or (name == "direction" and 1 <= -value <= 6))
             ):
@@ -229,6 +229,11 @@ def _rate(stated: float | str, own: float | None) -> float:
     if stated not in (SAMPLE_RATE, own):
         raise FormatError("mapping.sample_rate_hz", f"is {stated}, and the file says {own:g}; leave it out")
     return own
+
+
+def _place(channel: ChannelMapping) -> Place:
+    """Where a channel of a recording is, which `channels_of` has made sure is one place."""
+    return int(cast("float", channel.point)), int(cast("float", channel.direction))
 
 
 def _placed(channel: Any, point: int) -> Any:

@@ -75,6 +75,7 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
         schedule=body.schedule,
         next_run_at=None if body.schedule is None else next_time(body.schedule, now),
         mail_to=body.mail_to,
+        active=body.active,
         state_rank=rank("no data"),
     )
     session.add(monitor)
@@ -219,6 +220,12 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
 def hidden(deleted: bool) -> ColumnElement[bool]:
     """The condition of a list: the monitors that are there, or the deleted ones instead."""
     return Monitor.deleted_at.is_not(None) if deleted else Monitor.deleted_at.is_(None)
+
+
+def monitors_of(session: Session, structure_id: UUID) -> Sequence[Monitor]:
+    """The monitors of a structure that are there, oldest first."""
+    query = select(Monitor).where(Monitor.structure_id == structure_id, hidden(deleted=False))
+    return session.scalars(query.order_by(Monitor.id)).all()
 
 
 def page_worst_first(

@@ -118,6 +118,7 @@ class MonitorIn(StrictModel):
     )
     schedule: Text | None = Field(None, max_length=100, description="five cron fields, UTC, such as `0 3 * * 1`")
     mail_to: list[Text] = Field(default_factory=list, max_length=20)
+    active: bool = Field(True, description="whether it runs and judges by itself, or is at rest")
 
     @field_validator("parameters")
     @classmethod

@@ -274,6 +274,7 @@ UPLOAD_CONTENT = {
             "properties": {
                 "file": {"type": "string", "format": "binary", "description": "the file, with its name"},
                 "mapping": {"type": "string", "description": "which variable is what, as JSON"},
+                "sections": {"type": "string", "description": "of a mesh: what each set is, as JSON"},
             },
         }
     },

@@ -21,14 +21,16 @@ from modalbase.objects.archives import ArchiveFile
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from tests.integration.test_coupons import COUPON, CURVE, machine_file
 from tests.support.command import modalbase_here
-from tests.support.furnished import MODES, frfs
+from tests.support.furnished import MODES, MONITOR, frfs, record
 from tests.support.rest import ok
 
 SCRIPT = """
 import json, sys, zipfile
 from hashlib import sha256
 from pathlib import Path
+import numpy as np
 import pandas as pd
 import pyuff
 
@@ -47,10 +49,20 @@ assert len(sets) == len(rows)
 assert [one["rsp_node"] for one in sets] == rows["response_point"].tolist()
 results = pd.read_csv(folder / "results.csv")
 modes = pd.read_csv(campaign / "modes.csv")
+hits = pd.read_csv(campaign / "hits.csv")
+force = hits[hits["quantity"] == "force"].iloc[0]
+samples = np.load(campaign / force["file"])[force["variable"]][force["row"]]
+(structure,) = (folder / "structures").iterdir()
+coupons = pd.read_csv(structure / "coupons.csv")
+(curve,) = (structure / "curves").glob("*/curve.csv")
+(monitor,) = (structure / "monitors").iterdir()
 print(json.dumps({
     "frfs": len(rows), "first": [sets[0]["data"][1].real, sets[0]["data"][1].imag], "Ex": results["Ex"].tolist(),
     "verdict": results["verdict"].tolist(), "f": modes["frequency_hz"].tolist(),
     "points": len(pd.read_csv(campaign / "grid-points.csv")),
+    "hits": len(hits), "samples": samples[:3].tolist(), "E": coupons["E_Pa"].tolist()[1:], "curve": len(pd.read_csv(curve)),
+    "monitor": json.loads(monitor.read_text())["series"]["state"],
+    "instruments": [one["serial"] for one in json.loads((folder / "instruments.json").read_text())],
 }))
 """
 RESULT = {
@@ -60,12 +72,39 @@ RESULT = {
 }
 
 
+SENSOR = {"kind": "sensor", "serial": "30517", "model": "4507", "calibrations": [{"performed_on": "2026-01-15"}]}
+
+
+def kept(api: httpx.Client, structure: str, campaign: str) -> None:
+    """Hits of three kinds of channels with a decision, two coupons, and a monitor whose prior is their batch's."""
+    for hit, full in ((1, None), (3, None), (4, 200.0)):
+        sent = record(hit)
+        sent["mapping"]["channels"][0] |= {"sensitivity": 0.5, "full_scale": full}
+        ok(api.post(f"campaigns/{campaign}/records", json=sent), 201)
+    body = {"point": 1, "hit": 3, "good": False, "why": "a cable was touched"}
+    ok(api.post(f"campaigns/{campaign}/hit-decisions", json=body), 201)
+    batch = ok(
+        api.post(f"structures/{structure}/coupon-batches", json={"name": "0°", "constants": ["Ex", "nu_xy"]}), 201
+    )
+    path, file = f"coupon-batches/{batch['id']}/coupons", {"file": ("A1.csv", machine_file(CURVE))}
+    curve = ok(api.post(path, files=file, data={"coupon": json.dumps(COUPON)}), 201)["items"][0]
+    exclusion = {"excluded": True, "exclusion_reason": "slipped"}
+    headers = {"If-Match": api.get(f"coupons/{curve['id']}").headers["ETag"]}
+    ok(api.patch(f"coupons/{curve['id']}", json=exclusion, headers=headers), 200)
+    ok(api.post(path, json=[{"specimen": s, "E_Pa": E} for s, E in (("A2", 3.1e10), ("A3", 3.2e10))]), 201)
+    recipe = {**MONITOR["recipe"], "prior_from_coupon_batch": batch["id"]}
+    ok(api.post(f"structures/{structure}/monitors", json={**MONITOR, "recipe": recipe}), 201)
+
+
 @pytest.fixture
 def measured(api: httpx.Client, service: LocalService, project: str) -> dict[str, str]:
     """A campaign with labels, points, FRFs, modes and a result."""
     body = {**paper.STRUCTURE, "name": "bar", "tags": ["pultruded"]}
     structure = ok(api.post(f"projects/{project}/structures", json=body), 201)["id"]
+    for serial in ("30517", "of another test"):
+        ok(api.post(f"projects/{project}/instruments", json={**SENSOR, "serial": serial}), 201)
     body = {**paper.CAMPAIGN, "name": "cold", "temperature_c": -3.0, "meta": {"client": "ACME"}, "notes": "œ"}
+    body["instruments"] = {**body.get("instruments", {}), "sensor": {"model": "4507", "serial": "30517"}}
     campaign = ok(api.post(f"structures/{structure}/campaigns", json=body), 201)["id"]
     points = [{"label": n, "x_m": 0.1 * n, "y_m": 0, "z_m": 0} for n in (1, 2, 11, 12)]
     ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}), 200)
@@ -74,6 +113,7 @@ def measured(api: httpx.Client, service: LocalService, project: str) -> dict[str
     labels = {"tags": ["second hammer"], "meta": {"tip": "steel"}}
     ok(api.put(f"campaigns/{campaign}/frfs/labels", json=labels, params={"point": 12}), 200)
     ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "typed", "modes": MODES}), 201)
+    kept(api, structure, campaign)
     job = ok(api.post(f"campaigns/{campaign}/update-jobs", json={}), 202)["id"]
     row = "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, %s, '')"
     with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
@@ -106,7 +146,9 @@ def test_others_read_an_archive_with_pandas_and_pyuff(
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout) == {
             "frfs": 2, "first": [2.0, 0.5], "Ex": [3.1e10], "verdict": ["usable"], "points": 4,
-            "f": [mode["frequency_hz"] for mode in MODES],
+            "f": [mode["frequency_hz"] for mode in MODES], "hits": 6, "samples": [0.0, 2.0, 1.0],
+            "E": [3.1e10, 3.2e10], "curve": len(CURVE), "monitor": "no data",
+            "instruments": ["30517", "of another test"] if file.stem == "project" else ["30517"],
         }  # fmt: skip
     document = next((tmp_path / "project").glob("campaigns/*/results/*.json"))
     assert json.loads(document.read_text())["labels"] == {"tags": [], "meta": {}}
@@ -126,7 +168,9 @@ def test_another_service_has_what_was_measured_under_new_ids(
     with new_service() as other, modalbase.connect(other.url, key := other.new_key("heir")) as lab:
         project = lab.new_project("heirloom")
         done = project.import_archive(file)
-        assert len(done.ids) == 3
+        assert (
+            len(done.ids) == 2 + 1 + (1 + 3) + 1 + 1 + 6 + 1
+        )  # instruments, structure, coupons, monitor, campaign, hits, modes
         assert done.results == [f"campaigns/{measured['campaign']}/results/{measured['job']}.json"]
         structure = lab.structure(done.ids[measured["structure"]])
         assert (structure.name, structure.tags, structure.meta["archive"]["id"]) == (
@@ -143,13 +187,67 @@ def test_another_service_has_what_was_measured_under_new_ids(
         found = list(lab.find("campaigns", f"meta.archive.id = '{measured['campaign']}'"))
         assert [row["id"] for row in found] == [campaign.id]
         assert len(list(lab.find("modes", "frequency_hz > 0"))) == len(MODES)
+        assert_kept(file, project.archive(tmp_path / "again.zip"), done.ids)
+        (decision,) = campaign.hit_decisions()
+        assert decision["why"].startswith("a cable was touched (")
+        (monitor,) = structure.monitors()
+        assert (monitor.active, monitor.runs()[:]) == (False, [])
         again = campaign.archive(tmp_path / "again.zip")
         assert frequencies(again) == frequencies(file)
+        older = {"performed_on": "2024-01-15"}
+        lab.new_project("by command").add_instrument("sensor", "30517", model="own", calibrations=[older])
         place = {"MODALBASE_URL": other.url, "MODALBASE_API_KEY": key}
         said = modalbase_here("import-archive", str(file), "by command", **place)
         assert "1 results stay in project.zip" in said.stdout, said.stderr
         (structure,) = lab.project("by command").structures()
         assert f"{measured['structure']} is {structure.id}" in said.stdout
+        sensor = lab.project("by command").instruments()["30517"]
+        dates = [one["performed_on"] for one in sensor["calibrations"]]
+        assert (sensor["model"], dates) == ("own", ["2024-01-15", "2026-01-15"])
+
+
+ANEW = {
+    *(
+        "id",
+        "batch_id",
+        "structure_id",
+        "structure_version_id",
+        "created_at",
+        "updated_at",
+        "project_id",
+        "campaign_id",
+    ),
+    *("by", "why", "active", "acts_for", "state_since", "series"),
+    "request",  # has the exclusion of later in it
+}
+
+
+def assert_kept(before: Path, after: Path, ids: dict[str, str]) -> None:
+    """Hits, decisions, coupons, monitors and instruments of two archives are the same but for ids and times."""
+    with ZipFile(before) as was, ZipFile(after) as now:
+        for end in ("/hits.csv", "/coupons.csv", "/curve.csv", "/original"):
+            one, two = (file.read(next(n for n in file.namelist() if n.endswith(end))) for file in (was, now))
+            if end == "/hits.csv":
+                tables = [pd.read_csv(io.BytesIO(table)) for table in (one, two)]
+                assert [ids[key] for key in tables[0]["id"]] == tables[1]["id"].tolist()
+                left, right = (table.drop(columns=["id", "filename", "created_at"]) for table in tables)
+                pd.testing.assert_frame_equal(left, right)  # with the SHA-256 of each block's samples
+            else:
+                assert one == two, end
+        for part in ("/hit-decisions.json", "/coupon-batches.json", "/monitors/", "instruments.json"):
+            one, two = (
+                json.loads(file.read(next(n for n in file.namelist() if part in n or n == part))) for file in (was, now)
+            )
+            assert plain(one, ids) == plain(two, {}), part
+
+
+def plain(value: Any, ids: dict[str, str]) -> Any:
+    """A document without what a service gives anew; ids in it as they are now."""
+    if isinstance(value, dict):
+        return {name: plain(one, ids) for name, one in value.items() if name not in ANEW}
+    if isinstance(value, list):
+        return [plain(one, ids) for one in value]
+    return ids.get(value, value) if isinstance(value, str) else value
 
 
 def frequencies(path: Path) -> list[float]:
@@ -268,4 +366,5 @@ def test_an_archive_has_nothing_of_others(measured: dict[str, str], new_client: 
     assert stranger.get("search/campaigns/archive").status_code == 404
     own = ok(stranger.post("projects", json={"name": "own"}), 201)["id"]
     with ZipFile(io.BytesIO(stranger.get(f"projects/{own}/archive").content)) as archive:
-        assert sorted(archive.namelist()) == ["manifest.json", "results.csv", "ro-crate-metadata.json"]
+        has = ["instruments.json", "manifest.json", "results.csv", "ro-crate-metadata.json"]
+        assert sorted(archive.namelist()) == has

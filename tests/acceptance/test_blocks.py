@@ -28,6 +28,7 @@ from service.app.supervisor import LocalService
 from service.store.campaigns.schemas import CampaignIn
 from service.store.coupons.schemas import CurveCouponIn
 from service.store.structures.schemas import StructureIn
+from service.store.structures.shapes import Section
 from service.store.updating.schemas import RecipeIn
 from tests.support.blocks import AT_HAND, PAGES, Block, blocks
 from tests.support.command import modalbase_here, run_as_typed
@@ -233,7 +234,10 @@ def test_json_is_what_the_service_takes(reader: Reader) -> None:
     exported = {"m.f": np.arange(8.0), "m.H": table + 1j, "m.coh": table, "m.points": np.arange(1, 4)}
     assert len(frfs_of(exported, mapping, "accelerance").values) == 3
     plate, recipe, pieces, added, zones = shown.pop("docs/plies.md")
-    for structure in (plate, {**plate, **pieces}, *shown.pop("docs/own-model.md")):
+    shaped, sections = shown.pop("docs/own-model.md")
+    for section in sections.values():
+        Section.model_validate(section)
+    for structure in (plate, {**plate, **pieces}, shaped):
         StructureIn.model_validate(structure)
     CampaignIn.model_validate({"name": "x", "boundary": "free", **added})
     for one in (recipe, zones, *shown.pop("docs/updating.md")):

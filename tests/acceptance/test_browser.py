@@ -5,7 +5,6 @@ and on a phone. A light desk and a dark phone together show every width and ever
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs, urlsplit
@@ -15,7 +14,7 @@ import numpy as np
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.support.browser import Watched, browser, chromium, drawn, hindrances, watched_page
+from tests.support.browser import Watched, drawn, hindrances, watched_page
 from tests.support.places import shared_file
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
@@ -37,13 +36,6 @@ PARTS = (
     "recipe",
     "report",
 )
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    chromium()
-    with browser() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import httpx
-import pytest
 
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_correcting import saved
-from tests.support.browser import browser, chromium, drawn, hindrances, watched_page
+from tests.support.browser import drawn, hindrances, watched_page
 from tests.support.laboratory import BEAM
 from tests.support.places import shared_file
 from tests.support.rest import client_at, finished, ok, posted
@@ -20,13 +18,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 DIAGRAM = "figure[data-figure$='/figures/stabilisation']"
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    chromium()
-    with browser() as found:
-        yield found
 
 
 def measured(api: httpx.Client, structure: str, **stated: object) -> str:

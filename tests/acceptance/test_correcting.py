@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import pytest
@@ -10,7 +9,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, overflow, signed_in
 from tests.integration.test_coupons import CURVE, machine_file
-from tests.support.browser import browser, chromium, hindrances, watched_page
+from tests.support.browser import hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 
@@ -19,13 +18,6 @@ if TYPE_CHECKING:
 
 PLATE = {"length_m": 0.5, "width_m": 0.04, "thickness_m": 0.01}
 MATERIAL = {"Ex_Pa": 30e9, "Ey_Pa": 30e9, "Gxy_Pa": 5e9, "Gxz_Pa": 5e9, "Gyz_Pa": 5e9, "nu_xy": 0.2}
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    chromium()
-    with browser() as found:
-        yield found
 
 
 def saved(page: Page, button: str) -> None:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import httpx
-import pytest
 
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import MOST_CLICKS, overflow, signed_in
 from tests.acceptance.test_correcting import MATERIAL, PLATE, saved
-from tests.support.browser import Watched, browser, chromium, hindrances, watched_page
+from tests.support.browser import Watched, hindrances, watched_page
 from tests.support.places import shared_file
 from tests.support.profiles import deck
 from tests.support.rest import client_at, ok, posted
@@ -28,13 +26,6 @@ WALLS = {
     "walls/web/thickness_m": "5",
 }
 CONSTANTS = {"E1_Pa": "23", "E2_Pa": "8.5", "G12_Pa": "3", "G13_Pa": "3", "G23_Pa": "2.4", "nu_12": "0.27"}
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    chromium()
-    with browser() as found:
-        yield found
 
 
 def fill(page: Page, prefix: str, values: dict[str, Any]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs
 from xml.etree import ElementTree
@@ -14,7 +13,7 @@ import pytest
 
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
-from tests.support.browser import Watched, browser, chromium, drawn, hindrances, watched_page
+from tests.support.browser import Watched, drawn, hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 
@@ -23,13 +22,6 @@ if TYPE_CHECKING:
 
 F0, ZETA, STEP, LINES, AVERAGES, COHERENCE = 100.0, 0.01, 0.05, 4000, 5, 0.98
 VIEWER = "[data-frf-viewer]"
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    chromium()
-    with browser() as found:
-        yield found
 
 
 def accelerance(factor: float) -> np.ndarray[Any, Any]:

@@ -351,6 +351,9 @@ def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory, tmp_path: P
     assert angle.shape["walls"]["web"]["thickness_m"] == 0.004
     assert angle.inputs["thickness_sd_m"] == 5e-5
     assert project.structure("angle", create=True, **stated) == angle
+    free, clamped = ({"boundary": boundary, "highest_hz": 1000} for boundary in ("free", "cantilever"))
+    plans = angle.plan([free, clamped], about="web.E1")
+    assert plans[0]["expected_sd"]["web.E1"] < plans[1]["expected_sd"]["web.E1"]
     with pytest.raises(modalbase.ClientError, match="height"):
         project.structure("angle", create=True, **{**stated, "height_m": 0.09})
     file = tmp_path / "angle.uff"
@@ -374,6 +377,12 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     assert model.sets["web"]["thickness_m"] == 0.004
     assert "flange" in model.summary()
     assert b"<!-- set 1: web -->" in bracket.mesh(tmp_path / "mesh.vtu").read_bytes()
+    wall = {"thickness_m": 0.004, "material": {**ANGLE["shape"]["material"], "density_kg_m3": 1850}}
+    meshed = lab.project("decks").new_structure("mesh")
+    with pytest.raises(modalbase.JobFailed, match=r"lack web \(80 elements\)"):
+        meshed.import_model(tmp_path / "mesh.vtu", "m-N-kg", sections={"flange": wall})
+    again = meshed.import_model(tmp_path / "mesh.vtu", "m-N-kg", sections={"flange": wall, "web": wall})
+    assert again.sets["web"]["mass_kg"] == pytest.approx(model.sets["web"]["mass_kg"])
     assert model.save(tmp_path / "copy.inp").read_bytes() == file.read_bytes()
     uff = tmp_path / "angle.uff"
     uff.write_bytes(measured())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import httpx
@@ -15,7 +14,7 @@ from service.app.supervisor import LocalService
 from service.jobs.resource import ENDED
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_forms import fill
-from tests.support.browser import browser, chromium, hindrances, watched_page
+from tests.support.browser import hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 from tests.unit.fecore.signal.test_recording import RATE, recording
@@ -25,13 +24,6 @@ if TYPE_CHECKING:
 
 FREQUENCY = np.arange(1.0, 101.0)
 VALUES = FREQUENCY * np.array([[1 + 2j], [3 - 1j]])
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    chromium()
-    with browser() as found:
-        yield found
 
 
 def wav(times: list[float], seconds: float) -> bytes:

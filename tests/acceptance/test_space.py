@@ -4,7 +4,6 @@ desk and on a phone; and the still picture of a browser without WebGL.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import httpx
@@ -12,7 +11,7 @@ import pytest
 
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
-from tests.support.browser import Watched, browser, chromium, hindrances, watched_page
+from tests.support.browser import Watched, hindrances, watched_page
 from tests.support.profiles import deck, points
 from tests.support.rest import client_at, finished, ok, posted
 from tests.support.waiting import until
@@ -27,13 +26,6 @@ NO_WEBGL = """
         return kind.startsWith("webgl") ? null : get.call(this, kind, ...more);
     };
 """
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[Browser]:
-    chromium()
-    with browser() as found:
-        yield found
 
 
 @pytest.fixture

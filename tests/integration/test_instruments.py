@@ -59,6 +59,39 @@ def test_what_an_expired_calibration_touched_is_found(api: httpx.Client, tested:
     assert found(api, "structures", mine + "instrument.model = '352C33'") == ["FRP beam"]
 
 
+def test_each_frf_has_the_sensor_that_stood_at_its_point(api: httpx.Client, tested: dict[str, str]) -> None:
+    """Two sensors at stated points, the third elsewhere: by model and number, and what an expired one touched."""
+    project, late = tested["project"], tested["late"]
+    expired = {"kind": "sensor", "serial": "old", "calibrations": [HISTORY[1]]}
+    ok(api.post(f"projects/{project}/instruments", json=expired), 201)
+    stood = [{"model": "4507", "serial": "old", "points": [2, 5]}, {"model": "4507", "serial": "new", "points": [3]}]
+    change = {"instruments": {"sensor": {"model": "352C33", "serial": "352"}, "sensors": stood}}
+    tag = api.get(f"campaigns/{late}").headers["ETag"]
+    ok(api.patch(f"campaigns/{late}", json=change, headers={"If-Match": tag}), 200)
+    for point in (1, 2, 3, 4):
+        ok(api.post(f"campaigns/{late}/frfs", json=frfs(point)), 201)
+    mine = f"project.id = '{project}' AND "
+    for text, points in (
+        ("sensor = '4507'", [2, 3]),
+        ("sensor <> '4507'", [1, 4]),
+        ("NOT sensor LIKE '45%'", [1, 4]),
+        ("CASEI(sensor_serial) = CASEI('NEW')", [3]),
+        ("sensor_serial IN ('352', 'old')", [1, 2, 4]),
+        ("sensor = '4507' AND sensor_serial = '352'", []),  # of one sensor
+        ("driving_point = TRUE AND sensor = '352C33'", [1]),
+        ("frf.sensor_serial = 'old' OR response_point = 4", [2, 4]),
+        ("instrument.serial = 'old' AND instrument.calibration_expired = TRUE", [2]),
+    ):
+        assert found(api, "frfs", mine + text, "response_point") == points, text
+    for text, names in (
+        ("frf.sensor = '4507'", ["late"]),
+        ("frf.sensor_serial = 'new' AND frf.response_point = 2", []),
+    ):
+        assert found(api, "campaigns", mine + text) == names, text
+    shown = api.get("search/frfs", params={"filter": mine + "lines = 3", "fields": "sensor_serial", "sort": "sensor"})
+    assert [row["sensor_serial"] for row in ok(shown, 200)["items"]] == ["352", "352", "old", "new"]
+
+
 def test_a_new_calibration_is_kept_in_time_order_and_counts(api: httpx.Client, tested: dict[str, str]) -> None:
     address = f"instruments/{tested['sensor']}"
     answer = api.get(address)

@@ -1,6 +1,7 @@
 """Users' models over HTTP: a deck goes in, the structure is it, an update finds the constants of its sets."""
 
 import io
+import json
 import zipfile
 from shutil import which
 from typing import Any
@@ -12,8 +13,8 @@ import pytest
 from benchmarks.calculix import ccx, frequencies
 from modalbase.formats.models.inp import read_inp
 from tests.integration.test_bodies import updated
-from tests.support.places import shared_file
-from tests.support.profiles import TRUTH, deck, measured, points
+from tests.support.places import ROOT, shared_file
+from tests.support.profiles import ANGLE, TRUTH, deck, measured, points
 from tests.support.rest import finished, ok
 
 HEAD, CARDS = (
@@ -144,6 +145,39 @@ def test_a_card_that_changes_modes_must_be_accepted_by_name(api: httpx.Client, b
     (lost,) = [each for each in taken["found"]["ignored"] if each["changes"]]
     assert "CONTACT PAIR" in lost["card"]
     assert taken["accepted"] == ["contact pair"]
+
+
+def test_a_mesh_comes_with_sections_of_its_sets(api: httpx.Client, bare: str) -> None:
+    content, wall = (ROOT / "tests/corpus/meshes/gmsh-4.1.msh").read_bytes(), {"thickness_m": 0.002}
+    metal = {**wall, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}
+    asked = {"filename": "angle.msh", "units": "mm-N-t"}
+    bare_mesh = sent(api, bare, content, **asked, accept="clamp")
+    assert "lack flange (2 elements), the_web (4 elements)" in bare_mesh["message"]
+    one = sent(api, bare, content, **asked, sections=json.dumps({"flange": metal, "web": metal}))
+    assert "sections/web: there is no such set; there are clamp, flange, the_web" in one["message"]
+    both = {"flange": metal, "the_web": metal}
+    assert "accept=CLAMP" in sent(api, bare, content, **asked, sections=json.dumps(both))["message"]
+    address = f"structures/{bare}/model"
+    said = {"sections": json.dumps({**both, "clamp": {"held_dofs": [1, 2, 3, 4, 5, 6]}})}
+    form = api.post(address, params={"units": "mm-N-t"}, data=said, files={"file": ("angle.msh", content)})
+    model = finished(api, form.headers["Location"])
+    assert model["status"] == "succeeded", model["message"]
+    assert model["sections"]["flange"]["isotropic"]["E_Pa"] == 7e10
+    assert [(each["name"], each["elements"]) for each in model["found"]["sets"]] == [("flange", 2), ("the_web", 4)]
+    assert model["found"]["supports"] == [{"nodes": 5, "dofs": [1, 2, 3, 4, 5, 6], "line": 0}]
+    assert ok(api.get(f"{address}/mesh"))["blocks"][0]["set"] == "flange"
+    page = api.get(str(api.base_url.copy_with(path=f"/ui/structures/{bare}"))).text
+    assert "angle.msh" in page
+    for wrong, what in [
+        ({"flange": wall}, "state thickness_m and a material"),
+        ({"flange": {**metal, "thickness_m": 2}}, "did you mean"),
+        ({"flange": {**wall, "material": ANGLE["shape"]["material"]}}, "density_kg_m3 is missing"),
+    ]:
+        problem = ok(api.post(address, params={**asked, "sections": json.dumps(wrong)}, content=content), 422)
+        assert problem["errors"][0]["pointer"].startswith("/flange"), problem
+        assert what in problem["errors"][0]["detail"]
+    deck_with = sent(api, bare, deck(), units="m-N-kg", sections=json.dumps(both))
+    assert "a deck has its own" in deck_with["message"]
 
 
 def test_what_is_wrong_with_a_deck_is_said_by_line(api: httpx.Client, bare: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from benchmarks.hammer import Simulated
+from benchmarks.hammer import Bench, Simulated, random_body, random_laboratory
 from benchmarks.hammer import campaign as simulated_campaign
 from fecore.signal import by_point, inspect
 from tests.support.rest import ok
@@ -93,6 +93,24 @@ def test_records_become_frfs_and_each_names_its_hits(api: httpx.Client, campaign
         assert len(frf["records"]) == 2 * len(frf["hits"])
         assert all(known[r["id"]] == r["sha256"] for r in frf["records"])
     assert result["processing"]["windows"]["force_length_s"] > 0
+
+
+@pytest.mark.parametrize(("count", "shown"), [(6, True), (3, False)])
+def test_frfs_say_how_well_the_window_is_known_that_their_hits_showed(
+    api: httpx.Client, campaign: str, count: int, shown: bool
+) -> None:
+    rng = np.random.default_rng(4)
+    body = random_body(rng, "free")
+    bench = Bench(body, random_laboratory(rng, 1.0), (0.96 * body.length_m, 0.45 * body.width_m), rng)
+    made = [bench.hit(1, (0.7 * body.length_m, 0.3 * body.width_m), n) for n in range(1, count + 1)]
+    ok(post(api, campaign, npz(made)), 201)  # the mapping states no window
+    assert processed(api, campaign, {"windows": {}})["status"] == "succeeded"
+    (frf,) = ok(api.get(f"campaigns/{campaign}/frfs"), 200)["items"]
+    if shown:
+        assert frf["window_rate_per_s"] == pytest.approx(1.0, abs=0.02)
+        assert 0 < frf["window_rate_sd_per_s"] < 0.05
+    else:
+        assert (frf["window_rate_per_s"], frf["window_rate_sd_per_s"]) == (None, None)
 
 
 def test_the_figure_of_a_point_shows_every_hit_and_what_is_wrong_with_it(

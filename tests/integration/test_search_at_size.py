@@ -5,13 +5,13 @@ from typing import Any
 import pytest
 from sqlalchemy import Connection, Engine, event, text
 
-from benchmarks.search import PAGE, QUESTIONS, filling
+from benchmarks.search import QUESTIONS, filling
 from service.access import User
 from service.access.keys import user_named
 from service.app import composition
 from service.db.engine import Sessions
 from service.errors import Invalid
-from service.store.search.nouns import SEARCHED, field_table
+from service.store.search.nouns import SEARCHED
 from service.store.search.operations import Search, Wanted, bounded
 
 assert composition.ROUTERS  # so that every table is known
@@ -64,7 +64,7 @@ def _whole(node: dict[str, Any]) -> Any:
 
 
 def test_an_index_answers_every_question_of_the_documents(sessions: Sessions, user: User) -> None:
-    assert len(QUESTIONS) == 10
+    assert len(QUESTIONS) == 11
     labels = [(noun, text) for noun in ("frfs", "results") for text in ("tag = 'winter'", "meta.tip = 'steel'")]
     with sessions() as session, bounded(session):
         for noun, question in [*QUESTIONS, *labels]:
@@ -80,7 +80,3 @@ def test_a_search_that_takes_too_long_is_ended_in_words(sessions: Sessions) -> N
             session.execute(text("SELECT pg_sleep(5)"))
         assert session.execute(text("SELECT 1")).scalar_one() == 1
         assert session.execute(text("SHOW statement_timeout")).scalar_one() == "0"
-
-
-def test_the_documents_have_every_field() -> None:
-    assert field_table() in PAGE

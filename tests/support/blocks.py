@@ -105,27 +105,7 @@ def _long() -> dict[str, Any]:
     return {"Inputs": Any, "Report": Any, "Output": Any, "Chain": _Chain}
 
 
-def _contributor() -> dict[str, Any]:
-    from uuid import UUID
-
-    from fastapi import APIRouter
-
-    from service.access import CurrentUser, SessionDep
-    from service.store.records import operations
-    from service.store.records.schemas import RecordOut
-
-    return {
-        "router": APIRouter(),
-        "UUID": UUID,
-        "SessionDep": SessionDep,
-        "CurrentUser": CurrentUser,
-        "RecordOut": RecordOut,
-        "operations": operations,
-    }
-
-
 AT_HAND: dict[str, Callable[[], dict[str, Any]]] = {
-    "CONTRIBUTING.md": _contributor,
     "docs/coupons.md": _coupon,
     "docs/hammer.md": _hits,
     "docs/modes.md": _measured,

@@ -13,6 +13,7 @@ import pytest
 from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
 from service.settings import MIB, Settings
 from service.show.guide.markdown import render
+from service.store.search.nouns import NOUNS
 from service.store.updating.result_schemas import ResultOut
 from service.store.updating.schemas import HoldOutIn, ParameterIn, RecipeIn
 from tests.support.places import ROOT
@@ -113,6 +114,19 @@ def test_every_setting_is_described(name: str) -> None:
 def test_no_other_setting_is_named() -> None:
     lines = [line for line in PAGE.splitlines() if line.startswith("| `MODALBASE_")]
     assert len(lines) == len(Settings.model_fields)
+
+
+# --- docs/search.md names every field that can be searched ---------------------------------------------------------------
+
+EVERY_NOUN = {"id", "created_at", "tag", "meta"}
+
+
+@pytest.mark.parametrize("noun", [name for name, noun in NOUNS.items() if noun.fields])
+def test_every_field_of_a_search_is_named(noun: str) -> None:
+    (row,) = re.findall(rf"^\| `{noun}` \|.*$", (ROOT / "docs/search.md").read_text(), flags=re.MULTILINE)
+    wanted = {field.name for field in NOUNS[noun].fields} - EVERY_NOUN
+    ends = "_(sd|low|high)$" if noun == "result" else "$"
+    assert {re.sub(ends, "", name) for name in wanted} <= set(re.findall(r"`(\w+)`", row))
 
 
 # --- the pages of updating and of its result name every field of a recipe and of a result document ----------------------

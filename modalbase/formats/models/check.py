@@ -33,7 +33,7 @@ def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, s
     size = sizes(block, model.nodes)
     worst = worst_corner(block, model.nodes)
     for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
-        where, number = f"line {block.lines[k]}", int(block.numbers[k])
+        where, number = f"line {block.lines[k]}" if block.lines[k] else "", int(block.numbers[k])
         if not size[k] > 0:
             yield (
                 where,
@@ -114,5 +114,6 @@ def _described(model: FiniteElementModel, part: Integers, root: int) -> str:
     for block in model.elements:
         chosen = np.flatnonzero(part[block.nodes[:, 0]] == root)
         if chosen.size:
-            return f"element {block.numbers[chosen[0]]} of the set {block.set} (line {block.lines[chosen[0]]})"
+            line = block.lines[chosen[0]]
+            return f"element {block.numbers[chosen[0]]} of the set {block.set}" + (f" (line {line})" if line else "")
     raise AssertionError(root)

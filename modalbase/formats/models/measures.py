@@ -15,10 +15,10 @@ def sizes(block: Elements, places: Floats) -> Floats:
     x = places[block.nodes[:, : CORNERS[block.kind]]]
     if block.kind.startswith("beam"):
         return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
-    return np.asarray(np.linalg.norm(_normals(x), axis=1) / 2)
+    return np.asarray(np.linalg.norm(normals_of(x), axis=1) / 2)
 
 
-def _normals(x: Floats) -> Floats:
+def normals_of(x: Floats) -> Floats:
     """(e, 3) twice the area along the normal, of (e, n, 3) corners."""
     first, second = (
         (x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]) if x.shape[1] == 3 else (x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
@@ -41,7 +41,7 @@ def worst_corner(block: Elements, places: Floats) -> Floats:
         along = x[:, 1] - x[:, 0]
         share = np.einsum("ei,ei->e", middles[:, 0] - x[:, 0], along) / np.einsum("ei,ei->e", along, along)
         return np.asarray(4 * np.minimum(share, 1 - share) - 1)
-    normals = _normals(x[:, :n])
+    normals = normals_of(x[:, :n])
     least = np.full(len(x), np.inf)
     for k in range(n):
         here, after, before = x[:, k], x[:, (k + 1) % n], x[:, k - 1]

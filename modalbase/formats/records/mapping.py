@@ -9,13 +9,13 @@
         "point": 33, "direction": 3, "window_rate_per_s": 0, "full_scale": 4900}]}
 
 `sensitivity` is what one SI unit makes in the file (volts per newton); 1, the default, says that the file is in SI.
-Where blocks lie in a table, its longer side is the time.
+Where blocks lie in a table, its longer side is the time. `point`, `direction` and `hit` may be lists too, of one number
+for each block. An archive's mapping says `"archived": true`: blocks are as a service kept them, in SI whatever the
+`sensitivity` that made them so, with the `label` and, of a recording, the `start_sample` of each.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any, get_args
 
@@ -28,19 +28,15 @@ from modalbase.formats.types import FloatArray
 
 Value = float | str
 """A number, or the name of a variable that holds it."""
+Values = Value | tuple[float, ...]
+"""The same, or a number for each block."""
 
-_FEWEST_SAMPLES = 64
+FEWEST_SAMPLES = 64
+"""Of a block."""
 _UNEVEN = 1e-3
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
 LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
-_RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
-_NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
-    "force": ("force", "hammer", "exc"),
-    "acceleration": ("acc", "response", "resp"),
-    "velocity": ("vel",),
-    "displacement": ("disp",),
-}
 
 
 @dataclass(frozen=True)
@@ -49,11 +45,13 @@ class ChannelMapping:
 
     variable: str
     quantity: ChannelQuantity
-    point: Value
-    direction: Value = 3
+    point: Values
+    direction: Values = 3
     sensitivity: float = 1.0
     window_rate_per_s: float = 0.0
     full_scale: float | None = None
+    label: tuple[str, ...] | None = None
+    start_sample: Values | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,8 @@ class Mapping:
 
     sample_rate_hz: Value
     channels: tuple[ChannelMapping, ...]
-    hit: Value | None = None
+    hit: Values | None = None
+    archived: bool = False
 
 
 def read_mapping(document: Any) -> Mapping:
@@ -98,10 +97,13 @@ def read_mapping(document: Any) -> Mapping:
     if not faults and len(channels) < 2:
         faults.append(("mapping.channels", "has no response"))
     rate = _value("mapping.sample_rate_hz", document.get("sample_rate_hz", 1.0), faults)
-    hit = None if document.get("hit") is None else _value("mapping.hit", document["hit"], faults)
+    hit = None if document.get("hit") is None else _values("mapping.hit", document["hit"], faults)
+    archived = document.get("archived", False)
+    if not isinstance(archived, bool):
+        faults.append(("mapping.archived", f"is {archived!r}, expected true or false"))
     if faults:
         raise FormatError(faults)
-    return Mapping(rate, tuple(channels), hit)
+    return Mapping(rate, tuple(channels), hit, archived)
 
 
 def _channel(place: str, entry: dict[str, Any], faults: list[tuple[str, str]]) -> ChannelMapping | None:
@@ -130,20 +132,38 @@ def _channel(place: str, entry: dict[str, Any], faults: list[tuple[str, str]]) -
             )
         else:
             numbers[name] = float(value)
-    point = _value(f"{place}.point", entry["point"], faults)
-    direction = _value(f"{place}.direction", entry.get("direction", 3), faults)
+    point = _values(f"{place}.point", entry["point"], faults)
+    direction = _values(f"{place}.direction", entry.get("direction", 3), faults)
+    start = entry.get("start_sample")
+    start = None if start is None else _values(f"{place}.start_sample", start, faults)
+    labels = entry.get("label")
+    if labels is not None and not (isinstance(labels, list) and all(isinstance(one, str) for one in labels)):
+        faults.append((f"{place}.label", "is no list of texts, one for each block"))
     if len(faults) > before:
         return None
-    return ChannelMapping(entry["variable"], entry["quantity"], point, direction, **numbers)
+    label = None if labels is None else tuple(labels)
+    return ChannelMapping(
+        entry["variable"], entry["quantity"], point, direction, label=label, start_sample=start, **numbers
+    )
 
 
 def _value(place: str, given: Any, faults: list[tuple[str, str]]) -> Value:
     if is_named(given):
         return str(given["variable"])
-    if isinstance(given, int | float) and not isinstance(given, bool) and np.isfinite(given):
+    if _is_number(given):
         return float(given)
     faults.append((place, f'is {given!r}, expected a number or {{"variable": name}}'))
     return 0.0
+
+
+def _values(place: str, given: Any, faults: list[tuple[str, str]]) -> Values:
+    if isinstance(given, list) and all(map(_is_number, given)):
+        return tuple(map(float, given))
+    return _value(place, given, faults)
+
+
+def _is_number(given: Any) -> bool:
+    return isinstance(given, int | float) and not isinstance(given, bool) and bool(np.isfinite(given))
 
 
 def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
@@ -154,8 +174,10 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
         point,
             direction or hit is impossible; names it.
     """
-    tables = {c.variable: _in_si(_table(variables, c), c) for c in mapping.channels}
-    _refuse_copies(tables)
+    tables = {c.variable: _table(variables, c) for c in mapping.channels}
+    if not mapping.archived:
+        tables = {c.variable: _in_si(_measured(tables[c.variable], c), c) for c in mapping.channels}
+        _refuse_copies(tables)
     shapes = {name: table.shape for name, table in tables.items()}
     if len(set(shapes.values())) > 1:
         listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
@@ -168,6 +190,12 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
     directions = {c.variable: _integers(variables, c.direction, count, "direction", -6) for c in ordered}
     where = list(zip(points[force.variable], directions[force.variable], strict=True))
     hits = _hits(variables, mapping.hit, where)
+    labels = {c.variable: _labels(c, count) for c in mapping.channels}
+    starts = {
+        c.variable: _integers(variables, c.start_sample, count, "start_sample", 0)
+        for c in mapping.channels
+        if c.start_sample is not None
+    }
     return [
         TimeBlock(
             c.quantity,
@@ -180,7 +208,8 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
             c.window_rate_per_s,
             c.full_scale,
             c.sensitivity,
-            c.variable,
+            labels[c.variable][i],
+            starts[c.variable][i] if c.variable in starts else None,
         )
         for i in range(count)
         for c in ordered
@@ -202,10 +231,6 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
         )
     if values.shape[0] > values.shape[1]:
         values = values.T
-    if values.shape[1] < _FEWEST_SAMPLES:
-        raise FormatError(
-            channel.variable, f"has {values.shape[1]} samples a block, expected {_FEWEST_SAMPLES} or more"
-        )
     table: FloatArray = np.ascontiguousarray(values, dtype=np.float32 if values.dtype == np.float32 else np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
         total = table.sum()  # one pass; only where it is not finite is each number asked
@@ -214,6 +239,13 @@ def _table(variables: Variables, channel: ChannelMapping) -> FloatArray:
         raise FormatError(
             channel.variable, f"holds NaN or infinity, first at sample {bad[0][1] + 1} of block {bad[0][0] + 1}"
         )
+    return table
+
+
+def _measured(table: FloatArray, channel: ChannelMapping) -> FloatArray:
+    """The same; refused where it is too short, or a channel carried nothing."""
+    if table.shape[1] < FEWEST_SAMPLES:
+        raise FormatError(channel.variable, f"has {table.shape[1]} samples a block, expected {FEWEST_SAMPLES} or more")
     flat = np.flatnonzero(table.max(axis=1) == table.min(axis=1))
     if flat.size:
         raise FormatError(
@@ -241,6 +273,13 @@ def _in_si(table: FloatArray, channel: ChannelMapping) -> FloatArray:
             channel.variable, f"reaches {most:.3g} in SI, more than any sensor gives; look at the sensitivity"
         )
     return values
+
+
+def _labels(channel: ChannelMapping, count: int) -> tuple[str, ...]:
+    labels = channel.label or (channel.variable,) * count
+    if len(labels) != count:
+        raise FormatError(channel.variable, f"has {len(labels)} labels for {count} blocks")
+    return labels
 
 
 def _rate(variables: Variables, given: Value, samples: int) -> float:
@@ -278,9 +317,9 @@ def _real(values: np.ndarray[Any, Any], name: str) -> FloatArray:
     return real
 
 
-def _integers(variables: Variables, given: Value, count: int, name: str, least: int) -> list[int]:
+def _integers(variables: Variables, given: Values, count: int, name: str, least: int) -> list[int]:
     place = given if isinstance(given, str) else f"mapping.{name}"
-    values = _real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.array([given])
+    values = _real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.ravel(given)
     if values.size == 1:
         values = np.repeat(values, count)
     if values.size != count:
@@ -291,12 +330,12 @@ def _integers(variables: Variables, given: Value, count: int, name: str, least: 
         w != v or not least <= w <= most or (name == "direction" and w == 0) for w, v in zip(whole, values, strict=True)
     ):
         raise FormatError(
-            place, f"is no {name}: expected {'±1 to ±6' if name == 'direction' else 'whole numbers from 1'}"
+            place, f"is no {name}: expected {'±1 to ±6' if name == 'direction' else f'whole numbers from {least}'}"
         )
     return whole
 
 
-def _hits(variables: Variables, given: Value | None, where: list[tuple[int, int]]) -> list[int]:
+def _hits(variables: Variables, given: Values | None, where: list[tuple[int, int]]) -> list[int]:
     if given is not None:
         return _integers(variables, given, len(where), "hit", 1)
     seen: dict[tuple[int, int], int] = {}
@@ -305,61 +344,3 @@ def _hits(variables: Variables, given: Value | None, where: list[tuple[int, int]
         seen[place] = seen.get(place, 0) + 1
         found.append(seen[place])
     return found
-
-
-def propose(variables: Variables) -> dict[str, Any]:
-    """A mapping that the names and shapes suggest, to be looked at and completed; sensitivities and points are the
-    user's.
-
-    Where no name says what a channel is, every variable as long as the time axis is proposed with the quantity "?".
-    """
-    long = {name: a for name, a in variables.items() if a.size >= _FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
-    rate = next((n for n, a in variables.items() if a.size == 1 and _plain(n).endswith(_RATES)), None)
-    time = next((n for n, a in long.items() if re.split(r"[_.]", n.lower())[0] in ("time", "t") and _ascends(a)), None)
-    point: Any = {"variable": "point"} if "point" in variables else 1
-    channels = [
-        {
-            "variable": name,
-            "quantity": quantity,
-            "sensitivity": 1.0,
-            "point": point if quantity == "force" else 1,
-            "direction": 3,
-        }
-        for quantity, names in _channels(long, time).items()
-        for name in names
-    ]
-    found: dict[str, Any] = {"channels": channels}
-    if rate or time:
-        found["sample_rate_hz"] = {"variable": rate or time}
-    if "hit" in variables:
-        found["hit"] = {"variable": "hit"}
-    return found
-
-
-def propose_recording(names: Iterable[str]) -> dict[str, Any]:
-    """The same of a recording of many hits, by the names of its channels: "?" where one does not say what it is."""
-    channels = []
-    for name in names:
-        quantity = next((q for q, parts in _NAMES.items() if any(part in name.lower() for part in parts)), "?")
-        channels.append({"variable": name, "quantity": quantity, "sensitivity": 1.0, "direction": 3})
-    return {"recording": {"order": []}, "channels": channels}
-
-
-def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:
-    """Names of the channels by quantity; by length alone where no name says one."""
-    named: dict[str, list[str]] = {
-        quantity: [n for n in long if any(s in n.lower() for s in starts) and "time" not in n.lower()]
-        for quantity, starts in _NAMES.items()
-    }
-    if any(named.values()) or time is None:
-        return named
-    samples = long[time].size
-    return {"?": [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]}
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z]", "", name.lower())
-
-
-def _ascends(array: np.ndarray[Any, Any]) -> bool:
-    return array.dtype.kind in "fiu" and bool(np.all(np.diff(np.ravel(array)) > 0))

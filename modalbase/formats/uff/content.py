@@ -6,7 +6,7 @@ content.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -327,11 +327,21 @@ class TraceLine:
 
 @dataclass(frozen=True)
 class Element:
-    """Set 2412: an element of the drawing or of a finite element model."""
+    """Set 2412: an element of the drawing or of a finite element model.
+
+    Attributes:
+        number: its label.
+        descriptor: what it is: 21 a beam, 94 a thin shell of four corners …
+        points: that it joins, in the order of the file.
+        properties: number of its physical property table.
+        line: of the dataset in which it begins, from 1 for the one after the type line.
+    """
 
     number: int
     descriptor: int
     points: tuple[int, ...]
+    properties: int = 1
+    line: int = field(default=0, compare=False)
 
 
 Content = (

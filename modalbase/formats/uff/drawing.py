@@ -42,7 +42,8 @@ def read_2412(body: bytes) -> Parsed:
     while cursor:
         row = cursor.next("an element")
         names = ["element", "descriptor", "", "", "", "number of points"]
-        number, descriptor, _, _, _, count = cursor.integers(row, names)
+        number, descriptor, properties, _, _, count = cursor.integers(row, names)
+        line = cursor.line
         if not 1 <= count <= 1000:
             raise cursor.refuse(f"element {number} declares {count} points")
         if descriptor in BEAMS:
@@ -54,7 +55,7 @@ def read_2412(body: bytes) -> Parsed:
             points += cursor.integers(row, ["point"] * take)
             if row[take * 10 :].strip():
                 raise cursor.refuse(f"element {number} holds more than the {count} points it declares")
-        elements.append(Element(number, descriptor, tuple(points)))
+        elements.append(Element(number, descriptor, tuple(points), properties, line))
     if not elements:
         raise Refusal("holds no element")
     return Parsed(elements)

@@ -176,10 +176,11 @@ def _grid_points(points: list[GridPoint], kind: str) -> bytes:
 
 
 def _elements(elements: Iterable[Element]) -> bytes:
-    """Set 2412; property, material and colour are 1."""
+    """Set 2412; material and colour are 1."""
     rows = []
     for each in elements:
-        rows.append("".join(_whole(n, 10) for n in (each.number, each.descriptor, 1, 1, 1, len(each.points))) + "\n")
+        fields = each.number, each.descriptor, each.properties, 1, 1, len(each.points)
+        rows.append("".join(_whole(n, 10) for n in fields) + "\n")
         if each.descriptor in BEAMS:
             rows.append("".join(_whole(n, 10) for n in (0, 1, 1)) + "\n")
         labels = [_whole(point, 10) for point in each.points]

@@ -134,12 +134,14 @@ def write_backup(engine: Engine, file: Path) -> Manifest:
     return manifest
 
 
+_DERIVED = ("alembic_version", "instrument_uses")
+"""Tables that an upgrade, or a trigger of others, fills."""
+
+
 def our_tables(connection: Connection) -> list[Table]:
-    """Our tables as they are in the database, parents first; without the queue's and the revision's."""
+    """Our tables as they are in the database, parents first; without the queue's and those that are filled from others."""
     metadata = MetaData()
-    metadata.reflect(
-        connection, only=lambda name, _: not name.startswith("procrastinate_") and name != "alembic_version"
-    )
+    metadata.reflect(connection, only=lambda name, _: not name.startswith("procrastinate_") and name not in _DERIVED)
     return metadata.sorted_tables
 
 

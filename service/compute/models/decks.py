@@ -10,7 +10,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.constants import kind_of
 from fecore.body.structure import Structure
-from fecore.dynamics.eigen import normal_modes
+from fecore.dynamics.bodies import body_modes
 from modalbase.formats.models.inp import write_inp
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import Units, in_si, units_of
@@ -116,6 +116,5 @@ def _frequencies(body: Structure, order: DeckOrder) -> FloatArray:
     q, model = np.array(list(known.values())), body.model
     springs = [order.constants.get(spring.name, spring.stiffness) for spring in body.springs]
     K = model.stiffness.at(np.concatenate([body.stiffness_coefficients(q), springs]))
-    rigid = model.rigid_modes.shape[1]
-    modes = normal_modes(K, model.mass.at(body.mass_coefficients(q)), order.modes + rigid, model.rigid_modes)
-    return modes.frequency_hz[rigid:]
+    modes = body_modes(model, K, model.mass.at(body.mass_coefficients(q)), order.modes)
+    return modes.frequency_hz[modes.rigid :]

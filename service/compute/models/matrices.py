@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from fecore.body.matrices import MatrixBody
-from fecore.dynamics.eigen import normal_modes
+from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from modalbase.formats.models.matrices import MatrixModel, read_matrices
 from modalbase.formats.models.units import units_of
@@ -73,8 +73,7 @@ def describe_matrices(model: MatrixModel) -> dict[str, Any]:
     body = body_of_matrices(model, "as_modelled")
     ones = np.ones(len(body.nominal))
     K, M = body.model.stiffness.at(body.stiffness_coefficients(ones)), body.model.mass.at(body.mass_coefficients(ones))
-    rigid = body.model.rigid_modes
-    normal_modes(K, M, rigid.shape[1] + 1, rigid)  # so that what has no mass or stiffness is refused at once
+    body_modes(body.model, K, M, 1)  # so that what has no mass or stiffness is refused at once
     shift = body.model.motions[:, 0]
     none = dict.fromkeys(("elements", "masses", "springs", "links", "supports"), 0)
     return {

@@ -19,11 +19,12 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.measures import sizes
-from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection
+from modalbase.formats.models.model import BeamSection, FiniteElementModel, Ignored, ShellSection
 from modalbase.formats.models.units import check, guess, in_si
 from service.compute.models.bodies import body_of_model
 from service.compute.models.keeping import kept
 from service.compute.models.matrices import are_matrices, describe_matrices, kept_matrices, matrices_in_si
+from service.compute.models.meshes import MESHES, is_mesh, mesh_in_si
 from service.errors import Fault, Invalid
 
 if TYPE_CHECKING:
@@ -58,12 +59,14 @@ class DeckInputs:
         filename: what its sender calls it.
         units: that its numbers are in, such as `mm-N-t`; None where they are not stated.
         accepted: names of cards that may be left out although modes change by that.
+        sections: of the sets of a mesh without properties.
     """
 
     path: Path
     filename: str
     units: str | None
     accepted: tuple[str, ...]
+    sections: Mapping[str, Any] | None = None
 
 
 @dataclass(frozen=True)
@@ -75,23 +78,28 @@ class DeckOutput:
 
 
 def read_deck(inputs: DeckInputs, report: Report) -> Iterator[DeckOutput]:
-    """A deck as a model in SI.
+    """A deck or mesh as a model in SI.
 
     Raises:
         Invalid: it cannot be read, or its units are not stated or make no sense, or it has a card that would be left out and
-            that is not accepted.
+            that is not accepted, or sections that it needs are not stated.
         InputError: no body can be made of it.
     """
     report("reading the model", 0.0)
     content = inputs.path.read_bytes()
-    files = files_of(content, inputs.filename)
-    if are_matrices(files):
+    if is_mesh(inputs.filename):
+        si = faults_of(lambda: mesh_in_si(content, inputs.filename, inputs.units, inputs.sections or {}))
+        _require_accepted(si, inputs.accepted)
+    elif inputs.sections is not None:
+        raise Invalid("sections", "are of meshes without properties; a deck has its own, and matrices have none")
+    elif are_matrices(files := files_of(content, inputs.filename)):
         yield _of_matrices(files, inputs.units)
         return
-    model = parsed(content, inputs.filename)
-    _require_units(model, inputs.units)
-    _require_accepted(model, inputs.accepted)
-    si = in_si(model, inputs.units or "")
+    else:
+        model = parsed(content, inputs.filename)
+        _require_units(model, inputs.units)
+        _require_accepted(model, inputs.accepted)
+        si = in_si(model, inputs.units or "")
     report("looking for joints", 0.5)
     body = body_of_model(si)
     yield DeckOutput(describe(si, body), kept(si))
@@ -194,18 +202,19 @@ def reader_of(filename: str) -> Callable[[bytes, dict[str, bytes]], FiniteElemen
     reader = READERS.get(PurePosixPath(filename).suffix.lower())
     if reader is None:
         raise Invalid(
-            "filename", f"{filename!r} ends in none of {', '.join([*READERS, ZIP, NPZ])}: which kind of deck is it?"
+            "filename",
+            f"{filename!r} ends in none of {', '.join([*READERS, *MESHES, ZIP, NPZ])}: which kind of deck is it?",
         )
     return reader
 
 
 def require_deck(filename: str) -> None:
-    """Refuse a file whose name's end says neither a deck nor an archive of one.
+    """Refuse a file whose name's end says neither a deck, a mesh nor an archive.
 
     Raises:
         Invalid: as said.
     """
-    if PurePosixPath(filename).suffix.lower() not in (ZIP, NPZ):
+    if PurePosixPath(filename).suffix.lower() not in (ZIP, NPZ, *MESHES):
         reader_of(filename)
 
 
@@ -214,9 +223,13 @@ def faults_of(read: Callable[[], Read]) -> Read:
     try:
         return read()
     except FormatError as error:
-        places = ((place if place in ("units", "filename") else "file", place, what) for place, what in error.faults)
         raise Invalid(
-            [Fault(where, what if where == place or not place else f"{place}: {what}") for where, place, what in places]
+            [
+                Fault(place.replace(".", "/"), what)
+                if place.split(".")[0] in ("units", "filename", "sections")
+                else Fault("file", f"{place}: {what}" if place else what)
+                for place, what in error.faults
+            ]
         ) from None
 
 
@@ -236,12 +249,15 @@ def _require_accepted(model: FiniteElementModel, accepted: tuple[str, ...]) -> N
     taken = {_plain(name) for name in accepted}
     lost = [one for one in model.ignored if one.changes and _plain(one.card) not in taken]
     if lost:
-        faults = [
-            Fault("file", f"line {one.lines[0]}: {one.card} would be left out ({one.loss}), which changes modes; "
-                          f"accept={_plain(one.card)} takes the model without it")
-            for one in lost
-        ]  # fmt: skip
-        raise Invalid(faults)
+        raise Invalid([Fault("file", _lost(one)) for one in lost])
+
+
+def _lost(one: Ignored) -> str:
+    where = f"line {one.lines[0]}: " if any(one.lines) else ""
+    return (
+        f"{where}{one.card} would be left out ({one.loss}), which changes modes; "
+        f"accept={_plain(one.card)} takes the model without it"
+    )
 
 
 def _plain(card: str) -> str:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fecore.normal import Z_95
 from service.show.figures.colors import ALARM, BAND, INITIAL, MEASURED, UPDATED
 from service.show.figures.marks import (
-    Z_95,
     Axis,
     Bars,
     Figure,

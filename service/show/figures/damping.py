@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fecore.normal import Z_95
 from service.show.figures.colors import MEASURED, PALETTE, UPDATED
-from service.show.figures.marks import Z_95, Axis, Curve, Dash, Figure, Mark, Panel, Points
+from service.show.figures.marks import Axis, Curve, Dash, Figure, Mark, Panel, Points
 
 _ABOUT = 4.0  # how far the axis goes beyond the measured ratios: a law may leave them far below and above
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.normal import Z_95
 from service.show.figures.colors import HELD_OUT, INITIAL, MEASURED, OUTSIDE, UPDATED
 from service.show.figures.marks import (
-    Z_95,
     Axis,
     Band,
     Curve,

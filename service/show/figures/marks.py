@@ -18,8 +18,6 @@ from service.show.figures.colors import BAND, MEASURED, OUTSIDE, QUIET
 Dash = Literal["solid", "dash", "dot"]
 Kind = Literal["linear", "log", "powers", "decades", "date"]
 
-Z_95 = 1.959964
-"""Half of the central 95 % of a normal distribution, in standard deviations."""
 LONGEST_NAME, MOST_NAMES = 50, 40
 MANY_NAMES = 16  # below an axis, beyond which they stand upright
 

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fecore.normal import Z_95
 from service.show.figures.colors import INITIAL, QUIET, UPDATED
-from service.show.figures.marks import Z_95, Axis, Figure, Mark, Panel, Points, Rule, rows_axis
+from service.show.figures.marks import Axis, Figure, Mark, Panel, Points, Rule, rows_axis
 
 SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–")}
 """Factor and unit in which values of an SI unit are drawn; others as they are."""

@@ -10,8 +10,9 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
+from fecore.normal import Z_95
 from service.show.figures.colors import INITIAL, UPDATED
-from service.show.figures.marks import Z_95, Axis, Curve, Figure, Mark, Panel, Points
+from service.show.figures.marks import Axis, Curve, Figure, Mark, Panel, Points
 from service.show.figures.parameters import SHOWN
 
 MOST_PARAMETERS = 8

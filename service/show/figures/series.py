@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from fecore.normal import Z_95
 from service.show.figures.colors import ALARM, INITIAL, QUIET, UPDATED
-from service.show.figures.marks import Z_95, Axis, Band, Curve, Figure, Mark, Panel, Points, shortened
+from service.show.figures.marks import Axis, Band, Curve, Figure, Mark, Panel, Points, shortened
 from service.show.figures.parameters import SHOWN
 
 SIGNS = {"fall": -1, "rise": 1}

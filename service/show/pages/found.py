@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from fecore.normal import Z_95
 from fecore.updating.findings import FINDINGS, but_numbers, fold
 from service.show.pages.numbers import in_unit
 
@@ -134,7 +135,7 @@ def bar(row: Mapping[str, Any]) -> Bar | None:
     low, high = interval
     prior = None
     if row.get("prior_sd"):
-        prior = row["prior_mean"] - 1.96 * row["prior_sd"], row["prior_mean"] + 1.96 * row["prior_sd"]
+        prior = row["prior_mean"] - Z_95 * row["prior_sd"], row["prior_mean"] + Z_95 * row["prior_sd"]
     ends = [low, high, row["estimate"], *(prior or ()), *([row["initial"]] if row["initial"] is not None else [])]
     first, last = min(ends), max(ends)
     if last <= first:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy.orm import Session
 
 from modalbase.formats.models.matrices import MatrixModel
-from service.compute.models.decks import DeckOrder
+from service.compute.models.decks import WRITERS, DeckOrder
 from service.errors import Conflict
 from service.show.results.cards import NO_DECK_OF_A_SHAPE, origin
 from service.store.campaigns.operations import campaign_of
@@ -40,9 +40,11 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
     constants = _constants(document)
     if not constants:
         raise Conflict("the result has no elastic constants, so the deck stays as it is")
-    if isinstance(load_model(session, key), MatrixModel):
+    model, (filename, units, content) = load_model(session, key), deck_of(session, key)
+    if isinstance(model, MatrixModel):
         raise Conflict("the structure is matrices, which stay as they are: multiply each by its factor of the result")
-    filename, units, content = deck_of(session, key)
+    if model.format not in WRITERS or units is None:
+        raise Conflict(f"{filename} is a mesh without properties, which has no numbers to update: the result has them")
     return DeckOrder(
         content=content,
         filename=filename,

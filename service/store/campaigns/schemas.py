@@ -51,12 +51,23 @@ class AddedMass(StrictModel):
     rotary_inertia_kg_m2: float = Field(0.0, ge=0, le=1000, description="about x and y through its place; 0: a point")
 
 
+class SensorAt(StrictModel):
+    """A sensor that stood at some of the grid points."""
+
+    model: Text = Field("", max_length=200)
+    serial: Text = Field("", max_length=200)
+    points: list[Point] = Field(min_length=1, max_length=10_000, description="where it measured responses")
+
+
 class Instruments(StrictModel):
     """What was measured with. A sensor of a mass but no point stood where all responses are, or moved with them."""
 
     hammer: Details = Field(default_factory=dict, max_length=100)
     sensor: Details = Field(default_factory=dict, max_length=100)
     analyser: Details = Field(default_factory=dict, max_length=100)
+    sensors: list[SensorAt] = Field(
+        default_factory=list, max_length=1000, description="where others than `sensor` measured the responses"
+    )
     sensor_mass_kg: Annotated[float, SENSOR_MASS] | None = Field(
         default=None, ge=0, le=1000, description="kg; 0 for a sensor that does not touch"
     )

@@ -99,6 +99,18 @@ batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
 """The batch, if the user has at least a role in its project."""
 
 
+def batches_of(session: Session, structure_id: UUID) -> Sequence[CouponBatch]:
+    """The batches of a structure, oldest first."""
+    return session.scalars(
+        select(CouponBatch).where(CouponBatch.structure_id == structure_id).order_by(CouponBatch.id)
+    ).all()
+
+
+def coupons_of(session: Session, batch_id: UUID) -> Sequence[Coupon]:
+    """The specimens of a batch, excluded ones included, oldest first."""
+    return session.scalars(select(Coupon).where(Coupon.batch_id == batch_id).order_by(Coupon.id)).all()
+
+
 def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
     """Store a new batch of coupons of a structure's material and note it in the audit trail.
 
@@ -210,7 +222,7 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
     none measures a constant, its published mean stands in. Warnings say what the standard asks for and is not met,
     such as fewer than five specimens.
     """
-    coupons = session.scalars(select(Coupon).where(Coupon.batch_id == batch.id).order_by(Coupon.id)).all()
+    coupons = coupons_of(session, batch.id)
     counted = [coupon for coupon in coupons if not coupon.excluded]
     measured: dict[str, Statistics] = {}
     for name in UNITS:

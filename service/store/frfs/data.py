@@ -212,23 +212,24 @@ class MeasuredFrfs:
         frfs: in the specimen's frame; `variance` where every FRF has a coherence and a number of averages.
         ids: N ids of their rows.
         sha256s: N digests of their spectra, hexadecimal.
-        window_rates: rates of the exponential windows that they state to carry, 1/s; None of those that state nothing.
+        windows: rates of the exponential windows that they state to carry, and their standard deviations, 1/s; None of
+            those that state nothing.
     """
 
     frfs: FrfSet
     ids: tuple[UUID, ...]
     sha256s: tuple[str, ...]
-    window_rates: frozenset[float | None]
+    windows: frozenset[tuple[float | None, float | None]]
 
     @property
-    def window_rate(self) -> float | None:
-        """The rate that all of them state, 1/s; None where they state none, or different ones."""
-        return next(iter(self.window_rates)) if len(self.window_rates) == 1 else None
+    def window(self) -> tuple[float | None, float | None]:
+        """The rate that all of them state, and its standard deviation, 1/s; None where they state none, or different ones."""
+        return next(iter(self.windows)) if len(self.windows) == 1 else (None, None)
 
     @property
     def window_remark(self) -> list[str]:
         """What the windows mean for modes that are found from these FRFs, in words."""
-        rates = sorted(rate for rate in self.window_rates if rate)
+        rates = sorted(rate for rate, _ in self.windows if rate)
         if not rates:
             return []
         shown = ", ".join(f"{rate:g}" for rate in rates)
@@ -334,7 +335,7 @@ def _measured(table: FrfTable, frame: Frame) -> MeasuredFrfs:
         frfs=frfs,
         ids=tuple(row.id for row in rows),
         sha256s=tuple(row.sha256.hex() for row in rows),
-        window_rates=frozenset(row.window_rate_per_s for row in rows),
+        windows=frozenset((row.window_rate_per_s, row.window_rate_sd_per_s) for row in rows),
     )
 
 

@@ -78,6 +78,7 @@ class Frf(Identified, Labelled, Base):
     coherence: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     processing_id: Mapped[UUID | None] = mapped_column(ForeignKey("processings.id"))
     window_rate_per_s: Mapped[float | None]
+    window_rate_sd_per_s: Mapped[float | None]
     variance_sha256: Mapped[bytes | None]
     variance: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
@@ -91,6 +92,7 @@ PROCESSED_COLUMNS = {
     "processing_id": "uuid",
     **COLUMNS,
     "window_rate_per_s": "float8",
+    "window_rate_sd_per_s": "float8",
     "variance": "bytea",
     "variance_sha256": "bytea",
 }
@@ -195,7 +197,9 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
         "campaign_id": campaign_id,
         "processing_id": processing_id,
         "quantity": new.frfs.quantity,
-        "window_rate_per_s": new.rate_per_s,
+        # Too few hits, or too little noise, show nothing of a window: then the FRFs state nothing of one.
+        "window_rate_per_s": None if new.rate_sd_per_s is None else new.rate_per_s,
+        "window_rate_sd_per_s": new.rate_sd_per_s,
         **encode_axis(new.frfs.frequency_hz).columns(),
     }
     hits = new.hits.tolist()

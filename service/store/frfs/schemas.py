@@ -54,6 +54,7 @@ class FrfOut(StrictModel):
     window_rate_per_s: float | None = Field(
         None, description="rate of the exponential window that it carries: every decay rate is larger by this"
     )
+    window_rate_sd_per_s: float | None = Field(None, description="its standard deviation, where a processing saw it")
     tags: list[str]
     meta: dict[str, Any]
     created_at: datetime

@@ -14,7 +14,7 @@ from uuid import UUID
 from fastapi import Response
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
-from sqlalchemy import ForeignKey, UniqueConstraint, func
+from sqlalchemy import ForeignKey, UniqueConstraint, func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -102,6 +102,12 @@ class InstrumentOut(InstrumentIn):
 
 instrument_for = Lookup(Instrument, "instrument", "project_id")
 """The instrument, if the user has at least a role in its project."""
+
+
+def instruments_of(session: Session, projects: Iterable[UUID]) -> Sequence[Instrument]:
+    """The instruments of some projects that are not deleted, oldest first."""
+    there = Instrument.project_id.in_(set(projects)), Instrument.deleted_at.is_(None)
+    return session.scalars(select(Instrument).where(*there).order_by(Instrument.id)).all()
 
 
 def _describe(_: Session, rows: Sequence[Instrument]) -> Iterable[InstrumentOut]:

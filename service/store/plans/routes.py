@@ -247,7 +247,7 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, first: St
     check_mode_set(session, user, each.mode_set, campaign.id, f"{at}/mode_set")
     loaded = load_measured_campaign(session, campaign.id)
     frame = frame_of(campaign_of(session, campaign.id))
-    stated = InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs, None)
+    stated = InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs)
     return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),

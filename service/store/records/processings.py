@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, ForeignKey, Index, select
+from sqlalchemy import JSON, ForeignKey, Index, Select, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.body.laminate import section
@@ -161,5 +161,13 @@ def start_processing(session: Session, user: User, campaign_id: UUID, body: Proc
 
 def newest_document(session: Session, campaign_id: UUID) -> Processing | None:
     """The newest processing of a campaign that has judged its hits."""
-    query = select(Processing).where(Processing.campaign_id == campaign_id, Processing.document.is_not(None))
-    return session.scalars(query.order_by(Processing.id.desc()).limit(1)).one_or_none()
+    return session.scalars(_judged(campaign_id).order_by(Processing.id.desc()).limit(1)).one_or_none()
+
+
+def documents_of(session: Session, campaign_id: UUID) -> Sequence[Processing]:
+    """All of those, oldest first."""
+    return session.scalars(_judged(campaign_id).order_by(Processing.id)).all()
+
+
+def _judged(campaign_id: UUID) -> Select[Processing]:
+    return select(Processing).where(Processing.campaign_id == campaign_id, Processing.document.is_not(None))

@@ -16,6 +16,8 @@ Kind = Literal["text", "number", "whole", "time", "truth", "id", "tags", "json"]
 META = "meta"
 """The field of free metadata, whose members are fields too: `meta.client`."""
 
+OfPart = Callable[[FromClause, Mapping[str, FromClause], ColumnElement[bool]], ColumnElement[bool] | None]
+
 
 @dataclass(frozen=True)
 class Field:
@@ -30,6 +32,7 @@ class Field:
         value: from the noun's table to its value, where it is no column.
         nullable: whether it may be unknown.
         sd: name of the field of its standard deviation, which says how many of its digits mean something.
+        via: noun of whose `column` a condition on it is; `value` is what is shown.
     """
 
     name: str
@@ -40,6 +43,7 @@ class Field:
     value: Callable[[FromClause], ColumnElement[Any]] | None = None
     nullable: bool = False
     sd: str = ""
+    via: str = ""
 
     def of(self, table: FromClause) -> ColumnElement[Any]:
         """Its value in a row of the noun's table."""
@@ -54,8 +58,11 @@ class Noun:
         name: in filters.
         table: its name.
         made: makes the rows where they are in no table.
+        of_part: that a row of which something is asked concerns what is at hand below its owner, such as one FRF of a campaign;
+            None where nothing is.
         more: a field of a name that is not among `fields`, where there can be any number; None of another name.
         owner: noun that it belongs to; empty of a project.
+        common: column that a row and its owner have alike, where the owner is not named by its id.
         key: columns that name a row.
         fields: all of them.
         shown: fields of an answer where none are asked for; those of owners with the noun in front.
@@ -68,6 +75,7 @@ class Noun:
     table: str
     fields: tuple[Field, ...]
     owner: str = ""
+    common: str = ""
     key: tuple[str, ...] = ("id",)
     shown: tuple[str, ...] = ()
     facets: tuple[str, ...] = ()
@@ -75,6 +83,7 @@ class Noun:
     words: str = ""
     made: Callable[[], FromClause] | None = None
     more: Callable[[str], Field | None] | None = None
+    of_part: OfPart | None = None
 
     def rows(self) -> FromClause:
         """Its table, under a new name."""
@@ -82,6 +91,8 @@ class Noun:
 
     def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
         """That one row belongs to another."""
+        if self.common:
+            return row.c[self.common] == owner.c[self.common]
         return row.c[f"{self.owner}_id"] == owner.c.id
 
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from sqlalchemy import ColumnElement, Double, FromClause, and_, func
+from sqlalchemy import ColumnElement, Double, FromClause, and_, func, select
 
 from fecore.body.constants import UNITS, kind_of
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
 from service.store.search.fields import Field, Noun
-from service.store.search.uses import used_instruments
+from service.store.search.uses import at_response, covers, sensors, used_instruments
 from service.store.structures.operations import WORDS as STRUCTURE_WORDS
 from service.store.updating.result_schemas import CONSTANTS
 
@@ -27,6 +27,17 @@ def _instrument(*members: str) -> Value:
 def _driving(t: FromClause) -> ColumnElement[Any]:
     same_axis = func.abs(t.c.response_direction) == func.abs(t.c.reference_direction)
     return and_(t.c.response_point == t.c.reference_point, same_axis)
+
+
+def _sensor(name: str, member: str, meaning: str) -> Field:
+    """Of the sensor that an FRF was measured with; one of them where several were at its point."""
+
+    def value(frf: FromClause) -> ColumnElement[Any]:
+        use = sensors()
+        there = use.c.campaign_id == frf.c.campaign_id, covers(use, frf)
+        return select(use.c[member]).where(*there).order_by(use.c.number).limit(1).scalar_subquery()
+
+    return Field(name, "text", meaning, column=member, value=value, nullable=True, via="frf.sensor")
 
 
 ID = Field("id", "id", "UUIDv7; sorts by the time of creation")
@@ -116,6 +127,8 @@ _ALL = (
             Field("reference_point", "whole", "grid point of the force"),
             Field("reference_direction", "whole", "as of the response"),
             Field("driving_point", "truth", "whether response and force are at one point and axis", value=_driving),
+            _sensor("sensor", "model", "model of the sensor that measured it"),
+            _sensor("sensor_serial", "serial", "its number"),
             Field("quantity", "text", "`accelerance`, `mobility` or `receptance`"),
             Field("averages", "whole", "hits or blocks that were averaged", nullable=True),
             Field("start_hz", "number", "first line", "Hz"),
@@ -207,6 +220,17 @@ _ALL = (
             Field("calibration_expired", "truth", "whether the campaign came after that day", nullable=True),
         ),
         made=used_instruments,
+        of_part=at_response,
+    ),
+    Noun(  # what `frf.sensor` and `frf.sensor_serial` ask; it has no field by itself
+        "frf.sensor",
+        "instrument_uses",
+        owner="frf",
+        common="campaign_id",
+        key=("campaign_id", "number"),
+        fields=(),
+        made=sensors,
+        of_part=at_response,
     ),
     Noun("batch", "coupon_batches", owner="structure", fields=(ID, NAME, CREATED)),
     Noun(
@@ -263,13 +287,3 @@ SEARCHED = {
 def lineage(noun: Noun) -> list[Noun]:
     """A noun, its owner, and so on up to the project."""
     return [noun, *(lineage(NOUNS[noun.owner]) if noun.owner else ())]
-
-
-def field_table() -> str:
-    """All fields as a table in Markdown."""
-    rows = (
-        f"| `{noun.name}.{field.name}` | {field.kind} | {field.meaning}{f', {field.unit}' if field.unit else ''} |"
-        for noun in _ALL
-        for field in noun.fields
-    )
-    return "\n".join(["| field | type | meaning |", "|---|---|---|", *rows])

@@ -9,7 +9,7 @@ EXISTS, from what both have in common downwards, and what one AND says of a noun
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cql2
@@ -145,6 +145,8 @@ class _Reader:
         subject = args[0]["args"][0] if folded else args[0]
         noun, field = find_field(NOUNS, self.noun, subject["property"], "filter")
         name = f"{noun.name}.{field.name}"
+        if field.via:
+            noun, field = NOUNS[field.via], replace(field, value=None)
         values = [_folded(one) for one in args[1:]] if folded else list(args[1:])
         path = field.name.split(".")[1:] if field.kind == "json" else []
         if path:
@@ -218,7 +220,10 @@ def _all(trees: Sequence[Leaf | Branch], scope: Scope) -> ColumnElement[bool]:
         links = [noun.owned_by(row, scope[noun.owner])]
         if noun.hidden:
             links.append(row.c.deleted_at.is_(None))
-        found.append(exists().select_from(row).where(*links, _all(about, {**scope, name: row})))
+        asked = and_(*links, _all(about, {**scope, name: row}))
+        found.append(exists().select_from(row).where(asked))
+        if noun.of_part and (part := noun.of_part(row, scope, asked)) is not None:
+            found.append(part)
     return and_(*found)
 
 

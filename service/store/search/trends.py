@@ -16,6 +16,7 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
+from fecore.normal import Z_95
 from fecore.trend import Series, TrackedMode, line, track
 from service.access import User
 from service.errors import Invalid
@@ -27,7 +28,6 @@ from service.web import StrictModel, shown_as
 
 MOST_ROWS, MOST_MODES, MOST_SERIES = 2000, 10_000, 200
 """Results, or modes, of which a trend is made, and its series."""
-Z_95 = 1.959964
 COVARIATES = ("temperature_c", "humidity_percent")
 Trending = Literal["results", "modes"]
 FOLLOWED: dict[Trending, str] = {"results": "Ex", "modes": "frequency_hz"}

@@ -1,45 +1,108 @@
-"""Instruments by the campaigns that name them, each with the calibration that counted: the last one before the campaign."""
+"""What each campaign was measured with: a row for each instrument, which triggers keep as campaigns and instruments change.
+
+The calibration that counts is the last one before the campaign. `calibration_expired` is null where nobody says when the
+campaign was, or until when the instrument was calibrated.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import date, datetime
+from uuid import UUID
 
-from sqlalchemy import ColumnElement, Date, DateTime, FromClause, cast, column, func, select, true
+from sqlalchemy import (
+    ARRAY,
+    BigInteger,
+    ColumnElement,
+    DateTime,
+    ForeignKey,
+    FromClause,
+    Index,
+    and_,
+    any_,
+    cast,
+    exists,
+    false,
+    func,
+    not_,
+    or_,
+    select,
+    text,
+)
+from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base
 
 
-def used_instruments() -> FromClause:
-    """A row for each instrument of each campaign; a campaign names one by kind and serial number.
+class InstrumentUse(Base):
+    """An instrument of a campaign, as the campaign states it, and the registered one that it means.
 
-    `calibration_expired` is null where nobody says when the campaign was, or until when the instrument was calibrated.
+    A sensor was at its `points`; where it has none, everywhere but at those of the `others`.
     """
-    campaign, structure, instrument = (
-        Base.metadata.tables[n].alias() for n in ("campaigns", "structures", "instruments")
+
+    __tablename__ = "instrument_uses"
+    __table_args__ = (
+        Index(None, "serial"),
+        Index(None, "model"),
+        Index(None, "instrument_id"),
+        Index("ix_instrument_uses_expired", "campaign_id", postgresql_where=text("calibration_expired")),
     )
-    days = (column("performed_on", Date), column("valid_until", Date))
-    each = func.jsonb_to_recordset(instrument.c.calibrations).table_valued(*days).render_derived(with_types=True)
-    tested = cast(func.timezone("UTC", campaign.c.performed_at), Date)
-    before = select(*each.c).where(each.c.performed_on <= tested).order_by(each.c.performed_on.desc()).limit(1)
-    counted = before.lateral()
-    named = campaign.c.instruments[instrument.c.kind]["serial"].astext
+
+    campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"), primary_key=True)
+    number: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    kind: Mapped[str]
+    serial: Mapped[str | None]
+    model: Mapped[str | None]
+    points: Mapped[list[int] | None] = mapped_column(ARRAY(BigInteger))
+    others: Mapped[list[int]] = mapped_column(ARRAY(BigInteger), server_default="{}")
+    instrument_id: Mapped[UUID | None] = mapped_column(ForeignKey("instruments.id", ondelete="SET NULL"))
+    calibrated_on: Mapped[date | None]
+    calibrated_until: Mapped[date | None]
+    calibration_expired: Mapped[bool | None]
+
+
+def used_instruments() -> FromClause:
+    """A row for each registered instrument of each campaign."""
+    use, instrument = (Base.metadata.tables[name].alias() for name in ("instrument_uses", "instruments"))
     return (
         select(
-            campaign.c.id.label("campaign_id"),
+            *(use.c[name] for name in ("campaign_id", "points", "others", "calibration_expired")),
             *(instrument.c[name] for name in ("id", "kind", "serial", "model")),
-            _midnight(counted.c.performed_on).label("calibrated_on"),
-            _midnight(counted.c.valid_until).label("calibrated_until"),
-            (tested > counted.c.valid_until).label("calibration_expired"),
+            _midnight(use.c.calibrated_on).label("calibrated_on"),
+            _midnight(use.c.calibrated_until).label("calibrated_until"),
         )
-        .select_from(campaign)
-        .join(structure, structure.c.id == campaign.c.structure_id)
-        .join(instrument, instrument.c.project_id == structure.c.project_id)
-        .outerjoin(counted, true())
-        .where(instrument.c.serial == named, instrument.c.deleted_at.is_(None))
+        .join(instrument, instrument.c.id == use.c.instrument_id)
+        .where(instrument.c.deleted_at.is_(None))
         .subquery()
     )
 
 
-def _midnight(day: ColumnElement[date]) -> ColumnElement[datetime]:
+def sensors() -> FromClause:
+    """A row for each sensor of each campaign, registered or not."""
+    use = Base.metadata.tables["instrument_uses"].alias()
+    return select(use).where(use.c.kind == "sensor").subquery()
+
+
+def at_response(
+    use: FromClause, scope: Mapping[str, FromClause], asked: ColumnElement[bool]
+) -> ColumnElement[bool] | None:
+    """That an instrument of which something is asked was used for the FRF at hand; None where none is at hand.
+
+    Where a campaign's sensors state no points, all were used for all of its FRFs. The rest stands in a function, so that the
+    planner does not take it for a second condition that is independent of the first, by which it reaches the campaigns.
+    """
+    if (frf := scope.get("frf")) is None:
+        return None
+    everywhere = scope["campaign"].c.instruments[("sensors", "0")].is_(None)
+    return or_(everywhere, func.coalesce(exists().select_from(use).where(asked, covers(use, frf)), false()))
+
+
+def covers(use: FromClause, frf: FromClause) -> ColumnElement[bool]:
+    """That an instrument of an FRF's campaign was used for it."""
+    point = frf.c.response_point
+    return and_(or_(use.c.points.is_(None), point == any_(use.c.points)), not_(point == any_(use.c.others)))
+
+
+def _midnight(day: ColumnElement[date | None]) -> ColumnElement[datetime]:
     """The beginning of a day, UTC."""
     return func.timezone("UTC", cast(day, DateTime))

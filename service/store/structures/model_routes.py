@@ -25,8 +25,10 @@ from service.store.structures.mesh_answers import (
 )
 from service.store.structures.meshes import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
-from service.web import Name, StrictModel, api_router, shown_as
+from service.store.structures.shapes import Section
+from service.web import Confirm, Name, StrictModel, api_router, require_usual, shown_as
 from service.web.downloads import spooled
+from service.web.json_body import checked, parse_parameter
 from service.web.parameters import not_modified
 from service.web.uploads import UPLOAD_CONTENT, UploadDep
 
@@ -113,9 +115,9 @@ class JunctionOut(StrictModel):
 
 
 class FoundModelOut(StrictModel):
-    """What was read of a deck, in SI."""
+    """What was read of a deck or mesh, in SI. Of a mesh lines are 0 where its file has none."""
 
-    format: str = Field(description="inp, bdf or matrices")
+    format: str = Field(description="inp, bdf, matrices; of meshes msh, vtk, vtu, uff")
     title: str = Field(description="the deck's heading")
     counts: CountsOut = Field(description="how many of each there are")
     size_m: list[float] = Field(description="extent along x, y and z, m")
@@ -141,6 +143,7 @@ class ModelOut(JobOut):
     sha256: str
     units: str | None = Field(description="that its numbers are in: length-force-mass; null: not stated, so not read")
     accepted: list[str] = Field(description="cards that may be left out although modes change by that")
+    sections: dict[str, Section] | None = Field(description="that were stated of a mesh's sets; null of a deck")
     version: int | None = Field(description="the structure's version that first was this model; null until it was read")
     found: FoundModelOut | None = Field(description="null until it was read")
 
@@ -217,15 +220,29 @@ def send_model(
         list[Name] | None,
         Query(description="names of cards that may be left out although modes change", max_length=100),
     ] = None,
+    sections: Annotated[
+        str | None, Query(description="of a mesh, as JSON: by set what `Section` says", max_length=20_000)
+    ] = None,
+    confirm: Confirm = False,
 ) -> ModelOut:
     """Send a deck of Abaqus, CalculiX (.inp) or Nastran (.bdf) as raw body or as multipart field `file`; a job reads it.
 
-    Or matrices of any solver: a .npz, or a .zip of .mtx, .sti, .mas or .pch with nodes.csv.
+    Or matrices of any solver: a .npz, or a .zip of .mtx, .sti, .mas or .pch with nodes.csv. Or a mesh without properties of
+    gmsh (.msh), VTK (.vtu, .vtk) or UFF (.unv, .uff): `sections`, as parameter or as multipart field, then states what each
+    set is, in SI; sets are physical groups, cell data or property tables.
 
     A deck has no units, so `units` states them; without, the job fails and says which fit. Once it was read, the structure's
     next version is this model.
     """
-    wanted = StructureModel(filename=filename or upload.filename or "", units=units, accepted=accept or [])
+    text = sections or upload.fields.get("sections")
+    stated = None if text is None else checked(dict[str, Section], parse_parameter("sections", text))
+    require_usual(stated, confirm)
+    wanted = StructureModel(
+        filename=filename or upload.filename or "",
+        units=units,
+        accepted=accept or [],
+        sections=stated and {name: each.model_dump(exclude_none=True) for name, each in stated.items()},
+    )
     row = models.start_model(session, user, structure_id, upload.file, wanted)
     return of_jobs.made(session, row, response)
 

@@ -41,7 +41,7 @@ def _load(session: Session, job_id: UUID, workspace: Path) -> DeckInputs:
     row = session.get_one(StructureModel, job_id)
     path = workspace / "deck"
     write_original(session, row.sha256, path)
-    return DeckInputs(path, row.filename, row.units, tuple(row.accepted))
+    return DeckInputs(path, row.filename, row.units, tuple(row.accepted), row.sections)
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[DeckOutput]) -> None:
@@ -111,22 +111,22 @@ def load_model(session: Session, key: UUID) -> FiniteElementModel | MatrixModel:
     return model_of(row.arrays)
 
 
-def deck_of(session: Session, key: UUID) -> tuple[str, str, bytes]:
-    """Name, units and bytes of a model's deck, whoever asks.
+def deck_of(session: Session, key: UUID) -> tuple[str, str | None, bytes]:
+    """Name, units and bytes of a model's deck, whoever asks; a mesh may state its units itself.
 
     Raises:
         Damaged: what was stored is not what was sent.
     """
     row = session.get_one(StructureModel, key)
-    assert row.units is not None, "a model that was read has units"
     buffer = BytesIO()
     copy_original(session, row.sha256, buffer)
     return row.filename, row.units, buffer.getvalue()
 
 
-def accepted_of(session: Session, key: UUID) -> list[str]:
-    """Names of cards of a model's deck that may be left out, whoever asks."""
-    return list(session.get_one(StructureModel, key).accepted)
+def said_of_deck(session: Session, key: UUID) -> dict[str, Any]:
+    """What was said of a model's deck beside its units, whoever asks: cards that may be left out, and sections of a mesh."""
+    row = session.get_one(StructureModel, key)
+    return {"accepted": list(row.accepted), "sections": row.sections}
 
 
 def model_in_short(session: Session, key: UUID) -> dict[str, Any]:

@@ -93,6 +93,7 @@ class StructureModel(Base):
     sha256: Mapped[bytes] = mapped_column(ForeignKey("originals.sha256"))
     units: Mapped[str | None]
     accepted: Mapped[list[Any]]
+    sections: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     arrays: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
     arrays_sha256: Mapped[bytes | None]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from fecore.body import generators as core
@@ -79,6 +79,60 @@ class Ply(PlyMaterial):
     def to_core(self, density: float) -> CorePly:
         """The core's ply, with the structure's density where it states none of its own."""
         return CorePly(self.material(self.density_kg_m3 or density), self.thickness_m, self.angle_deg)
+
+
+class IsotropicMaterial(StrictModel):
+    """A material that is alike in all directions, nominal values; G = E / (2 (1 + ν))."""
+
+    E_Pa: Modulus
+    nu: float = Field(gt=-1, lt=0.5)
+    density_kg_m3: Density
+
+
+class Section(StrictModel):
+    """What a set of a mesh is: a thickness of one material, or plies; or dofs of its nodes that are held."""
+
+    model_config = example(
+        thickness_m=0.004,
+        material={"E1_Pa": 23e9, "E2_Pa": 8.5e9, "G12_Pa": 3e9, "G13_Pa": 3e9, "G23_Pa": 2.4e9, "nu_12": 0.27,
+                  "density_kg_m3": 1850},
+        axis=[1, 0, 0],
+    )  # fmt: skip
+
+    thickness_m: Annotated[Length, THICKNESS] | None = Field(None, description="m; of plies their sum")
+    material: PlyMaterial | None = Field(None, description="with its density; 1 lies along `axis`")
+    isotropic: IsotropicMaterial | None = Field(None, description="instead of a material")
+    plies: list[Ply] | None = Field(
+        None, min_length=1, max_length=1000, description="along the elements' normals, each with its density"
+    )
+    axis: list[float] | None = Field(
+        None,
+        min_length=3,
+        max_length=3,
+        description="axis 1 in the mesh's frame, projected; default x, or z where x is normal",
+    )
+    held_dofs: list[Annotated[int, Field(ge=1, le=6)]] | None = Field(
+        None,
+        min_length=1,
+        description="of a set of lines or points that holds the body; 1, 2, 3 along x, y, z; 4, 5, 6 about",
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Self:
+        materials = [each for each in (self.material, self.isotropic) if each is not None]
+        named = (self.thickness_m is not None and len(materials) == 1) + bool(self.plies) + bool(self.held_dofs)
+        if named != 1 or (materials and self.thickness_m is None):
+            raise PydanticCustomError(
+                "section",
+                "state thickness_m and a material or isotropic one, or plies, or held_dofs: one of these alone",
+            )
+        if any(each.density_kg_m3 is None for each in (*materials, *(self.plies or ()))):
+            raise PydanticCustomError(
+                "section", "a density_kg_m3 is missing: a mesh has none, and nothing would vibrate"
+            )
+        if self.axis is not None and not any(self.axis):
+            raise PydanticCustomError("section", "the axis has no direction")
+        return self
 
 
 class Wall(StrictModel):

@@ -144,8 +144,8 @@ def _measured(
     if recipe.mode_set is not None:
         frame = frame_of(campaign_of(session, campaign.campaign_id))
         modes = modes_in_frame(load_modes(session, recipe.mode_set), frame)
-    window_rate = None if used is None else used.window_rate
-    return used, modes, recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window_rate)
+    window = (None, None) if used is None else used.window
+    return used, modes, recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window)
 
 
 def _with_sensor_of(campaign: MeasuredCampaign, records: ProcessingInputs) -> MeasuredCampaign:

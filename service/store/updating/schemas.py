@@ -114,27 +114,30 @@ class InputsIn(CampaignInputs, StructureInputs):
     """How well the laboratory knows what it hands in; what is null here is as the campaign and the structure state it."""
 
     def or_as_stated(
-        self, structure: StructureInputs | None, campaign: CampaignInputs, window_rate: float | None
+        self,
+        structure: StructureInputs | None,
+        campaign: CampaignInputs,
+        window: tuple[float | None, float | None] = (None, None),
     ) -> InputsIn:
         """These inputs where they are stated, else the campaign's and the structure's.
 
         Args:
             structure: what the structure states.
             campaign: what the campaign states.
-            window_rate: 1/τ that the FRFs themselves state, 1/s.
+            window: rate 1/τ that the FRFs themselves state, and its standard deviation, 1/s.
         """
         found = {} if structure is None else structure.model_dump(exclude_none=True)
-        for stated in (InputsIn.window(window_rate), campaign, self):
+        for stated in (InputsIn.window(*window), campaign, self):
             values = stated.model_dump(exclude_none=True)
             if values.keys() & _WINDOWS:
-                found = {name: value for name, value in found.items() if name not in _WINDOWS}
+                found = {name: value for name, value in found.items() if not name.startswith("window_")}
             found |= values
         return InputsIn.model_validate(found)
 
     @classmethod
-    def window(cls, rate: float | None) -> InputsIn:
-        """A window's rate alone, 1/s."""
-        return cls.model_validate({"window_rate_per_s": rate})
+    def window(cls, rate: float | None, sd: float | None = None) -> InputsIn:
+        """A window's rate and its standard deviation alone, 1/s."""
+        return cls.model_validate({"window_rate_per_s": rate, "window_rate_sd_per_s": sd})
 
     def to_core(self) -> Inputs:
         """The core's inputs."""

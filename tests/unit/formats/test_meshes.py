@@ -54,7 +54,7 @@ def test_a_uff_reads_back(tmp_path: Path) -> None:
     assert [each for each in found.contents if isinstance(each, Element)] == [
         Element(1, 45, (11, 15, 12, 16, 13, 17, 14, 18)),
         Element(2, 42, (11, 15, 12, 16, 13, 18)),
-        Element(7, 21, (12, 30)),
+        Element(7, 21, (12, 30), 2),
     ]
     normal, complex_ = (each for each in found.contents if isinstance(each, ModeShape))
     np.testing.assert_allclose(normal.values, MESH.shapes[0].values)

@@ -11,7 +11,7 @@ from benchmarks.structures import frequencies
 from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
 from fecore.dynamics.eigen import normal_modes
-from fecore.errors import InputError
+from fecore.errors import InputError, ModelError
 from fecore.updating.parameters import default_parameters
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
@@ -98,6 +98,27 @@ def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:
     (found,) = body_of_model(replace(model, springs=(spring,)), "as_modelled").springs
     np.testing.assert_allclose(found.rows[0, 0], [0, 0.6, 0.8, 0, -0.08, 0.06])
     assert body_of_model(replace(model, springs=(spring,))).springs == ()  # to the ground, which a free body has not
+
+
+def hinged(dofs: str) -> bytes:
+    """Two plates of 15 nodes, the second led along an edge by the first."""
+    places = {(part, i, j): 1 + 15 * part + 3 * i + j for part in (0, 1) for i in range(5) for j in range(3)}
+    cards = [f"GRID,{n},,{part + i / 4},{j / 10},0." for (part, i, j), n in places.items()]
+    for (part, i, j), n in places.items():
+        if i < 4 and j < 2:
+            cards.append(f"CQUAD4,{n},{part + 1},{n},{n + 3},{n + 4},{n + 1}")
+    cards += [f"RBE2,{100 + j},{places[0, 4, j]},{dofs},{places[1, 0, j]}" for j in range(3)]
+    cards += ["PSHELL,1,3,.01,3,,3", "PSHELL,2,3,.01,3,,3", "MAT1,3,2.1+11,,.3,7850.", "ENDDATA"]
+    return "\n".join(["BEGIN BULK", *cards]).encode()
+
+
+def test_a_mechanism_is_named() -> None:
+    with pytest.raises(
+        ModelError, match=r"mechanism: nothing resists a motion of 12 of 30 nodes, of pshell_2, .* \(2, "
+    ):
+        frequencies(body_of_model(read_bdf(hinged("123"))), 3)
+    beam = 4.73**2 / (2 * np.pi * 2.0**2) * np.sqrt(2.1e11 * 0.01**2 / 12 / 7850)  # and the mesh is coarse
+    assert frequencies(body_of_model(read_bdf(hinged("123456"))), 3)[0] == pytest.approx(beam, rel=0.03)
 
 
 def test_supports_askew_hold_along_their_axes() -> None:

@@ -29,9 +29,11 @@ from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Bullets, Heading, Letterhead, PageBreak, Paragraph, Report, Table
 from service.show.reports.update_report import MOST_MODES, UpdateFacts, update_report
 from service.show.results.reporting import _letterhead
+from service.store.campaigns.schemas import CampaignInputs
 from service.store.frfs.data import MeasuredFrfs
 from service.store.records.operations import RecordIntake
 from service.store.updating.batches import _placed
+from service.store.updating.schemas import InputsIn
 from service.web.middleware import RequestMiddleware
 from service.web.routing import _require_json
 
@@ -79,11 +81,19 @@ def test_time_blocks_of_a_file_that_make_no_whole_hit(given: list[tuple[Any, ...
 
 def test_windows_are_remarked_upon_where_there_are_any() -> None:
     def frfs(*rates: float | None) -> MeasuredFrfs:
-        return MeasuredFrfs(None, (), (), frozenset(rates))
+        return MeasuredFrfs(None, (), (), frozenset((rate, None) for rate in rates))
 
-    assert (frfs(None).window_remark, frfs(None).window_rate) == ([], None)
+    assert (frfs(None).window_remark, frfs(None).window) == ([], (None, None))
     assert "an exponential window of 2, 3 per second" in frfs(3.0, 2.0, None).window_remark[0]
-    assert (frfs(3.0).window_rate, frfs(3.0, 2.0).window_rate) == (3.0, None)
+    assert (frfs(3.0).window, frfs(3.0, 2.0).window) == ((3.0, None), (None, None))
+
+
+def test_a_window_that_a_campaign_states_stands_in_place_of_the_one_that_was_seen() -> None:
+    seen = (0.7, 0.02)
+    taken = InputsIn().or_as_stated(None, CampaignInputs(), seen)
+    assert (taken.window_rate_per_s, taken.window_rate_sd_per_s) == seen
+    stated = InputsIn().or_as_stated(None, CampaignInputs(window_time_constant_s=0.5), seen)
+    assert (stated.window_rate_per_s, stated.window_time_constant_s, stated.window_rate_sd_per_s) == (None, 0.5, None)
 
 
 @pytest.mark.parametrize(

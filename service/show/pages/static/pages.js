@@ -228,9 +228,9 @@ async function readSo(form) {
 
 /* A deck with its units; its reading is waited for on the structure's page, and before a test of it is made. */
 function sendDeck(form, structure) {
-  const { deck, units, accept } = form.elements;
+  const { deck, units, accept, sections } = form.elements;
   const query = new URLSearchParams([["filename", deck.files[0].name.slice(0, 200)]]);
-  if (units.value.trim()) query.set("units", units.value.trim());
+  for (const one of [units, sections]) if (one.value.trim()) query.set(one.name, one.value.trim());
   for (const card of accept.value.split(/[,;]+/)) if (card.trim()) query.append("accept", card.trim());
   return call("POST", `structures/${structure}/model?${query}`, deck.files[0], { "Content-Type": "application/octet-stream" });
 }

@@ -7,10 +7,9 @@ import pytest
 
 from fecore.body.specimen import Specimen
 from fecore.frf import along_z
-from fecore.modes import MeasuredModes
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
-from tests.support.cantilever import COUPONS, MEASURED_DAMPING, MEASURED_HZ, PARAMETERS, TABLE_4, grid
+from tests.support.cantilever import COUPONS, PARAMETERS, TABLE_4, grid
 
 
 @pytest.fixture(scope="session")
@@ -28,8 +27,3 @@ def forward(nominal: Specimen) -> ForwardModel:
 @pytest.fixture(scope="session")
 def updated_by_paper(nominal: Specimen) -> Specimen:
     return nominal.with_constants(np.array(list({**nominal.nominal, **TABLE_4}.values())))
-
-
-@pytest.fixture(scope="session")
-def paper_modes() -> MeasuredModes:
-    return MeasuredModes(MEASURED_HZ, MEASURED_DAMPING)

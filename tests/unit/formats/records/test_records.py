@@ -353,6 +353,33 @@ def test_blocks_become_one_file_that_gives_them_back(tmp_path: Path, numbered: b
     assert [b.label for b in again[:2]] == ["channel_1", "channel_2"]
 
 
+def test_blocks_of_an_archive_are_taken_as_a_service_kept_them(tmp_path: Path) -> None:
+    """In SI whatever their sensitivity, also where a channel carried nothing, with labels and starts of their own."""
+    np.savez(tmp_path / "1.npz", force_1=FORCE[:2], acceleration_2=np.zeros_like(FORCE[:2], np.float32))
+    force = {"variable": "force_1", "quantity": "force", "point": [1, 2], "sensitivity": 0.5}
+    other = {"variable": "acceleration_2", "quantity": "acceleration", "point": 33, "label": ["a", "b"]}
+    document = {"archived": True, "sample_rate_hz": 2048.0, "hit": [4, 7]}
+    document["channels"] = [force, {**other, "start_sample": [0, 4096], "direction": [3, -3]}]
+    found = blocks_of(read_variables(tmp_path / "1.npz"), read_mapping(document))
+    assert [(b.force_point, b.hit, b.label, b.start_sample) for b in found] == [
+        (1, 4, "force_1", None), (1, 4, "a", 0), (2, 7, "force_1", None), (2, 7, "b", 4096),
+    ]  # fmt: skip
+    assert (found[2].samples == FORCE[1]).all()
+    assert (found[0].sensitivity, found[1].samples.dtype, found[3].direction) == (0.5, np.float32, -3)
+    with pytest.raises(FormatError, match="carried nothing"):
+        blocks_of(read_variables(tmp_path / "1.npz"), read_mapping({**document, "archived": False}))
+    for wrong, why in (
+        ({"archived": 1}, "expected true or false"),
+        ({"hit": [4, "7"]}, "expected a number"),
+        ({"hit": [4, 5, 6]}, "has 3 values, expected one for each"),
+        ({"channels": [force, {**other, "label": "a"}]}, "is no list of texts"),
+        ({"channels": [force, {**other, "label": ["a"]}]}, "has 1 labels for 2 blocks"),
+        ({"channels": [force, {**other, "start_sample": [-1, 0]}]}, "whole numbers from 0"),
+    ):
+        with pytest.raises(FormatError, match=why):
+            blocks_of(read_variables(tmp_path / "1.npz"), read_mapping({**document, **wrong}))
+
+
 def test_half_precision_goes_in_exactly_and_what_would_be_rounded_is_refused(tmp_path: Path) -> None:
     half = FORCE.astype(np.float16)
     np.savez(tmp_path / "half.npz", **{**ARRAYS, "force": half})

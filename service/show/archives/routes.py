@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from uuid import UUID
 
 from fastapi.responses import FileResponse
@@ -11,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep, User, project_for
 from service.errors import Invalid, NotFound
-from service.store.archives.writing import write_archive
+from service.show.archives.contents import write_archive
 from service.store.campaigns.operations import campaign_for, present_campaigns
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, bounded
@@ -29,21 +30,23 @@ FILES = {200: {"content": {MEDIA_TYPE: {}}, "description": "The archive."}}
 
 @router.get("/projects/{project_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_project_archive(project_id: UUID, session: SessionDep, user: CurrentUser) -> FileResponse:
-    """All campaigns of a project with their structures, modes and results as one zip of UFF, CSV and JSON."""
+    """All of a project as one zip of UFF, npz, CSV and JSON: instruments, structures with coupons and monitors, campaigns."""
     project = project_for(session, user, project_id)
-    return _archive(session, user, project.name, present_campaigns(session, structures_in([project.id])))
+    structures = structures_in([project.id])
+    campaigns = present_campaigns(session, structures)
+    return _archive(session, user, project.name, campaigns, session.scalars(structures).all())
 
 
 @router.get("/campaigns/{campaign_id}/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_campaign_archive(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> FileResponse:
-    """A campaign with its structure, modes and results as one zip of UFF, CSV and JSON."""
+    """A campaign with its structure and the instruments that it names as one zip of UFF, npz, CSV and JSON."""
     campaign = campaign_for(session, user, campaign_id)
     return _archive(session, user, campaign.name, [campaign.id])
 
 
 @router.get("/search/campaigns/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
 def get_found_archive(wanted: WantedDep, session: SessionDep, user: CurrentUser) -> FileResponse:
-    """All campaigns that a search finds, over all projects, as one zip of UFF, CSV and JSON."""
+    """All campaigns that a search finds, over all projects, as one zip of UFF, npz, CSV and JSON."""
     with bounded(session):
         keys = Search(user, NOUNS["campaign"], wanted).keys(session, MOST_CAMPAIGNS + 1)
     if not keys:
@@ -51,11 +54,14 @@ def get_found_archive(wanted: WantedDep, session: SessionDep, user: CurrentUser)
     return _archive(session, user, wanted.filter or wanted.words or "all campaigns", keys)
 
 
-def _archive(session: Session, user: User, title: str, keys: Sequence[UUID]) -> FileResponse:
-    if len(keys) > MOST_CAMPAIGNS:
+def _archive(
+    session: Session, user: User, title: str, campaigns: Sequence[UUID], structures: Sequence[UUID] = ()
+) -> FileResponse:
+    if len(campaigns) > MOST_CAMPAIGNS:
         raise Invalid("filter", f"finds more than {MOST_CAMPAIGNS:,} campaigns, which is as many as an archive has")
     with _standing_still(session):
-        return spooled(lambda file: write_archive(session, user, title, keys, file), MEDIA_TYPE, "archive.zip", {})
+        write = partial(write_archive, session, user, title, campaigns, structures)
+        return spooled(write, MEDIA_TYPE, "archive.zip", {})
 
 
 @contextmanager

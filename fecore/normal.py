@@ -1,0 +1,4 @@
+"""The normal distribution, as intervals need it."""
+
+Z_95 = 1.959963984540054
+"""Half of the central 95 % of a normal distribution, in standard deviations; 95 % of a half-normal's mass lies below it."""

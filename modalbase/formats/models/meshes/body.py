@@ -1,0 +1,169 @@
+"""A mesh and what the user states of its sets, to the neutral model in SI."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.meshes import Cells, MeshFile
+from modalbase.formats.models.check import check
+from modalbase.formats.models.measures import CORNERS, normals_of
+from modalbase.formats.models.meshes.cells import SOLID
+from modalbase.formats.models.model import (
+    Elements,
+    FiniteElementModel,
+    Floats,
+    Ignored,
+    Integers,
+    Material,
+    ShellSection,
+    Support,
+)
+
+_ALONG_NORMAL = np.cos(np.radians(0.1))
+"""An axis lies along a normal from here on; the model's x is then no axis 1, and z is taken in its stead."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What a user says of a mesh, in SI.
+
+    Attributes:
+        sections: of sets of shells.
+        materials: of these, by name.
+        axes: axis 1 of the material of sets, not projected; without one x, or z where x is the normal.
+        held: dofs (0 … 5) that are held of the nodes of sets of lines or points, or of shells.
+    """
+
+    sections: Mapping[str, ShellSection]
+    materials: Mapping[str, Material]
+    axes: Mapping[str, tuple[float, float, float]]
+    held: Mapping[str, tuple[int, ...]]
+
+
+def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) -> FiniteElementModel:
+    """The model in SI. Nodes that no shell has are left out.
+
+    Args:
+        mesh: as it was read.
+        form: of the file, such as `msh`.
+        length_m: of the mesh's unit of length.
+        stated: of its sets.
+
+    Raises:
+        FormatError: it has solids, or sets without a section, or such as have none are stated; or a shell has no area, folds
+            over, lies on another, or hangs on nothing.
+    """
+    _refuse_solids(mesh)
+    shells = [cells for cells in mesh.cells if cells.kind.startswith(("tri", "quad"))]
+    names = {cells.set for cells in mesh.cells}
+    _require_sections(shells, names, stated)
+    used = (
+        np.unique(np.concatenate([cells.nodes.ravel() for cells in shells])) if shells else np.zeros(0, dtype=np.int64)
+    )
+    rows = np.full(len(mesh.nodes), -1, dtype=np.int64)
+    rows[used] = np.arange(len(used))
+    places = np.asarray(mesh.nodes[used] * length_m, dtype=np.float64)
+    nodes = {name: _nodes(rows, [cells for cells in mesh.cells if cells.set == name]) for name in sorted(names)}
+    if lost := [name for name in stated.held if not nodes[name].size]:
+        raise FormatError(f"sections.{lost[0]}", "holds nodes that no shell has")
+    model = FiniteElementModel(
+        format=form,
+        title="",
+        numbers=np.asarray(mesh.numbers[used], dtype=np.int64),
+        nodes=places,
+        elements=tuple(_elements(cells, rows, places, stated.axes.get(cells.set)) for cells in shells),
+        sections=dict(stated.sections),
+        materials=dict(stated.materials),
+        node_sets=nodes,
+        supports=tuple(Support(nodes[name], dofs, 0) for name, dofs in stated.held.items()),
+        ignored=tuple(_lines_left(mesh, stated.held)),
+    )
+    check(model)
+    _require_one_layer(model)
+    return model
+
+
+def _first(cells: Cells) -> str:
+    """The place of a set's first element."""
+    return f"line {cells.lines[0]}" if cells.lines is not None and cells.lines[0] else ""
+
+
+def _refuse_solids(mesh: MeshFile) -> None:
+    if solids := [cells for cells in mesh.cells if cells.kind == SOLID]:
+        named = ", ".join(f"{cells.set} ({len(cells.numbers)})" for cells in solids)
+        raise FormatError(
+            _first(solids[0]),
+            f"the mesh has solid elements, which are not read: {named}. Send the matrices K and M that your solver makes of "
+            "them, or the surfaces alone",
+        )
+
+
+def _require_sections(shells: Iterable[Cells], names: Collection[str], stated: Stated) -> None:
+    kinds: dict[str, int] = {}
+    for cells in shells:
+        kinds[cells.set] = kinds.get(cells.set, 0) + len(cells.numbers)
+    faults = [
+        (f"sections.{name}", f"there is no such set; there are {', '.join(sorted(names)) or 'none'}")
+        for name in (*stated.sections, *stated.held)
+        if name not in names
+    ]
+    faults += [
+        (f"sections.{name}", "is of lines or points, which have no thickness; `held_dofs` can be said of them")
+        for name in stated.sections
+        if name in names and name not in kinds
+    ]
+    if lacking := [f"{name} ({count} elements)" for name, count in kinds.items() if name not in stated.sections]:
+        faults.append(
+            (
+                "sections",
+                f"lack {', '.join(lacking)}: state thickness_m and a material, or plies, of each set of shells",
+            )
+        )
+    if faults:
+        raise FormatError(faults)
+
+
+def _nodes(rows: Integers, blocks: Iterable[Cells]) -> Integers:
+    found = np.unique(np.concatenate([rows[cells.nodes.ravel()] for cells in blocks]))
+    return found[found >= 0]
+
+
+def _elements(cells: Cells, rows: Integers, places: Floats, axis: tuple[float, float, float] | None) -> Elements:
+    nodes = rows[cells.nodes]
+    normals = normals_of(places[nodes[:, : CORNERS[cells.kind]]])
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    lines = np.zeros(len(nodes), dtype=np.int64) if cells.lines is None else cells.lines
+    if axis is None:
+        along = np.abs(normals[:, 0]) > _ALONG_NORMAL
+        axes = np.where(along[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    else:
+        axes = np.broadcast_to(np.array(axis) / np.linalg.norm(axis), normals.shape)
+        if np.any(bad := np.abs(np.einsum("ei,ei->e", axes, normals)) > _ALONG_NORMAL):
+            number = cells.numbers[int(np.argmax(bad))]
+            raise FormatError(f"sections.{cells.set}.axis", f"lies along the normal of element {number}")
+    return Elements(cells.kind, cells.numbers, nodes, cells.set, axes, lines)  # type: ignore[arg-type]
+
+
+def _lines_left(mesh: MeshFile, held: Collection[str]) -> Iterable[Ignored]:
+    """Lines that are no supports: they may be edges, or beams, whose stiffness would be missed."""
+    for cells in mesh.cells:
+        if cells.kind.startswith("beam") and cells.set not in held:
+            lines = () if cells.lines is None else tuple(cells.lines.tolist())
+            loss = f"{len(cells.numbers)} lines; beams of a mesh are not read, edges are no loss"
+            yield Ignored(cells.set, lines, loss, changes=True)
+
+
+def _require_one_layer(model: FiniteElementModel) -> None:
+    """Refuse two shells on the same nodes: a file states an element of two groups twice."""
+    before: dict[bytes, tuple[int, str]] = {}
+    for block in model.elements:
+        for number, row in zip(block.numbers.tolist(), np.sort(block.nodes, axis=1), strict=True):
+            other, name = before.setdefault(row.tobytes(), (number, block.set))
+            if other != number or name != block.set:
+                raise FormatError(
+                    "", f"elements {other} of the set {name} and {number} of the set {block.set} have the same nodes"
+                )

@@ -1,0 +1,181 @@
+"""VTK's legacy files, versions 1 to 5, text or binary (Kitware, VTK File Formats)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.meshes import MeshFile
+from modalbase.formats.models.meshes.grids import Grid, mesh_of
+from modalbase.formats.models.model import Floats, Integers
+
+_TYPES = {
+    "char": "i1", "unsigned_char": "u1", "short": ">i2", "unsigned_short": ">u2", "int": ">i4", "unsigned_int": ">u4",
+    "long": ">i8", "unsigned_long": ">u8", "float": ">f4", "double": ">f8", "vtkidtype": ">i8", "vtktypeint64": ">i8",
+    "vtktypeint32": ">i4", "vtktypeuint64": ">u8",
+}  # fmt: skip
+_WIDTHS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1}
+
+
+def read_vtk(content: bytes) -> MeshFile:
+    """Cells of an unstructured grid by set.
+
+    Raises:
+        FormatError: it is another file or data set, cut or damaged; says the line, or the byte of binary data.
+    """
+    return mesh_of(_Reading(content).grid())
+
+
+class _Reading:
+    """One pass through a file."""
+
+    def __init__(self, content: bytes) -> None:
+        self._content, self._at, self._count = content, 0, 0
+        self._found = Grid()
+        self._on_cells = False
+        self._binary = False
+
+    def grid(self) -> Grid:
+        if not self._line().startswith("# vtk DataFile Version"):
+            raise self._fault("is not '# vtk DataFile Version', with which such a file begins")
+        self._line(blank=True)
+        if (form := self._line().upper()) not in ("ASCII", "BINARY"):
+            raise self._fault(f"is {form[:40]!r}, expected ASCII or BINARY")
+        self._binary = form == "BINARY"
+        if (kind := self._line().upper().split()) != ["DATASET", "UNSTRUCTURED_GRID"]:
+            raise self._fault(f"is {' '.join(kind)[:40]!r}; save it as DATASET UNSTRUCTURED_GRID")
+        sections: Mapping[str, Callable[[list[str]], None]] = {
+            "POINTS": self._points, "CELLS": self._cells, "CELL_TYPES": self._cell_types, "CELL_DATA": self._of_cells,
+            "POINT_DATA": self._of_points, "SCALARS": self._scalars, "FIELD": self._fields, "METADATA": self._metadata,
+            "LOOKUP_TABLE": self._table, **dict.fromkeys(_WIDTHS, self._tuples),
+        }  # fmt: skip
+        while fields := self._line(last=True).split():
+            section = sections.get(fields[0].upper())
+            if section is None:
+                raise self._fault(f"is {fields[0][:40]!r}, which begins no section that is read")
+            section([*fields, "", "", ""])
+        return self._found
+
+    def _points(self, fields: list[str]) -> None:
+        self._found.points = self._values(3 * self._whole(fields[1]), fields[2], "points").reshape(-1, 3)
+
+    def _cells(self, fields: list[str]) -> None:
+        first, second = self._whole(fields[1]), self._whole(fields[2])
+        here, mark = (self._at, self._count), self._line().split()
+        if mark[0].upper() == "OFFSETS":
+            self._found.ends = self._indices(first, (*mark, "")[1], "offsets")[1:]
+            mark = self._line().split()
+            if mark[0].upper() != "CONNECTIVITY":
+                raise self._fault(f"is {mark[0][:40]!r}, expected CONNECTIVITY")
+            self._found.connectivity = self._indices(second, (*mark, "")[1], "connectivity")
+            return
+        self._at, self._count = here
+        self._found.connectivity, self._found.ends = self._counted(first, self._indices(second, "int", "cells"))
+
+    def _counted(self, count: int, flat: Integers) -> tuple[Integers, Integers]:
+        """Connectivity and ends of cells that each begin with a count."""
+        at, heads = 0, []
+        for _ in range(count):
+            if at >= len(flat) or flat[at] < 0:
+                raise self._fault(f"{count} cells do not fill {len(flat)} numbers")
+            heads.append(at)
+            at += 1 + int(flat[at])
+        if at != len(flat):
+            raise self._fault(f"{count} cells do not fill {len(flat)} numbers")
+        return np.delete(flat, heads), np.cumsum(flat[heads], dtype=np.int64)
+
+    def _cell_types(self, fields: list[str]) -> None:
+        self._found.types = self._indices(self._whole(fields[1]), "int", "types of cells")
+
+    def _of_cells(self, fields: list[str]) -> None:
+        self._on_cells, self._rows = True, self._whole(fields[1])
+
+    def _of_points(self, fields: list[str]) -> None:
+        self._on_cells, self._rows = False, self._whole(fields[1])
+
+    def _scalars(self, fields: list[str]) -> None:
+        mark = self._line().split()
+        if mark[0].upper() != "LOOKUP_TABLE":
+            raise self._fault(f"is {mark[0][:40]!r}, expected LOOKUP_TABLE")
+        self._keep(fields[1], self._rows, self._whole(fields[3] or "1"), fields[2])
+
+    def _tuples(self, fields: list[str]) -> None:
+        self._keep(fields[1], self._rows, _WIDTHS[fields[0].upper()], fields[2])
+
+    def _fields(self, fields: list[str]) -> None:
+        for _ in range(self._whole(fields[2])):
+            own = [*self._line().split(), "", "", ""]
+            if own[0].upper() == "METADATA":
+                self._metadata(own)
+                own = [*self._line().split(), "", "", ""]
+            self._keep(own[0], self._whole(own[2]), self._whole(own[1]), own[3])
+
+    def _keep(self, name: str, rows: int, width: int, kind: str) -> None:
+        values = self._values(rows * width, kind, f"the array {name}")
+        if self._on_cells:
+            self._found.data[name] = values if width == 1 else values.reshape(-1, width)
+
+    def _metadata(self, fields: list[str]) -> None:
+        del fields
+        while self._line(blank=True):
+            pass
+
+    def _table(self, fields: list[str]) -> None:
+        self._values(4 * self._whole(fields[2]), "unsigned_char" if self._binary else "float", "a table of colours")
+
+    _rows = 0
+
+    def _line(self, *, blank: bool = False, last: bool = False) -> str:
+        """The next line, which is not blank unless it may be; at the end of the file empty, where it may be the last."""
+        while self._at < len(self._content):
+            end = self._content.find(b"\n", self._at)
+            end = len(self._content) if end < 0 else end
+            text = self._content[self._at : end].decode("latin-1").strip()
+            self._at, self._count = end + 1, self._count + 1
+            if text or blank:
+                return text
+        if last or blank:
+            return ""
+        raise self._fault("the file ends; it seems to be cut")
+
+    def _fault(self, message: str) -> FormatError:
+        return FormatError(f"byte {self._at}" if self._binary else f"line {self._count}", message)
+
+    def _whole(self, text: str) -> int:
+        if not (text.isascii() and text.isdigit() and len(text) < 12):
+            raise self._fault(f"{text[:40]!r} is no count")
+        return int(text)
+
+    def _indices(self, count: int, kind: str, what: str) -> Integers:
+        values = self._values(count, kind, what)
+        if not np.all((np.abs(values) < 2**53) & (values == np.round(values))):
+            raise self._fault(f"{what} hold what is no whole number")
+        return values.astype(np.int64)
+
+    def _values(self, count: int, kind: str, what: str) -> Floats:
+        """So many numbers of a type."""
+        item = _TYPES.get(kind.lower())
+        if item is None:
+            raise self._fault(f"{what} are of the type {kind[:40]!r}, expected one of {', '.join(_TYPES)}")
+        if not self._binary:
+            return self._typed(count, what)
+        size = count * np.dtype(item).itemsize
+        if self._at + size > len(self._content):
+            raise self._fault(f"{what} take {size} bytes, which the file has not; it seems to be cut")
+        found = np.frombuffer(self._content, item, count, self._at).astype(float)
+        self._at += size
+        return found
+
+    def _typed(self, count: int, what: str) -> Floats:
+        found: list[float] = []
+        while len(found) < count:
+            for text in self._line().split():
+                try:
+                    found.append(float(text))
+                except ValueError:
+                    raise self._fault(f"{what}: {text[:40]!r} is no number") from None
+        if len(found) > count:
+            raise self._fault(f"has more than the {count} numbers of {what}")
+        return np.array(found)

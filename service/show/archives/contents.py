@@ -1,0 +1,175 @@
+"""What an archive has of instruments, structures and campaigns; `docs/archives.md` describes each file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import IO, TYPE_CHECKING, Any
+from uuid import UUID
+
+from sqlalchemy.orm import Session
+
+from modalbase.formats.frfs.table import DOFS
+from service.access import User
+from service.monitoring.monitors import describe_all as described_monitors
+from service.monitoring.monitors import monitors_of, series_for
+from service.monitoring.presentation import series_document
+from service.show.archives.hits import write_hits
+from service.show.archives.writing import Archive
+from service.store.campaigns.operations import campaigns_of, list_points, to_csv
+from service.store.campaigns.operations import describe as described_campaign
+from service.store.coupons import curves
+from service.store.coupons.operations import batches_of, coupons_of, describe_coupon
+from service.store.coupons.operations import describe_all as described_batches
+from service.store.frfs.data import Cut, make_tables
+from service.store.frfs.operations import FrfFilter
+from service.store.frfs.routes import write_uff
+from service.store.instruments.routes import InstrumentOut, instruments_of
+from service.store.modes.operations import describe_all as described_modes
+from service.store.modes.operations import mode_sets_of
+from service.store.records.decisions import decisions_of
+from service.store.records.processings import documents_of
+from service.store.records.schemas import HitDecisionOut
+from service.store.structures.models import deck_of, said_of_deck
+from service.store.structures.operations import describe as described_structure
+from service.store.structures.operations import structures_of
+from service.store.updating.operations import labelled_results
+from service.store.updating.result_schemas import CONSTANTS
+from service.web import shown_as
+
+if TYPE_CHECKING:
+    from service.store.campaigns.operations import Campaign
+    from service.store.structures.operations import Structure
+
+FRF_COLUMNS = ("id", "label", *DOFS, "quantity", "averages", "window_rate_per_s", "processing_id", "tags", "meta")
+MODE_COLUMNS = ("number", "frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd")
+RESULT_COLUMNS = ("id", "campaign_id", "campaign", "structure", "verdict")
+COUPON_COLUMNS = (
+    *("batch", "specimen", "standard", "E_Pa", "G_Pa", "nu", "strength_Pa", "ultimate_strain"),
+    *("failure_code", "excluded", "exclusion_reason"),
+)
+
+
+def write_archive(
+    session: Session,
+    user: User,
+    title: str,
+    campaign_ids: Sequence[UUID],
+    structure_ids: Sequence[UUID],
+    file: IO[bytes],
+) -> None:
+    """Write campaigns and structures, whose readers are known to be allowed, to a file.
+
+    Args:
+        session: a transaction in which the database stands still.
+        user: who asks.
+        title: of the archive.
+        campaign_ids: of the campaigns; their structures are written too.
+        structure_ids: of more structures; where there are any, all instruments are written, else those that campaigns name.
+        file: takes the zip.
+    """
+    archive, campaigns = (
+        Archive(file, datetime.now(UTC)),
+        sorted(campaigns_of(session, campaign_ids), key=lambda row: row.id),
+    )
+    structures = structures_of(session, {*structure_ids, *(row.structure_id for row in campaigns)})
+    named = None if structure_ids else {pair for row in campaigns for pair in _instruments(row)}
+    instruments = instruments_of(session, {row.project_id for row in structures.values()})
+    shown = [row for row in instruments if named is None or (row.kind, row.serial) in named]
+    archive.json("instruments.json", [shown_as(InstrumentOut, row) for row in shown])
+    for _, structure in sorted(structures.items()):
+        _write_structure(session, archive, structure)
+    results: list[dict[str, Any]] = []
+    for campaign in campaigns:
+        _write_campaign(session, archive, campaign)
+        results += _write_results(session, archive, campaign, structures[campaign.structure_id].name)
+    constants = [name + end for name in CONSTANTS for end in ("", "_sd", "_low", "_high")]
+    archive.table("results.csv", [*RESULT_COLUMNS, *constants], results)
+    names = {row.id: row.name for row in campaigns} | {key: row.name for key, row in structures.items()}
+    archive.close(title, user.name, names)
+
+
+def _instruments(campaign: Campaign) -> list[tuple[str, str]]:
+    """Kind and serial number of the instruments that a campaign names."""
+    stated = [(kind, campaign.instruments.get(kind, {})) for kind in ("hammer", "sensor", "analyser")]
+    stated += [("sensor", one) for one in campaign.instruments.get("sensors", ())]
+    return [(kind, str(one.get("serial"))) for kind, one in stated]
+
+
+def _write_structure(session: Session, archive: Archive, structure: Structure) -> None:
+    """A structure with its deck, coupons and monitors."""
+    folder, shown = f"structures/{structure.id}", described_structure(session, structure)
+    archive.json(f"{folder}/structure.json", shown)
+    if shown.model is not None:
+        name, units, deck = deck_of(session, shown.model)
+        read = {"filename": name, "units": units, **said_of_deck(session, shown.model)}
+        archive.json(f"{folder}/model.json", read)
+        with archive.member(f"{folder}/deck") as target:
+            target.write(deck)
+    _write_coupons(session, archive, structure.id, folder)
+    monitors = monitors_of(session, structure.id)
+    for monitor, said in zip(monitors, described_monitors(session, monitors), strict=True):
+        series = series_document(session, monitor, series_for(session, monitor, None))
+        archive.json(f"{folder}/monitors/{monitor.id}.json", {"monitor": said, "series": series})
+
+
+def _write_coupons(session: Session, archive: Archive, structure_id: UUID, folder: str) -> None:
+    batches, rows = [], []
+    for batch in described_batches(session, batches_of(session, structure_id)):
+        items = []
+        for coupon in coupons_of(session, batch.id):
+            said = describe_coupon(coupon).model_dump()
+            rows.append({**said, "batch": batch.name})
+            if curve := coupon.curve:
+                said["curve"] = curves.describe_curve(curve)
+                with archive.member(f"{folder}/curves/{coupon.id}/original") as target:
+                    target.write(curves.file_of(curve))
+                with archive.member(f"{folder}/curves/{coupon.id}/curve.csv") as target:
+                    target.write(curves.as_csv(curve).encode())
+            items.append(said)
+        batches.append({"batch": batch, "coupons": items})
+    archive.json(f"{folder}/coupon-batches.json", batches)
+    archive.table(f"{folder}/coupons.csv", COUPON_COLUMNS, rows)
+
+
+def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> None:
+    """A campaign with its points, hits, FRFs and mode sets."""
+    folder = f"campaigns/{campaign.id}"
+    archive.json(f"{folder}/campaign.json", described_campaign(campaign))
+    with archive.member(f"{folder}/grid-points.csv") as file:
+        file.write(to_csv(list_points(session, campaign.id)).encode())
+    write_hits(session, archive, folder, campaign.id)
+    decided = session.scalars(decisions_of(campaign.id).order_by("id"))
+    archive.json(f"{folder}/hit-decisions.json", [shown_as(HitDecisionOut, row) for row in decided])
+    processed = documents_of(session, campaign.id)
+    archive.json(
+        f"{folder}/processings.json", [{"id": p.id, "options": p.options, "result": p.document} for p in processed]
+    )
+    rows = session.scalars(FrfFilter().query(campaign.id).order_by("id")).all()
+    tables = make_tables(session, rows, Cut())
+    if tables:
+        with archive.member(f"{folder}/frfs.uff") as file:
+            write_uff(tables, file, binary=True)
+    shown = [
+        {name: getattr(frf, name) for name in FRF_COLUMNS} for table in tables for frf in table.frfs
+    ]  # in the order of the file
+    archive.table(f"{folder}/frfs.csv", FRF_COLUMNS, shown)
+    sets = described_modes(session, mode_sets_of(session, campaign.id))
+    archive.json(f"{folder}/mode-sets.json", sets)
+    modes = [{"mode_set": str(one.id), "name": one.name, **mode.model_dump()} for one in sets for mode in one.modes]
+    archive.table(f"{folder}/modes.csv", ("mode_set", "name", *MODE_COLUMNS), modes)
+
+
+def _write_results(session: Session, archive: Archive, campaign: Campaign, structure: str) -> list[dict[str, Any]]:
+    """The results of a campaign as documents; a row of the table of results each."""
+    rows = []
+    for key, document, labels in labelled_results(session, campaign.id):
+        archive.json(f"campaigns/{campaign.id}/results/{key}.json", {**document, "labels": labels})
+        row = {"id": key, "campaign_id": campaign.id, "campaign": campaign.name, "structure": structure}
+        row["verdict"] = document["verdict"]["level"]
+        for one in document["parameters"]:
+            low, high = one["interval_95"] or (None, None)
+            row |= {one["name"]: one["estimate"], f"{one['name']}_sd": one["standard_deviation"]}
+            row |= {f"{one['name']}_low": low, f"{one['name']}_high": high}
+        rows.append(row)
+    return rows
