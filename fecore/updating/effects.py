@@ -1,6 +1,6 @@
 """What would move the measured frequencies: parameters, stiffness, the support, a mass at a point.
 
-A monitor explains its alarms by it; of the parameters it shows which modes tell of which.
+A monitor explains its alarms by it; it also shows which modes each parameter moves.
 """
 
 from __future__ import annotations

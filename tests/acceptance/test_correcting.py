@@ -154,7 +154,7 @@ def a_hit_is_refused(page: Page, hits: str) -> None:
 
 def test_pieces_masses_and_what_things_are_found_by_are_corrected(running: Browser, service: LocalService) -> None:
     """Rows are read, added and removed; tags and metadata keep the kinds of their values; what was not touched stays."""
-    key = service.new_key("keeper")
+    key = service.new_key("corrector of rows")
     with (
         client_at(service.url, key) as api,
         watched_page(running, service.url, width=390, height=844, dark=True) as seen,

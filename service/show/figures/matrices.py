@@ -45,7 +45,7 @@ def mac_figure(
 def sensitivities_figure(effects: Mapping[str, FloatArray], known: Mapping[str, bool], modes: Sequence[str]) -> Figure:
     """How much each frequency changes by one prior standard deviation of each parameter, parameter by mode.
 
-    A parameter whose row is pale for all modes is one that the prior decides.
+    The prior decides a parameter whose row has small values alone.
 
     Args:
         effects: (m,) changes of ln f by parameter; NaN of a mode without a partner.

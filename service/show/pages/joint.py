@@ -94,7 +94,7 @@ def _stated(request: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     usual = RecipeIn.model_validate({}).model_dump(mode="json")
 
     def own(part: Mapping[str, Any]) -> dict[str, Any]:
-        changed = {name: value for name, value in part["recipe"].items() if value != usual.get(name)}
+        changed = {name: value for name, value in (part["recipe"] or {}).items() if value != usual.get(name)}
         return {name: changed if name == "recipe" else value for name, value in part.items()}
 
     yield from leaves(own({**request, "jobs": [own(job) for job in request["jobs"]]}))
