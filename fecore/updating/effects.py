@@ -14,9 +14,9 @@ from fecore.body.constants import FACTORS, UNITS, kind_of
 from fecore.body.locate import evenly_spread
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
+from fecore.updating.layout import CLAMP
 from fecore.updating.result import Prediction
 
-_CLAMP = "clamp_compliance"
 _SITES = 200  # nodes at which a mass is tried, at most
 
 
@@ -52,7 +52,7 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
         return whole
 
     free = dict(enumerate(prior.names))
-    at_support = {spring.name for spring in forward.specimen.springs} | {_CLAMP}
+    at_support = {spring.name for spring in forward.specimen.springs} | {CLAMP}
     held = bool(elastic.updated.modes.rigid == 0)
     support = {each.name: each.shift[columns] for each in elastic.every_excursion if each.name.startswith("clamp")}
     by_one_sd = {name: slopes[:, place] * elastic.layout.unknowns[place].sd for place, name in free.items()}

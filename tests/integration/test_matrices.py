@@ -17,7 +17,7 @@ from tests.integration.test_forecasts import forecast
 from tests.integration.test_models import sent
 from tests.support.matrices import archived, zipped
 from tests.support.profiles import ANGLE, uff
-from tests.support.rest import ok
+from tests.support.rest import finished, ok
 
 FACTORS = {"flange": 1.08, "web": 0.93}
 MODULI = ("E1", "E2", "G12", "G13", "G23")
@@ -70,6 +70,26 @@ def test_an_update_of_matrices_finds_the_factor_of_each_part(api: httpx.Client, 
     assert "each by its factor" in ok(api.get(f"{base}/deck"), 409)["detail"]
     assert len(ok(api.get(f"{base}/mesh"), 200)["nodes"]["x_m"]) == found["counts"]["nodes"]
     assert b"angle.zip" in api.get(f"{base}/report").content
+
+
+def test_campaigns_of_matrices_update_together(api: httpx.Client, bare: str) -> None:
+    assert sent(api, bare, zipped(body()), units="m-N-kg", filename="angle.zip")["status"] == "succeeded"
+    assert "whose nodes have no walls" in ok(api.post(f"structures/{bare}/plans", json={}), 422)["errors"][0]["detail"]
+    content, jobs = measured(), list[dict[str, str]]()
+    for name in ("before", "after"):
+        asked = {"name": name, "boundary": "free", "inputs": {"window_rate_per_s": 0}}
+        campaign = ok(api.post(f"structures/{bare}/campaigns", json=asked), 201)["id"]
+        finished(api, api.post(f"campaigns/{campaign}/imports", content=content).headers["Location"])
+        jobs.append({"campaign_id": campaign})
+    begun = api.post("update-jobs", json={"joint": True, "jobs": jobs})
+    done = finished(api, begun.headers["Location"])
+    assert done["status"] == "succeeded", done["error"]
+    result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
+    rows = {row["name"]: row for row in result["parameters"]}
+    for name, value in FACTORS.items():
+        assert rows[f"{name}.factor"]["estimate"] == pytest.approx(value, rel=0.02)
+    with_angle = {"joint": True, "jobs": [jobs[0], {**jobs[1], "angle_deg": 3}]}
+    assert "lies as it is stated" in ok(api.post("update-jobs", json=with_angle), 422)["errors"][0]["detail"]
 
 
 def test_matrices_that_hold_the_body_are_as_modelled(api: httpx.Client, bare: str) -> None:
