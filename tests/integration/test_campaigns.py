@@ -24,6 +24,7 @@ FULL: dict[str, Any] = {
         "hammer": {"model": "8206-002", "sensitivity": {"value": 22.7, "unit": "mV/N"}},
         "sensor": {"model": "4507"},
         "analyser": {},
+        "sensors": [{"model": "352C65", "serial": "4711", "points": [1, 30]}],
         "sensor_mass_kg": 0.0048,
         "sensor_point": 30,
         "added_masses": [{"x_m": 0.4, "y_m": 0.01, "z_m": 0.0, "mass_kg": 0.05, "rotary_inertia_kg_m2": 4e-6}],
