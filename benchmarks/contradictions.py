@@ -2,7 +2,8 @@
 
 The truth is the stored free bar of another code's solid elements (`blind-open/free-1pct.truth.json` beside the project, or
 MODALBASE_SOLIDS), carried to each strip's drawn dimensions by the ratio of two of our models, with the frequencies' noise.
-Every input is drawn from a careful laboratory's errors, the moduli of each strip and coupon from a scatter of 2 %.
+Every input is drawn from a careful laboratory's errors, the moduli of each strip, of the coupons' panel and of each coupon
+from a scatter of 2 %. The effect of an error is how far it moves a modulus at most, in standard deviations stated without it.
 """
 
 from __future__ import annotations
@@ -45,29 +46,42 @@ class Error:
 
 ERRORS = {
     "none": Error(),
+    "coupons +6 %": Error("coupons", coupons=1.06),
     "coupons +15 %": Error("coupons", coupons=1.15),
     "coupons +30 %": Error("coupons", coupons=1.30),
+    "length -2.5 mm": Error("length of campaign b", inputs={"length": -0.0025}),
     "length -27 mm": Error("length of campaign b", inputs={"length": -0.027}),
     "width -8 mm": Error("width of specimen b", inputs={"width": -0.008}),
     "thickness -8 %": Error("thickness of specimen b", inputs={"thickness": -0.0008}),
     "density +20 %": Error("density of specimen b", inputs={"density": 400.0}),
+    "angle 4°": Error("fibre_angle of specimen b", inputs={"fibre_angle": float(np.radians(4.0))}),
     "angle 12°": Error("fibre_angle of specimen b", inputs={"fibre_angle": float(np.radians(12.0))}),
+    "mass 5 g": Error("campaign b", mass=0.005),
     "mass 30 g": Error("campaign b", mass=0.030),
 }
 
 
 def contradictions(draws: int = 6, seed: int = 36) -> list[str]:
-    """Print, for each error: how often it is named, first, and how far off the constants of usable results are."""
+    """Print, for each error: its effect, how often it is named, first, and how far off the constants of usable results are."""
     path = Path(os.environ.get("MODALBASE_SOLIDS", SOLIDS))
     if not path.exists():
         print(f"  ({path.name} is not there: no solids)")
         return []
     truth = json.loads(path.read_text())
-    print("  error            named  first  some conflict  usable beyond 3 sd  held of 95 % intervals")
+    print("  error           effect  named  first  some conflict  usable beyond 3 sd  held of 95 % intervals")
+    right = list[CampaignsResult]()
     for name, error in ERRORS.items():
         results = [_updated(truth, error, np.random.default_rng([seed, number])) for number in range(draws)]
-        print(f"  {name:15} {_row(results, error, truth['config'])}", flush=True)
+        right = right or results
+        effect = np.median([_moved(*each) for each in zip(results, right, strict=True)])
+        print(f"  {name:15} {effect:6.1f}  {_row(results, error, truth['config'])}", flush=True)
     return []
+
+
+def _moved(wrong: CampaignsResult, right: CampaignsResult) -> float:
+    """How far an error moves a modulus at most, in the standard deviations stated without it."""
+    pairs = zip(wrong.parameters, right.parameters, strict=True)
+    return max(abs(a.estimate - b.estimate) / b.standard_deviation for a, b in pairs if a.name in MODULI)
 
 
 def _row(results: list[CampaignsResult], error: Error, true: Mapping[str, float]) -> str:
@@ -94,8 +108,9 @@ def _updated(truth: Mapping[str, object], error: Error, random: np.random.Genera
     stated = OrthotropicMaterial(**guess, nu_xy=0.15, density=config["rho"])
     campaigns = [_campaign(name, stated, config, solids, error if name == "b" else Error(), random) for name in LENGTHS]
     sd = SCATTER / np.sqrt(COUPONS + 1)
+    off = np.hypot(SCATTER, sd)  # of a panel, and of the mean of its coupons
     batch = [
-        Coupon(name, error.coupons * config[name] * (1 + sd * random.standard_normal()), sd * config[name])
+        Coupon(name, error.coupons * config[name] * (1 + off * random.standard_normal()), sd * config[name])
         for name in ("Ex", "Gxy")
     ]
     return update_campaigns(campaigns, coupons=batch)

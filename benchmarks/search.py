@@ -16,6 +16,7 @@ import psycopg
 
 from benchmarks.clock import timed
 from benchmarks.service import Cost, api_of, campaigns_of, ended, load, measured, post, served
+from benchmarks.tiled_catalogue import FIELDS, beside
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
@@ -24,6 +25,7 @@ from service.db.engine import psycopg_url
 PAGE = (Path(__file__).parents[1] / "docs/search.md").read_text(encoding="utf-8")
 QUESTIONS = re.findall(r"^\| [^|]+ \| `(\w+)` \| `([^`]+)` \|$", PAGE, re.MULTILINE)
 """Noun and filter of each question in the documents."""
+SIZES = 100, 1000
 TURNS, IMPORTS, IMPORTED, LINES = 40, 3, 2000, 32
 CAMPAIGNS_OF_A_STRUCTURE, EACH = 20, 100
 """Campaigns of a structure; FRFs and modes of a campaign, and results of ten."""
@@ -86,15 +88,21 @@ def search(*campaigns: int) -> list[str]:
         project, there, file = str(post(api, "projects", {"name": "all"})["id"]), 0, Path(folder, "frfs.uff")
         write_file(file, _made(), binary=True)
         empty = _imported(api, service, file)
-        print(f"{len(QUESTIONS)} questions, first page and counts over HTTP, p50 and p95 of {TURNS} in ms, {load()}")
-        for count in campaigns or (100, 1000):
+        print(
+            f"{len(QUESTIONS)} questions, first page and counts over HTTP; ms: p50, p95 of {TURNS}, processors; {load()}"
+        )
+        for count in campaigns or SIZES:
             _fill(service, project, (count - there) // CAMPAIGNS_OF_A_STRUCTURE)
             there = count
             print(f"\n{EACH * count} FRFs, {EACH * count} modes, {EACH // 10 * count} results")
             for noun, question in QUESTIONS:
-                middle, most = np.percentile(_times(lambda: _ask(api, noun, question)), (50, 95))  # noqa: B023
-                print(f"{middle:7.1f} {most:7.1f}  {noun}: {question}", flush=True)
+                with measured(service) as cost:
+                    middle, most = np.percentile(_times(lambda: _ask(api, noun, question)), (50, 95))  # noqa: B023
+                busy = 1000 * cost.processor / (TURNS + 1)
+                print(f"{middle:7.1f} {most:7.1f} {busy:7.1f}  {noun}: {question}", flush=True)
                 slow += [f"{noun}: {question}: p95 {most:.0f} ms at {count} campaigns"] if most > 100 else []
+            if count == (campaigns or SIZES)[0]:
+                _beside(api, Path(folder))
             now = _imported(api, service, file)
             print(f"import of {IMPORTED} FRFs: {_per_second(now)}; into an empty service {_per_second(empty)}")
     return slow
@@ -102,6 +110,14 @@ def search(*campaigns: int) -> list[str]:
 
 def _ask(api: httpx.Client, noun: str, question: str) -> None:
     api.get(f"search/{noun}", params={"filter": question}).raise_for_status()
+
+
+def _beside(api: httpx.Client, folder: Path) -> None:
+    """The same rows and questions by Tiled's catalogue."""
+    for noun, fields in FIELDS.items():
+        answer = api.get(f"search/{noun}", params={"fields": fields, "format": "jsonl"}).raise_for_status()
+        (folder / f"{noun}.jsonl").write_bytes(answer.content)
+    beside(folder)
 
 
 def _times(call: Callable[[], None]) -> list[float]:

@@ -133,7 +133,7 @@ class MatrixBody:
         )
         whole = np.concatenate([np.ones(len(self.stiffness)), [spring.stiffness for spring in self.springs]])
         rigid = _unresisted(stiffness.at(whole), rigid_motions(self.nodes)[:, self._used][self._free])
-        surfaces = self._surfaces
+        surfaces = self.surfaces
         return Model(
             surfaces.mesh,
             Joints(surfaces.mesh, (), {}),
@@ -156,7 +156,8 @@ class MatrixBody:
         return free[:, self._used]
 
     @cached_property
-    def _surfaces(self) -> Nodes:
+    def surfaces(self) -> Nodes:
+        """The nodes, on which points are found."""
         every = np.arange(len(self.nodes))[:, None]
         mesh = Mesh(self.nodes, (Block("point", every, "nodes"),))
         apart = scipy.spatial.cKDTree(self.nodes).query(self.nodes, k=min(2, len(self.nodes)))[0]
@@ -166,7 +167,7 @@ class MatrixBody:
     @cached_property
     def _carried(self) -> tuple[AffineMatrix, AffineMatrix]:
         """Springs and masses at the nodes nearest to them."""
-        surfaces, nothing = self._surfaces, AffineMatrix(self._pattern, (), (), (), ())
+        surfaces, nothing = self.surfaces, AffineMatrix(self._pattern, (), (), (), ())
         if not self.springs and not self.masses:
             return nothing, nothing
         springs, masses = spring_parts(surfaces.mesh, surfaces, self.springs), mass_parts(surfaces, self.masses)

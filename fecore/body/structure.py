@@ -139,12 +139,7 @@ class Structure:
         Raises:
             InputError: the place of a support, spring or mass is wrong, or a spring acts on nothing that can move.
         """
-        thickness = self._thickness
-        axes = {name: section.axis for name, section in self.sections.items()}
-        folded = self.with_joints and len(self.dofs) == 6  # with fewer dofs a body is flat
-        joints = Joints(self.mesh, find_junctions(self.mesh, thickness) if folded else (), axes)
-        walls = [(s.thickness if isinstance(s, ShellSection) else 2 * s.reach) for s in self._sections]
-        surfaces = Surfaces(self.mesh, joints.shifts, tuple(walls), self.reach)
+        joints, surfaces = self._joints, self.surfaces
         parts = [*self._walls(joints), *self._beads(joints)]
         held = (*(clamp.spring for clamp in self.clamps), *self.springs)
         springs = self._linked(spring_parts(self.mesh, surfaces, held))
@@ -159,6 +154,18 @@ class Structure:
         motions = rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)]
         rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
         return Model(self.mesh, joints, surfaces, self.dofs, stiffness=K, mass=M, rigid_modes=rigid, links=self.links)
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """The shells and beams as they lie in space, on which points are found."""
+        walls = [(s.thickness if isinstance(s, ShellSection) else 2 * s.reach) for s in self._sections]
+        return Surfaces(self.mesh, self._joints.shifts, tuple(walls), self.reach)
+
+    @cached_property
+    def _joints(self) -> Joints:
+        axes = {name: section.axis for name, section in self.sections.items()}
+        folded = self.with_joints and len(self.dofs) == 6  # with fewer dofs a body is flat
+        return Joints(self.mesh, find_junctions(self.mesh, self._thickness) if folded else (), axes)
 
     @property
     def _sections(self) -> list[ShellSection | BeamSection]:

@@ -254,7 +254,7 @@ def summarise(specimens: Sequence[CouponResult]) -> BatchSummary:
         for name in dict.fromkeys(name for s in counted for name in s.values)
     }
     warnings = [
-        f"{name}: {found.n} valid specimens; D3039 asks for at least {FEWEST_SPECIMENS}"
+        f"{name}: {found.n} valid specimen{'s' * (found.n != 1)}; D3039 asks for at least {FEWEST_SPECIMENS}"
         for name, found in properties.items()
         if found.n is not None and found.n < FEWEST_SPECIMENS
     ]

@@ -51,7 +51,7 @@ def track(campaigns: Sequence[Sequence[TrackedMode]]) -> list[list[int]]:
     latest: list[TrackedMode] = []
     numbers = []
     for modes in campaigns:
-        continued = _continued(modes, latest)
+        continued = same_modes(modes, latest)
         for place, mode in enumerate(modes):
             if place in continued:
                 latest[continued[place]] = mode
@@ -62,17 +62,25 @@ def track(campaigns: Sequence[Sequence[TrackedMode]]) -> list[list[int]]:
     return numbers
 
 
-def _continued(modes: Sequence[TrackedMode], latest: Sequence[TrackedMode]) -> dict[int, int]:
-    """By mode, the track that it continues."""
-    if not modes or not latest:
+def same_modes(modes: Sequence[TrackedMode], others: Sequence[TrackedMode]) -> dict[int, int]:
+    """By the place of a mode, that of the other set's mode which it is.
+
+    Args:
+        modes: of one set.
+        others: of another one.
+
+    Raises:
+        InputError: a frequency is not positive, or a shape not finite.
+    """
+    if not modes or not others:
         return {}
-    dofs = sorted(set.intersection(*(set(mode.shape) for mode in (*modes, *latest))))
+    dofs = sorted(set.intersection(*(set(mode.shape) for mode in (*modes, *others))))
     compared = len(dofs) >= FEWEST_DOFS
     paired = pair_modes(
         _values(modes, dofs) if compared else None,
-        _values(latest, dofs) if compared else None,
+        _values(others, dofs) if compared else None,
         np.array([mode.frequency_hz for mode in modes]),
-        np.array([mode.frequency_hz for mode in latest]),
+        np.array([mode.frequency_hz for mode in others]),
         minimum_mac=LEAST_MAC,
         maximum_frequency_ratio=1 + SAME_MODE,
     )

@@ -13,7 +13,7 @@ from fecore.body.clamps import AnyStructure, bed_of, on_bed
 from fecore.body.constants import Body, kind_of
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import OWN_SD, Structure
-from fecore.dynamics.eigen import normal_modes
+from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
@@ -21,7 +21,7 @@ from fecore.updating.discretisation import AnyBody
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs, tolerance_of
-from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Layout, Unknown
+from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 
 MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
@@ -61,14 +61,17 @@ class Campaign:
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
 
-def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scatter: float) -> Layout:
+def lay_out(
+    campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scatter: float, coupons: Sequence[Coupon] = ()
+) -> Layout:
     """Lay out the unknowns of some campaigns.
 
     Args:
         campaigns: at least one; names are all different.
         parameters: the material's, with their priors.
         scatter: scale of the deviations of its own that every specimen has in each free modulus, where there is more than one
-            specimen; 0 for none.
+            specimen; 0 for none. A batch of coupons is one more specimen.
+        coupons: what static tests say of the material's constants.
 
     Raises:
         InputError: two campaigns have one name, a parameter is not the material's, the parameters contradict themselves, or
@@ -87,6 +90,8 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scat
     if scatter:
         moduli = [name for name in shared if kind_of(name) not in ("nu_xy", "nu12")]
         places |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
+        of_batches = ((coupon.name, coupon.batch) for coupon in coupons if coupon.name in moduli)
+        places |= {key: Unknown.of_scatter(*key) for key in of_batches}
     keys = []
     for campaign, forward in zip(campaigns, forwards, strict=True):
         prior = forward.parametrisation
@@ -104,7 +109,7 @@ def lay_out(campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scat
         seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
         models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
     scale = OWN_SD if first.common and not scatter else scatter
-    return Layout(tuple(models), tuple(places.values()), first.common, scale)
+    return Layout(tuple(models), tuple(places.values()), first.common, scale, tuple(coupons))
 
 
 def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel]) -> None:
@@ -144,7 +149,7 @@ def _on_bed(body: AnyStructure, compliance: float) -> AnyStructure:
         return body
     model, constants = body.model, np.array(list(body.nominal.values()))
     mass = model.mass.at(body.mass_coefficients(constants))
-    first = normal_modes(model.stiffness.at(body.stiffness_coefficients(constants)), mass, 1)
+    first = body_modes(model, model.stiffness.at(body.stiffness_coefficients(constants)), mass, 1)
     pushes = first.eigenvalue * ((mass @ model.motions).T @ first.shapes)
     stiffness = bed.yields(pushes) / (4 * first.eigenvalue)
     return on_bed(body, bed, compliance, float(stiffness[0]))
@@ -160,12 +165,12 @@ def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> No
 
 
 def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
-    """Make sure that parameters of specimens are their material's; sets of a body in space have constants of their own.
+    """Make sure that parameters of specimens are their material's; bodies in space have constants of their own.
 
     Raises:
         InputError: one is not.
     """
-    if isinstance(body, Structure):
+    if not isinstance(body, OrientedSpecimen):
         return
     for index, parameter in enumerate(parameters):
         if parameter.name not in MATERIAL:
@@ -192,7 +197,7 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     """The parameters, and the body's own constants as far as they are not known exactly."""
     body, inputs = campaign.body, campaign.inputs
     nominal = body.nominal
-    own = nominal if isinstance(body, Structure) else (*SPECIMENS_OWN, CAMPAIGNS_OWN[0])
+    own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if isinstance(body, OrientedSpecimen) else nominal
     known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
     sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
     if "clamp_compliance" in nominal:

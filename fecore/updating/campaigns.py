@@ -131,10 +131,8 @@ def update_campaigns(
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
     ready = [replace(each, body=meshed(yielding(each.body, each.inputs), _highest_hz(each))[0]) for each in campaigns]
-    layout = lay_out(ready, recipe.parameters, recipe.scatter)
-    elastic = update_from_several_starts(
-        layout, lambda share: progress("updating the material", 0.1 + 0.6 * share), coupons=coupons
-    )
+    layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons)
+    elastic = update_from_several_starts(layout, lambda share: progress("updating the material", 0.1 + 0.6 * share))
     progress("comparing the campaigns", 0.7)
     against, alone = compare_sources(elastic)
     progress("making intervals", 0.9)

@@ -13,9 +13,9 @@ all of them together (posterior predictive χ²).
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
 of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
 A source explains what contradicts where some of it does so no longer once the slip is allowed for. One that the rest says
-nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. The likeliest explanation is the
-cause. It is allowed for, and the others are looked at anew: those that still contradict have causes of their own, the rest are
-cleared.
+nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. A clamp may yield and need not:
+one that is firmer than expected contradicts nothing. The likeliest explanation is the cause. It is allowed for, and the others
+are looked at anew: those that still contradict have causes of their own, the rest are cleared.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.layout import Unknown
+from fecore.updating.layout import CLAMP, Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05
@@ -139,14 +139,21 @@ def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
 
 @dataclass(frozen=True)
 class _Statement:
-    """A source that says the values of k unknowns: their places, values and standard deviations there."""
+    """A source that says what k combinations (k, X) of the unknowns are: values, with standard deviations.
+
+    The first unknown of each is that whose value it is about.
+    """
 
     kind: str
     name: str
     owner: str
-    places: tuple[int, ...]
+    rows: FloatArray
     values: FloatArray
     sds: FloatArray
+
+    @property
+    def places(self) -> list[int]:
+        return [int(place) for place in self.rows.argmax(axis=1)]
 
 
 @dataclass(frozen=True)
@@ -165,15 +172,13 @@ class _Sources:
     def of(cls, elastic: ElasticResult) -> _Sources:
         layout = elastic.layout
         statements = [
-            _Statement("input", _labelled(unknown), unknown.owner or "", (place,), np.zeros(1), np.array([unknown.sd]))
-            for place, unknown in enumerate(layout.unknowns)
+            _Statement("input", _labelled(unknown), unknown.owner or "", row[None], np.zeros(1), sd[None])
+            for row, unknown, sd in zip(np.eye(elastic.x.size), layout.unknowns, layout.sd(layout.scatter), strict=True)
             if not unknown.is_scatter
         ]
-        terms = layout.coupon_terms(elastic.coupons)
-        for batch in dict.fromkeys(coupon.batch for coupon in elastic.coupons):
-            own = [term for term, coupon in zip(terms, elastic.coupons, strict=True) if coupon.batch == batch]
-            places, values, sds = zip(*own, strict=True)
-            statements.append(_Statement("coupons", batch, "", places, np.array(values), np.array(sds)))
+        for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
+            own = [coupon.batch == batch for coupon in layout.coupons]
+            statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
         campaigns = tuple(range(len(elastic.rows))) if len(elastic.rows) > 1 else ()
         found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), campaigns, 1.0)
         return replace(found, count=found.independent + 2 * len(campaigns))
@@ -183,10 +188,10 @@ class _Sources:
         """How many independent checks the statements are (Galwey, Genetic Epidemiology 33, 2009): (Σ√λ)²/Σλ, with λ the
         eigenvalues of the correlation of their differences from the posterior, whose covariance is R - ACAᵀ.
         """
-        places = [place for each in self.statements for place in each.places]
+        said = np.concatenate([each.rows for each in self.statements])
         own = np.concatenate([each.sds for each in self.statements]) ** 2
-        spread = np.einsum("m,mij->ij", self.posterior.weight, self.posterior.covariance)[np.ix_(places, places)]
-        left = np.diag(own) - spread
+        spread = np.einsum("m,mij->ij", self.posterior.weight, self.posterior.covariance)
+        left = np.diag(own) - said @ spread @ said.T
         sd = np.sqrt(np.maximum(np.diag(left), 1e-9 * own))
         value = np.maximum(np.linalg.eigvalsh(left / np.outer(sd, sd)), 0)
         return float(np.sum(np.sqrt(value)) ** 2 / value.sum())
@@ -262,9 +267,9 @@ class _Sources:
         return replace(self, problem=_loosened(self.problem, source, check.slip), statements=others)
 
     def _of_statement(self, source: _Statement) -> Check:
-        (posterior, logs), at, own = self.posterior_with_logs, list(source.places), np.diag(source.sds**2)
-        mean = self.problem.x[at] + posterior.shift[:, at]
-        precision = np.linalg.inv(posterior.covariance[:, at][:, :, at])
+        (posterior, logs), A, own = self.posterior_with_logs, source.rows, np.diag(source.sds**2)
+        mean = (self.problem.x + posterior.shift) @ A.T
+        precision = np.linalg.inv(A @ posterior.covariance @ A.T)
         # The source taken out of a Gaussian: W⁻¹ = V⁻¹ + R⁻¹, W⁻¹μ = V⁻¹m + R⁻¹y.
         V = np.linalg.inv(precision - np.diag((1 - _UNSAID) / source.sds**2))
         m = (V @ (precision @ mean[..., None] - (source.values / source.sds**2)[:, None]))[..., 0]
@@ -275,8 +280,10 @@ class _Sources:
         slipped = [scipy.special.logsumexp(log_weight + _log_gaussian(off, V + k**2 * own)) for k in SLIPS]
         evidence = scipy.special.logsumexp(slipped) - scipy.special.logsumexp(log_weight + as_stated, b=len(SLIPS))
         rest, elsewhere = weight @ m, self.problem.x.copy()
-        elsewhere[at] = rest
-        if not self.elastic.layout.are_believable(elsewhere):
+        elsewhere[source.places] = rest
+        layout = self.elastic.layout
+        firmer = layout.unknowns[source.places[0]].name == CLAMP and rest[0] < source.values[0]
+        if firmer or not layout.are_believable(elsewhere):
             return Check(source.kind, source.name, 1.0, 0.0, source.owner)
         spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
@@ -326,17 +333,14 @@ def _labelled(unknown: Unknown) -> str:
 
 def _loosened(problem: LinearProblem, source: _Statement, slip: float) -> LinearProblem:
     """The problem where a source may be off by a slip."""
-    places, size = list(source.places), problem.x.size
     if source.kind == "input":
-        wider = np.where(np.isin(np.arange(size), places), slip, 1.0)
+        wider = np.where(source.rows[0], slip, 1.0)
         return replace(problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider))
-    less, off = np.zeros(size), np.zeros(size)
-    less[places] = (1 - slip**-2) / source.sds**2
-    off[places] = source.values - problem.x[places]
+    less, off = (1 - slip**-2) / source.sds**2, source.values - source.rows @ problem.x
     return replace(
         problem,
-        others={**problem.others, "coupons": problem.others["coupons"] - np.diag(less)},
-        other_descent=problem.other_descent - less * off,
+        others={**problem.others, "coupons": problem.others["coupons"] - source.rows.T * less @ source.rows},
+        other_descent=problem.other_descent - source.rows.T @ (less * off),
         other_cost=problem.other_cost - float(less @ off**2) / 2,
     )
 

@@ -1,4 +1,7 @@
-"""What would move the measured frequencies: stiffness, the support, a mass at a point. A monitor explains its alarms by it."""
+"""What would move the measured frequencies: parameters, stiffness, the support, a mass at a point.
+
+A monitor explains its alarms by it; it also shows which modes each parameter moves.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,9 @@ from fecore.body.constants import FACTORS, UNITS, kind_of
 from fecore.body.locate import evenly_spread
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
+from fecore.updating.layout import CLAMP
 from fecore.updating.result import Prediction
 
-_CLAMP = "clamp_compliance"
 _SITES = 200  # nodes at which a mass is tried, at most
 
 
@@ -22,6 +25,7 @@ class FrequencyEffects:
     """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a mode has no partner.
 
     Attributes:
+        parameter: (n,) by name of a constant that was updated, the change of ln f by one prior standard deviation of it.
         stiffness: (n,) by name of a stiffness θ, ∂ln f/∂ln θ.
         support: (n,) by name of an input of the support, the change of ln f by one prior standard deviation of it.
         sites: (P, 3) nodes at which a mass is tried, m.
@@ -29,6 +33,7 @@ class FrequencyEffects:
         frf_scale: median ratio of the measured FRFs' magnitudes to the model's; None without FRFs.
     """
 
+    parameter: dict[str, FloatArray]
     stiffness: dict[str, FloatArray]
     support: dict[str, FloatArray]
     sites: FloatArray
@@ -47,14 +52,11 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
         return whole
 
     free = dict(enumerate(prior.names))
-    at_support = {spring.name for spring in forward.specimen.springs} | {_CLAMP}
+    at_support = {spring.name for spring in forward.specimen.springs} | {CLAMP}
     held = bool(elastic.updated.modes.rigid == 0)
     support = {each.name: each.shift[columns] for each in elastic.every_excursion if each.name.startswith("clamp")}
-    support |= {
-        name: slopes[:, place] * elastic.layout.unknowns[place].sd
-        for place, name in free.items()
-        if name in at_support or (held and name == "length")
-    }
+    by_one_sd = {name: slopes[:, place] * elastic.layout.unknowns[place].sd for place, name in free.items()}
+    support |= {name: by_one_sd[name] for name in by_one_sd if name in at_support or (held and name == "length")}
     stiffness = {
         name: slopes[:, place]
         for place, name in free.items()
@@ -62,6 +64,7 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
     }
     sites, moved = _nodes(elastic.updated)
     return FrequencyEffects(
+        parameter={name: of_measured(each) for name, each in by_one_sd.items() if name in prior.reported},
         stiffness={name: of_measured(each) for name, each in stiffness.items()},
         support={name: of_measured(each) for name, each in support.items()},
         sites=sites,

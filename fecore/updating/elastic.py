@@ -2,7 +2,7 @@
 
 The maximum a posteriori estimate of all unknowns x together (`layout`), by Levenberg and Marquardt's method on the misfit
 
-    E(x) = ½ rᵀ(N + s²)⁻¹r + ½ xᵀP(τ)x + ½ Σ_b (y_b - x_b)²/σ_b²,     r = ln f_exp - ln f(x),     ∂ln f/∂x analytic,
+    E(x) = ½ rᵀ(N + s²)⁻¹r + ½ xᵀP(τ)x + ½ Σ_b (y_b - C_b x)²/σ_b²,     r = ln f_exp - ln f(x),     ∂ln f/∂x analytic,
 
 with the residuals of all campaigns stacked and coupons y_b, logarithms of their means over the prior's. Measured and model
 modes are paired anew by MAC as constants move modes past each other, and weighed by how far they are believed to be modes
@@ -29,7 +29,7 @@ from fecore.updating.belief import over_sets, weights_of
 from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
-from fecore.updating.layout import Coupon, Layout
+from fecore.updating.layout import Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
@@ -73,7 +73,6 @@ def fit(
     layout: Layout,
     progress: Callable[[float], None] = lambda _: None,
     *,
-    coupons: Sequence[Coupon] = (),
     use_shapes: bool = False,
     start: FloatArray | None = None,
     likest: bool = False,
@@ -84,7 +83,6 @@ def fit(
     Args:
         layout: the unknowns, and the campaigns with their models and modes.
         progress: called with the share of the stage that is done.
-        coupons: what static tests say of the shared parameters.
         use_shapes: fit realised shapes too; needs modes with shapes.
         start: (X,) x to start from, the prior means by default.
         likest: pair the likest shapes at the prior means, however unlike, and keep these pairs.
@@ -99,7 +97,7 @@ def fit(
     """
     if use_shapes and any(campaign.modes.shapes is None for campaign in layout.campaigns):
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
-    misfit = Misfit(layout, tuple(coupons), use_shapes, likest, held)
+    misfit = Misfit(layout, use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
     first_scales = _Scales(
         DISCREPANCY, layout.scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
@@ -167,7 +165,6 @@ class Misfit:
     """The data of one fit."""
 
     layout: Layout
-    coupons: tuple[Coupon, ...] = ()
     use_shapes: bool = False
     likest: bool = False
     held: tuple[Partners, ...] | None = None
@@ -232,13 +229,11 @@ class Misfit:
         descent: FloatArray = J.T @ m
         others: dict[str, FloatArray] = {"mode shapes": J.T @ J} if self.use_shapes else {}
         cost = float(m @ m)
-        if self.coupons:
-            others["coupons"] = np.zeros((size, size))
-        for place, value, sd in self.layout.coupon_terms(self.coupons):
-            off = value - x[place]
-            others["coupons"][place, place] += sd**-2
-            descent[place] += off / sd**2
-            cost += (off / sd) ** 2
+        if self.layout.coupons:
+            said, values, sds = self.layout.of_coupons
+            C, off = said / sds[:, None], (values - said @ x) / sds
+            others["coupons"] = C.T @ C
+            descent, cost = descent + C.T @ off, cost + float(off @ off)
         known = residual, noise, sensitivity, x, self.layout.precision, others
         return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
 
@@ -293,7 +288,6 @@ class Misfit:
             history=history,
             held=self.held,
             unlike=self.likest,
-            coupons=self.coupons,
         )
 
 

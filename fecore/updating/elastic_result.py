@@ -16,7 +16,7 @@ from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
-from fecore.updating.layout import CampaignModel, Coupon, Layout
+from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.mixing import Mixing, mixings
 from fecore.updating.pairing import Partners, partners_of
 from fecore.updating.parameters import Parametrisation
@@ -92,7 +92,6 @@ class ElasticResult:
         held: the partners that the fit held in each campaign; None where it paired the modes anew in every turn.
         torn: campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means.
         unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
-        coupons: what static tests said of the shared parameters.
         stretches: where the stiffness has changed, of a body in zones.
     """
 
@@ -114,7 +113,6 @@ class ElasticResult:
     held: tuple[Partners, ...] | None = None
     torn: tuple[tuple[int, int], ...] = ()
     unlike: bool = False
-    coupons: tuple[Coupon, ...] = ()
     stretches: Stretches | None = None
 
     @cached_property

@@ -37,7 +37,7 @@ from fecore.errors import UpdatingError
 from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult, Rival, prior_belief
-from fecore.updating.layout import Coupon, Layout
+from fecore.updating.layout import Layout
 from fecore.updating.pairing import (
     Partners,
     alone_cost,
@@ -69,7 +69,6 @@ def update_from_several_starts(
     progress: Callable[[float], None] = lambda _: None,
     *,
     use_shapes: bool = False,
-    coupons: Sequence[Coupon] = (),
     seed: int = 0,
 ) -> ElasticResult:
     """`fit`, from the prior means and, where that is doubtful, from draws that pair the modes otherwise.
@@ -90,7 +89,6 @@ def update_from_several_starts(
                 place,
                 lambda share: progress(first + (last - first) * share),
                 use_shapes=use_shapes,
-                coupons=coupons,
                 start=start,
                 held=held,
             )

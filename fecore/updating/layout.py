@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,10 @@ from fecore.updating.posterior import prior_of_scatter
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
 """Constants that belong to a specimen, whatever its boundary; Poisson's ratio is the material's."""
 
-CAMPAIGNS_OWN = ("length", "clamp_compliance")
+CLAMP = "clamp_compliance"
+"""EI/kL of a clamp that may yield: a half-normal about nothing, so that a clamp as firm as can be surprises nobody."""
+
+CAMPAIGNS_OWN = ("length", CLAMP)
 """Constants that belong to one campaign: a clamp begins to hold somewhere else each time."""
 
 UNKNOWN_FREQUENCY_SD = 0.0002
@@ -140,7 +144,10 @@ class CampaignModel:
 
 @dataclass(frozen=True)
 class Coupon:
-    """What static tests say of one of the material's constants: a mean with its standard deviation, SI, of a batch."""
+    """What static tests say of one of the material's constants: a mean with its standard deviation, SI, of a batch.
+
+    Where specimens scatter a batch is of one more specimen: the standard deviation is that of its own mean.
+    """
 
     name: str
     mean: float
@@ -158,12 +165,14 @@ class Layout:
         common: constants, among the shared ones, of sets that are made of one material.
         scatter: prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs, else of a constant
             between sets of one material; 0 where nothing scatters.
+        coupons: what static tests say of the shared parameters.
     """
 
     campaigns: tuple[CampaignModel, ...]
     unknowns: tuple[Unknown, ...]
     common: tuple[CommonPrior, ...] = ()
     scatter: float = 0.0
+    coupons: tuple[Coupon, ...] = ()
 
     @classmethod
     def of_one(
@@ -276,22 +285,26 @@ class Layout:
             return by_name(self.shared, self.material(x))
         return by_name(self.prior.names, self.campaigns[0].theta(x))
 
-    def coupon_terms(self, coupons: Sequence[Coupon]) -> tuple[tuple[int, float, float], ...]:
-        """Place in x, value and standard deviation of each coupon there.
+    @cached_property
+    def of_coupons(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(c, X) combinations of x that the coupons say, with (c,) values and standard deviations there.
 
         Raises:
             InputError: a coupon's constant is not updated.
         """
-        terms = []
-        for index, coupon in enumerate(coupons):
+        rows, values, sds = np.zeros((len(self.coupons), len(self.unknowns))), [], []
+        for index, coupon in enumerate(self.coupons):
             if coupon.name not in self.shared:
                 known = ", ".join(self.shared)
                 raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
             place, mean, sd = self.shared.index(coupon.name), coupon.mean, coupon.standard_deviation
+            own = Unknown.of_scatter(coupon.name, coupon.batch).label
+            rows[index] = [at == place or label == own for at, label in enumerate(self.labels)]
             if self.prior.logarithmic[place]:
                 mean, sd = float(np.log(mean)), sd / mean
-            terms.append((place, mean - float(self.prior.xi_mean[place]), sd))
-        return tuple(terms)
+            values.append(mean - float(self.prior.xi_mean[place]))
+            sds.append(sd)
+        return rows, np.array(values), np.array(sds)
 
     def unverified(self) -> Layout:
         """The same on bases as they are now and without excursions, for a search that is verified afterwards."""

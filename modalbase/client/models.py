@@ -11,7 +11,7 @@ from modalbase.client.display import print_json, print_table
 from modalbase.client.files import send_file
 from modalbase.client.finding import STRUCTURE, find_id
 from modalbase.client.jobs import require_success, wait_for
-from modalbase.client.options import AsJson, OfStructure, Url, json_file, say_next, service_at
+from modalbase.client.options import AsJson, Confirm, OfStructure, Url, json_file, say_next, service_at
 
 
 def model(
@@ -31,6 +31,7 @@ def model(
     sections: Annotated[
         Path | None, typer.Option(help="JSON of what each set of a mesh is", exists=True, dir_okay=False)
     ] = None,
+    confirm: Confirm = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
@@ -41,7 +42,8 @@ def model(
             found = service.get(address)
         else:
             stated = None if sections is None else json_file(sections)
-            sent = send_file(service, address, file, sections=stated, units=units, accept=accept or [])
+            said: dict[str, Any] = {"units": units, "accept": accept or [], "confirm": confirm or None}
+            sent = send_file(service, address, file, sections=stated, **said)
             found = wait_for(service, f"models/{sent['id']}", "model")
             require_success(found, f"model {sent['id']}")
     if as_json:

@@ -114,7 +114,8 @@ class _Import:
         if archive.has(f"{folder}/deck"):
             deck = archive.json(f"{folder}/model.json")
             with archive.unpacked(f"{folder}/deck", str(deck["filename"])) as file:
-                made.import_model(file, deck["units"], accept=deck["accepted"], sections=deck.get("sections"))
+                said = {"accept": deck["accepted"], "sections": deck.get("sections")}
+                made.import_model(file, deck["units"], **said, confirm=True)
         if archive.has(f"{folder}/coupon-batches.json"):
             for one in archive.json(f"{folder}/coupon-batches.json"):
                 self.coupons(made, folder, one["batch"], one["coupons"])

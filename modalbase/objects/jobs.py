@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from modalbase.client.files import MESH_FORMATS, SOLVERS, fetch_file, format_of
+from modalbase.client.files import MESH_FORMATS, REPORTS, SOLVERS, fetch_file, format_of
 from modalbase.client.finding import MODE_SET, Kind
 from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
 from modalbase.client.results import beside_lines, mode_cells, mode_set_cells, parameter_cells, verdict_lines
@@ -285,6 +285,19 @@ class UpdateJob(Job):
         """
         self.wait().check()
         return Result(self.lab, self.fields["id"], self.lab.connection.get(f"{self.address}/result"))
+
+    def report(self, file: str | Path) -> Path:
+        """Write its report: two pages for a customer, the rest as annex.
+
+        Args:
+            file: `.pdf` or `.html`.
+
+        Raises:
+            ClientError: the name says neither, or the job has no result.
+        """
+        target = Path(file)
+        fetch_file(self.lab.connection, f"{self.address}/report", target, format=format_of(target, REPORTS))
+        return target
 
     def summary(self) -> str:
         """Verdict, warnings and parameters of a job that has succeeded, the reason of one that failed, else its stage."""

@@ -8,8 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Self
 
 from modalbase.client.connection import Connection
+from modalbase.client.display import Written
 from modalbase.client.finding import CAMPAIGN, MONITOR, PROJECT, STRUCTURE, find, find_job
 from modalbase.client.place import find_place
+from modalbase.client.results import parameter_cells
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.found import Found
 from modalbase.objects.jobs import Result, UpdateJob, update_jobs
@@ -123,7 +125,8 @@ class Laboratory(Access):
     def results(self, jobs: Iterable[UpdateJob] | None = None, **narrowed: Any) -> Table:
         """Results of many jobs as one table, a row a job: verdict, and each parameter with its uncertainty.
 
-        The columns of a parameter `Ex` are `Ex`, `Ex_sd`, `Ex_low`, `Ex_high` and `Ex_identifiable`, in SI.
+        The columns of a parameter `Ex` are `Ex`, `Ex_sd`, `Ex_low`, `Ex_high` and `Ex_identifiable`, in SI. Printed it is one
+        column a parameter, in a laboratory's units.
 
         Args:
             jobs: whose results; by default all that have succeeded.
@@ -134,8 +137,11 @@ class Laboratory(Access):
         """
         wanted = list(self.jobs(**{"status": "succeeded", **narrowed}) if jobs is None else jobs)
         with ThreadPoolExecutor(TOGETHER) as pool:
-            rows = list(pool.map(_row, wanted))
-        return Table(rows, key="job")
+            results = list(pool.map(UpdateJob.result, wanted))
+        read = [_read(result) for result in results]
+        columns = list(dict.fromkeys(name for each in read for name in each))
+        shown = columns, [[each.get(name) for name in columns] for each in read]
+        return Table([_row(*pair) for pair in zip(wanted, results, strict=True)], key="job", shown=shown)
 
     def find(
         self,
@@ -173,12 +179,23 @@ class Laboratory(Access):
         return self.connection.pages(path, **params)
 
 
-def _row(job: UpdateJob) -> dict[str, Any]:
-    result: Result = job.result()
-    verdict = result.document.get("verdict") or {"level": None}
+def _read(result: Result) -> dict[str, Any]:
+    """A row of the table as people read it."""
+    columns, rows = parameter_cells(result.document["parameters"])
+    name, unit, estimate, sd = (columns.index(each) for each in ("parameter", "unit", "estimate", "± sd"))
+    values = {
+        f"{row[name]} [{row[unit]}]" if row[unit] not in ("", "1") else row[name]: Written(
+            row[estimate] if row[sd] is None else f"{row[estimate]} ± {row[sd]}"
+        )
+        for row in rows
+    }
+    return {"job": result.job, "verdict": result.verdict.replace("_", " "), **values}
+
+
+def _row(job: UpdateJob, result: Result) -> dict[str, Any]:
     row = {
         "job": job.fields["id"], "campaign": job.fields["campaign_id"], "finished_at": job.fields["finished_at"],
-        "verdict": verdict["level"], "warnings": len(result.warnings),
+        "verdict": result.verdict or None, "warnings": len(result.warnings),
     }  # fmt: skip
     for parameter in result.parameters:
         name = parameter["name"]

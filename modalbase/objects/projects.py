@@ -151,6 +151,7 @@ class Structure(Editable):
         *,
         accept: Sequence[str] = (),
         sections: Mapping[str, Any] | None = None,
+        confirm: bool = False,
         wait: bool = True,
     ) -> Model:
         """Send a deck or mesh; once it was read, the structure's next version is that model.
@@ -163,15 +164,17 @@ class Structure(Editable):
             accept: names of cards that may be left out although modes change by that.
             sections: of a mesh, by set: `{"skin": {"thickness_m": …, "material": {"E1_Pa": …}}}` with `isotropic` or `plies`
                 as well, SI.
+            confirm: take sections that are unusual in SI, such as a thickness of 4 m, as they are.
             wait: for the end of the reading.
 
         Raises:
             JobFailed: it could not be read; says line and card.
             ClientError: the service refuses it.
         """
-        path = f"{self.address}/model"
-        answer = send_file(self.lab.connection, path, Path(file), sections=sections, units=units, accept=list(accept))
-        sent = Model(self.lab, answer)
+        said: dict[str, Any] = {"units": units, "accept": list(accept), "confirm": confirm or None}
+        sent = Model(
+            self.lab, send_file(self.lab.connection, f"{self.address}/model", Path(file), sections=sections, **said)
+        )
         if wait:
             sent.wait().check()
             self.refresh()

@@ -99,14 +99,14 @@ def on_mesh(mesh: Mesh, everywhere: FloatArray) -> dict[str, Any]:
 
 
 def _effects(effects: FrequencyEffects) -> dict[str, Any]:
-    """What a monitor explains its alarms by."""
+    """What a monitor explains its alarms by, and the sensitivities of the parameters."""
     modes = len(effects.mass)
     arrays: dict[str, Any] = {
         "mass_sites_m": effects.sites,
         "mass_effects": effects.mass,
         "frf_scale": np.array([] if effects.frf_scale is None else [effects.frf_scale]),
     }
-    for kind in ("stiffness", "support"):
+    for kind in ("parameter", "stiffness", "support"):
         by_name: dict[str, FloatArray] = getattr(effects, kind)
         arrays[f"{kind}_names"] = np.array(list(by_name), dtype=np.str_)
         arrays[f"{kind}_effects"] = np.array(list(by_name.values())).reshape(len(by_name), modes)

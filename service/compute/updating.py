@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from fecore.body.constants import Body
+from fecore.body.matrices import MatrixBody
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
@@ -26,6 +27,9 @@ from service.compute.origin import origin
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
 from service.compute.result_arrays import as_npz
 from service.jobs.kinds import Report
+
+JointBody = OrientedSpecimen | Structure | MatrixBody
+"""What several campaigns may be of: specimens of one material, or one body in space."""
 
 _OF_HITS = 0.05  # share of an update's progress that its hits take
 
@@ -153,7 +157,7 @@ class JointCampaign:
 
     name: str
     specimen: str
-    body: OrientedSpecimen | Structure
+    body: JointBody
     measurement: Measurement
     recipe: Recipe
     provenance: dict[str, Any]

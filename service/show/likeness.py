@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy
 from sqlalchemy.orm import Session
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.correlation import mac
 from fecore.modes import MeasuredModes
+from fecore.trend import TrackedMode
+from fecore.trend.tracking import FEWEST_DOFS, same_modes
 from service.errors import Conflict
 from service.show.figures.marks import Figure, counted, shortened
 from service.show.figures.matrices import mac_figure
@@ -23,11 +23,6 @@ from service.store.modes.operations import load_modes
 if TYPE_CHECKING:
     from service.store.modes.operations import ModeSet
 
-SAME = 0.5
-"""MAC from which two modes are called one; below it they share less than they differ."""
-_FEWEST = 2  # shared degrees of freedom: at one all shapes are alike
-_FAR = 0.2  # relative difference of frequency beyond which modes without shapes are not called one
-
 
 @dataclass(frozen=True)
 class Likeness:
@@ -36,22 +31,16 @@ class Likeness:
     Attributes:
         hz: (n,) frequencies of the first set, Hz.
         other_hz: (m,) those of the other one, Hz.
-        mac: (n, m) from 0 to 1; None where a set has no shapes, or they share fewer than two degrees of freedom.
+        mac: (n, m) from 0 to 1; None where a set has no shapes, or they share fewer than three degrees of freedom.
         dofs: how many they share.
+        partners: number from 0 of the other set's mode that each of the first's is, as trends follow modes.
     """
 
     hz: FloatArray
     other_hz: FloatArray
     mac: FloatArray | None
     dofs: int
-
-    @cached_property
-    def partners(self) -> dict[int, int]:
-        """Number from 0 of the other set's mode that is each of the first's: by shape, or by frequency where there are none."""
-        off = np.abs(np.log(self.other_hz / self.hz[:, None]))
-        cost, most = (off, _FAR) if self.mac is None else (1 - np.nan_to_num(self.mac), 1 - SAME)
-        rows, columns = scipy.optimize.linear_sum_assignment(cost)
-        return {int(i): int(j) for i, j in zip(rows, columns, strict=True) if cost[i, j] <= most}
+    partners: Mapping[int, int]
 
 
 def likeness(session: Session, first: ModeSet, other: ModeSet) -> Likeness:
@@ -72,10 +61,11 @@ def likeness(session: Session, first: ModeSet, other: ModeSet) -> Likeness:
             raise Conflict("the frames of the two campaigns differ and one lies askew: their directions are not alike")
     values = [_by_axis(modes) for modes in (a, b)]
     shared = sorted(set(values[0]) & set(values[1]))
-    if len(shared) < _FEWEST:
-        return Likeness(a.frequency_hz, b.frequency_hz, None, len(shared))
-    columns = [np.column_stack([each[dof] for dof in shared]) for each in values]
-    return Likeness(a.frequency_hz, b.frequency_hz, mac(*columns), len(shared))
+    sides = [_tracked(modes, each) for modes, each in zip((a, b), values, strict=True)]
+    matrix = None
+    if len(shared) >= FEWEST_DOFS:
+        matrix = mac(*(np.column_stack([each[dof] for dof in shared]) for each in values))
+    return Likeness(a.frequency_hz, b.frequency_hz, matrix, len(shared), same_modes(*sides))
 
 
 def _in_frame(session: Session, mode_set: ModeSet) -> MeasuredModes:
@@ -91,6 +81,13 @@ def _by_axis(modes: MeasuredModes) -> dict[tuple[int, int], ComplexArray]:
     return {(dof.point, dof.axis): dof.sign * modes.shapes[:, k] for k, dof in enumerate(modes.dofs)}
 
 
+def _tracked(modes: MeasuredModes, values: Mapping[tuple[int, int], ComplexArray]) -> list[TrackedMode]:
+    return [
+        TrackedMode(float(hz), {dof: complex(each[i]) for dof, each in values.items()})
+        for i, hz in enumerate(modes.frequency_hz)
+    ]
+
+
 def likeness_figure(session: Session, first: ModeSet, other: ModeSet) -> Figure:
     """The MAC of two sets as a matrix.
 
@@ -100,7 +97,7 @@ def likeness_figure(session: Session, first: ModeSet, other: ModeSet) -> Figure:
     found = likeness(session, first, other)
     if found.mac is None:
         raise Conflict(
-            f"the sets have shapes at {counted(found.dofs, 'shared degree')} of freedom, and a MAC needs two"
+            f"the sets have shapes at {counted(found.dofs, 'shared degree')} of freedom, and a MAC needs {FEWEST_DOFS}"
         )
     names = [shortened(each.name) for each in (first, other)]
     title = f"MAC of {names[0]} and {names[1]}, at {found.dofs} shared degrees of freedom"

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, overflow, signed_in
+from tests.integration.test_coupons import CURVE, machine_file
 from tests.support.browser import hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
@@ -147,3 +150,80 @@ def a_hit_is_refused(page: Page, hits: str) -> None:
     with page.expect_navigation():
         page.locator("button:has-text('Refuse hit')").first.click()
     page.wait_for_selector("text=refused by corrector")
+
+
+def test_pieces_masses_and_what_things_are_found_by_are_corrected(running: Browser, service: LocalService) -> None:
+    """Rows are read, added and removed; tags and metadata keep the kinds of their values; what was not touched stays."""
+    key = service.new_key("corrector of rows")
+    with (
+        client_at(service.url, key) as api,
+        watched_page(running, service.url, width=390, height=844, dark=True) as seen,
+    ):
+        project = posted(api, "projects", {"name": "kept"})["id"]
+        pieces = [
+            {"from_m": 0.1, "to_m": 0.2, "thickness_m": 0.012},
+            {"from_m": 0.3, "to_m": 0.4, "thickness_m": 0.009},
+        ]
+        body = {"name": "bar", "geometry": PLATE, "density_kg_m3": 2000, "material": MATERIAL, "pieces": pieces}
+        meta = {"client": "ACME", "order": "017", "layers": 12}
+        structure = posted(api, f"projects/{project}/structures", {**body, "tags": ["winter"], "meta": meta})["id"]
+        given = {"name": "June", "boundary": "free", "instruments": {"added_masses": [{"x_m": 0.5, "mass_kg": 0.02}]}}
+        campaign = posted(api, f"structures/{structure}/campaigns", given)["id"]
+        page = signed_in(seen, key, f"/ui/edit/structures/{structure}")
+        page.wait_for_selector("button:has-text('Save what was changed'):enabled")
+        assert page.input_value("[name='pieces/1/thickness_m']") == "9"
+        assert set(page.input_value("[name=meta]").split("\n")) == {"client: ACME", "order: 017", "layers: 12"}
+        assert (overflow(seen), hindrances(page)) == (0, [])
+        page.fill("[name='pieces/0/end_thickness_m']", "1.5 cm")
+        page.click("[data-rows=pieces] .one:has([name='pieces/1/from_m']) button:has-text('Remove')")
+        page.fill("[name=tags]", "winter, pultruded")
+        page.fill("[name=meta]", "client: ACME\norder: 017\nlayers: 14")
+        page.fill("[name='inputs/thickness_sd_m']", "0.05")
+        saved(page, "Save what was changed")
+        now = ok(api.get(f"structures/{structure}"))
+        assert now["pieces"] == [{**pieces[0], "end_thickness_m": 0.015}]
+        assert (now["tags"], now["meta"]) == (["winter", "pultruded"], {**meta, "layers": 14})
+        assert (now["inputs"]["thickness_sd_m"], now["inputs"]["length_sd_m"]) == (5e-5, None)
+        assert (now["version"], now["material"]) == (2, MATERIAL)
+        page.goto(f"/ui/edit/campaigns/{campaign}")
+        page.wait_for_selector("button:has-text('Save what was changed'):enabled")
+        page.click("[data-rows='instruments/added_masses'] button:has-text('Add a mass')")
+        page.fill("[name='instruments/added_masses/1/x_m']", "250")
+        page.fill("[name='instruments/added_masses/1/mass_kg']", "8")
+        assert (overflow(seen), hindrances(page)) == (0, [])
+        saved(page, "Save what was changed")
+        masses = ok(api.get(f"campaigns/{campaign}"))["instruments"]["added_masses"]
+        assert [(mass["x_m"], mass["mass_kg"]) for mass in masses] == [(0.5, 0.02), (0.25, 0.008)]
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(running: Browser, service: LocalService) -> None:
+    """A German machine's file: its columns are offered, unknown sizes are asked for again; the second needs its sizes alone."""
+    key = service.new_key("tester")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        project = posted(api, "projects", {"name": "coupons"})["id"]
+        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
+        body = {"name": "0 degrees", "constants": ["Ex", "nu_xy"]}
+        batch = posted(api, f"structures/{structure}/coupon-batches", body)["id"]
+        page = signed_in(seen, key, f"/ui/coupon-batches/{batch}")
+        page.click("summary:has-text('Record a raw curve')")
+        for number in (1, 2):  # the second time it stands open, filled in
+            data = machine_file(CURVE).replace(b"Nr. 17", f"Nr. {number}".encode())
+            page.set_input_files(
+                "[data-raw-curve] [name=file]", {"name": f"A{number}.csv", "mimeType": "text/csv", "buffer": data}
+            )
+            page.wait_for_selector("[data-raw-curve] datalist option", state="attached")
+            found = [
+                page.input_value(f"[name='columns/{series}/header']")
+                for series in ("force", "strain", "transverse_strain")
+            ]
+            assert found == ["Kraft", "Längsdehnung", "Querdehnung"]
+            page.fill("[name='dimensions/width']", "25.02, 25.00, 24.98" if number == 1 else "25.0")
+            page.fill("[name='dimensions/thickness']", "2.01, 2.00, 1.99" if number == 1 else "2.0")
+            assert hindrances(page) == []
+            saved(page, "Reduce and record it")
+        specimens = ok(api.get(f"coupon-batches/{batch}/coupons"))["items"]
+        assert [row["specimen"] for row in specimens] == ["A1", "A2"]
+        # by hand in docs/coupons.md
+        assert [row["E_Pa"] for row in specimens] == pytest.approx([39.5074e9] * 2, rel=2e-6)
+        assert (seen.complaints, seen.strangers) == ([], [])

@@ -69,10 +69,16 @@ def test_every_row_comes_back_from_every_schema(source: Engine, target: Engine, 
     with source.begin() as connection:
         fill(connection)
     repair_digests(source)
-    manifest = write_backup(source, tmp_path / "backup")
+    seen: list[tuple[int, int]] = []
+    manifest = write_backup(source, tmp_path / "backup", lambda *bytes_: seen.append(bytes_))
     assert (manifest.revision, manifest.software, manifest.damaged) == (revision, __version__, [])
     assert stat_mode(tmp_path / "backup") == 0o600
-    assert restore_backup(target, tmp_path / "backup") == manifest
+    back: list[tuple[int, int]] = []
+    assert restore_backup(target, tmp_path / "backup", lambda *bytes_: back.append(bytes_)) == manifest
+    assert seen == sorted(seen)
+    assert all(done <= total for done, total in (*seen, *back))
+    assert back[-1][0] == back[-1][1]
+    assert seen[-1][0] > back[-1][0]  # it was written and read back
     require_head(target)
     upgrade(source)  # what an upgrade in place makes of the same rows
     restored, kept = rows_of(target), rows_of(source)

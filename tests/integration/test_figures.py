@@ -240,6 +240,22 @@ def test_budget_posterior_damping_and_convergence_are_the_results(demo: Done) ->
     assert chosen["y"] == pytest.approx([step["cost"] for step in whole["convergence"]], rel=1e-6)
 
 
+def test_sensitivities_say_which_mode_tells_of_which_parameter(demo: Done) -> None:
+    (cells,) = demo.figure("sensitivities")["data"]
+    names = demo.figure("sensitivities")["layout"]["yaxis"]["ticktext"]
+    rows = {name.split()[0]: np.array(row) for name, row in zip(names, cells["z"], strict=True)}
+    parameters = {row["name"]: row for row in demo.result["parameters"]}
+    assert all(name.endswith("data" if parameters[name.split()[0]]["identifiable"] else "prior") for name in names)
+    kinds = [mode["kind"] for mode in demo.result["modes"]]
+    ex = parameters["Ex"]
+    sd_of_log = np.sqrt(np.log1p((ex["prior_sd"] / ex["prior_mean"]) ** 2))
+    # Of a slender strip f goes with √Ex in bending; its clamp and shear take a little of the strain energy.
+    bends = rows["Ex"][[kind == "bending" for kind in kinds]]
+    np.testing.assert_allclose(bends, 100 * sd_of_log / 2, rtol=0.05)
+    assert kinds[int(np.argmax(rows["Gxy"]))] == "torsion"
+    assert rows["Gxy"].max() > 10 * rows["Ex"][int(np.argmax(rows["Gxy"]))]
+
+
 def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(demo: Done) -> None:
     provenance = demo.result["provenance"]
     # One mode in the band cannot fix the two coefficients of Rayleigh's law.
@@ -249,12 +265,12 @@ def test_a_job_whose_damping_failed_draws_what_it_has_and_says_why_not_the_rest(
     failed = Done(demo.api, result_of(demo.api, answer.headers["Location"]))
     assert {o["stage"]: o["status"] for o in failed.result["outcomes"]} == {"elastic": "succeeded", "damping": "failed"}
     items = {item["name"]: item for item in ok(demo.api.get(f"{failed.path}/figures"))["items"]}
-    for name in ("parameters", "budget", "posterior", "shapes", "mac", "automac", "convergence"):
+    for name in ("parameters", "sensitivities", "budget", "posterior", "shapes", "mac", "automac", "convergence"):
         assert items[name]["available"], name
         assert failed.figure(name)["data"]
     report = demo.api.get(f"{failed.path}/report").text
     assert "No FRF is predicted, as the damping was not fitted" in report
-    assert report.count("<img") == 7
+    assert report.count("<img") == 8
     for name in ("frf", "csac", "csf", "sac", "damping"):
         refused = demo.api.get(f"{failed.path}/figures/{name}")
         assert refused.status_code == 409
@@ -303,7 +319,7 @@ def test_the_report_says_what_the_result_says_and_stands_alone(demo: Done) -> No
     said += ["pultruded FRP beam", "Brüel &amp; Kjær", "cantilever", "checked by", "prior_from_coupon_batch", "31.7"]
     for words in said:
         assert words.replace("'", "&#x27;") in page.text, words
-    assert page.text.count("<img") == 12  # every figure but the stabilisation diagram
+    assert page.text.count("<img") == 13  # every figure but the stabilisation diagram
     printed = demo.api.get(f"{demo.path}/report", params={"format": "pdf"})
     assert printed.headers["content-type"] == "application/pdf"
     assert printed.headers["content-disposition"].startswith("inline")

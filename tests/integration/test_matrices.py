@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from shutil import which
 from typing import Any
 
 import httpx
@@ -15,9 +16,10 @@ from service.store.updating.bodies import nominal_body
 from tests.integration.test_bodies import updated
 from tests.integration.test_forecasts import forecast
 from tests.integration.test_models import sent
+from tests.support import solids
 from tests.support.matrices import archived, zipped
 from tests.support.profiles import ANGLE, uff
-from tests.support.rest import ok
+from tests.support.rest import finished, ok
 
 FACTORS = {"flange": 1.08, "web": 0.93}
 MODULI = ("E1", "E2", "G12", "G13", "G23")
@@ -72,6 +74,26 @@ def test_an_update_of_matrices_finds_the_factor_of_each_part(api: httpx.Client, 
     assert b"angle.zip" in api.get(f"{base}/report").content
 
 
+def test_campaigns_of_matrices_update_together(api: httpx.Client, bare: str) -> None:
+    assert sent(api, bare, zipped(body()), units="m-N-kg", filename="angle.zip")["status"] == "succeeded"
+    assert "whose nodes have no walls" in ok(api.post(f"structures/{bare}/plans", json={}), 422)["errors"][0]["detail"]
+    content, jobs = measured(), list[dict[str, str]]()
+    for name in ("before", "after"):
+        asked = {"name": name, "boundary": "free", "inputs": {"window_rate_per_s": 0}}
+        campaign = ok(api.post(f"structures/{bare}/campaigns", json=asked), 201)["id"]
+        finished(api, api.post(f"campaigns/{campaign}/imports", content=content).headers["Location"])
+        jobs.append({"campaign_id": campaign})
+    begun = api.post("update-jobs", json={"joint": True, "jobs": jobs})
+    done = finished(api, begun.headers["Location"])
+    assert done["status"] == "succeeded", done["error"]
+    result = ok(api.get(api.base_url.join(begun.headers["Location"] + "/result")), 200)
+    rows = {row["name"]: row for row in result["parameters"]}
+    for name, value in FACTORS.items():
+        assert rows[f"{name}.factor"]["estimate"] == pytest.approx(value, rel=0.02)
+    with_angle = {"joint": True, "jobs": [jobs[0], {**jobs[1], "angle_deg": 3}]}
+    assert "lies as it is stated" in ok(api.post("update-jobs", json=with_angle), 422)["errors"][0]["detail"]
+
+
 def test_matrices_that_hold_the_body_are_as_modelled(api: httpx.Client, bare: str) -> None:
     assert sent(api, bare, archived(body("cantilever")), units="m-N-kg", filename="a.npz")["status"] == "succeeded"
     held = forecast(api, bare, modes=3, boundary="as_modelled")
@@ -103,3 +125,23 @@ def test_what_is_wrong_with_matrices_is_said_by_file(api: httpx.Client, bare: st
         )
     damaged = sent(api, bare, b"PK nothing", units="m-N-kg", filename="a.npz")
     assert "a.npz" in damaged["message"]
+
+
+@pytest.mark.skipif(which("ccx") is None, reason="CalculiX is not installed")
+def test_matrices_of_solids_that_calculix_stores(api: httpx.Client, bare: str) -> None:
+    """K of each part of 20-node bricks, as a user stores it; FRFs of CalculiX's modes with other moduli."""
+    model = sent(api, bare, solids.stored_matrices(), units="mm-N-t", filename="solids.zip")
+    assert model["status"] == "succeeded", model["message"]
+    assert model["found"]["factors"] == ["plate.factor", "rib.factor"]
+    assert model["found"]["mass_kg"] == pytest.approx(1850 * 0.3 * (0.06 * 0.008 + 0.008 * 0.03), rel=1e-6)
+    seen = forecast(api, bare, modes=8)["found"]
+    expected, _ = solids.solved(dict.fromkeys(solids.MODULI, 1.0), [1])
+    # Of each part the other's modulus is a millionth.
+    assert [mode["frequency_hz"] for mode in seen["model_modes"]] == pytest.approx(expected[6:14], rel=2e-6)
+    truth = {"plate": 1.06, "rib": 0.9}
+    _, result = updated(api, bare, solids.measured(truth), "free", {"damping_models": ["rayleigh"]})
+    rows = {row["name"]: row for row in result["parameters"]}
+    for name, value in truth.items():
+        low, high = rows[f"{name}.factor"]["interval_95"]
+        assert low < value < high, rows[f"{name}.factor"]
+        assert rows[f"{name}.factor"]["estimate"] == pytest.approx(value, rel=0.01)

@@ -271,6 +271,21 @@ def test_each_points_distance_from_the_model_is_listed(api: httpx.Client, bare: 
     assert by_label[90]["distance_m"] == pytest.approx(0.028)
 
 
+def test_points_off_the_model_are_listed_at_import(api: httpx.Client, bare: str) -> None:
+    sent(api, bare, deck(), units="m-N-kg")
+    for shift, count in ((0.0, 0), (0.01, 1)):
+        frame = {"origin_m": [0, shift, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0]}
+        body = {"name": f"{shift}", "boundary": "free", "frame": frame}
+        campaign = ok(api.post(f"structures/{bare}/campaigns", json=body), 201)["id"]
+        queued = api.post(f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=measured())
+        warnings = [
+            each for each in finished(api, queued.headers["Location"])["warnings"] if "off the specimen" in each
+        ]
+        listed = ok(api.get(f"campaigns/{campaign}/alignment"), 200)["off"]
+        assert (len(warnings), bool(listed)) == (count, bool(count))
+        assert all(f": {', '.join(map(str, listed))};" in each for each in warnings)
+
+
 def test_a_model_has_no_edges_to_clamp(api: httpx.Client, bare: str) -> None:
     sent(api, bare, deck(), units="m-N-kg")
     held = {"name": "c", "boundary": "cantilever"}

@@ -12,6 +12,7 @@ import os
 import struct
 import sys
 import zlib
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import UTC
 from json import JSONDecodeError, dumps, loads
@@ -20,7 +21,7 @@ from typing import IO, Any
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 from psycopg import sql
-from sqlalchemy import Connection, Engine, MetaData, Table, func, select
+from sqlalchemy import Connection, Engine, MetaData, Table, func, select, text
 
 from fecore import __version__
 from service.app.backup.verification import find_damage
@@ -104,12 +105,33 @@ def read_manifest(file: Path, archive: ZipFile) -> Manifest:
         raise BackupError(f"{file} is no backup of modalbase, or is damaged: {error}") from error
 
 
-def write_backup(engine: Engine, file: Path) -> Manifest:
+Watch = Callable[[int, int], object]
+"""Is called with the bytes that are done and those that there are, which is about right until the end."""
+More = Callable[[int], None]
+"""Is called with the bytes that were done since the last time."""
+
+
+def counted(watch: Watch | None, total: int) -> More:
+    """What counts bytes for a watcher, who is shown each thousandth; nothing where there is none."""
+    done, shown = 0, 0
+
+    def more(size: int) -> None:
+        nonlocal done, shown
+        done += size
+        if watch is not None and done - shown >= total / 1000:
+            shown = done
+            watch(done, max(done, total))
+
+    return more
+
+
+def write_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Manifest:
     """Write everything to a file that must not exist yet, and read it back; it is there whole, or not at all.
 
     Args:
         engine: on the database, at this version's schema or an earlier one.
         file: the backup; readable for its owner alone, as it holds the keys' digests.
+        watch: is shown how far it is: all tables are written, then read back.
 
     Returns:
         What was written. `damaged` names what the database itself holds damaged: the backup has it as it is.
@@ -124,8 +146,9 @@ def write_backup(engine: Engine, file: Path) -> Manifest:
     try:
         with engine.connect().execution_options(isolation_level="REPEATABLE READ") as connection:
             connection.exec_driver_sql("SET TRANSACTION READ ONLY")
-            manifest = _write(connection, require_known(connection), partial)
-        read_back(partial, manifest)
+            more = counted(watch, 2 * _size(connection) if watch else 0)
+            manifest = _write(connection, require_known(connection), partial, more)
+        read_back(partial, manifest, more)
         partial.rename(file)
     except OSError as error:
         raise BackupError(f"cannot write {file}: {error.strerror}") from error
@@ -145,13 +168,19 @@ def our_tables(connection: Connection) -> list[Table]:
     return metadata.sorted_tables
 
 
-def _write(connection: Connection, revision: str, file: Path) -> Manifest:
+def _size(connection: Connection) -> int:
+    """Bytes of all tables."""
+    query = text("SELECT sum(pg_table_size(name::regclass)) FROM unnest(CAST(:names AS text[])) AS name")
+    return int(connection.scalar(query, {"names": [table.name for table in our_tables(connection)]}) or 0)
+
+
+def _write(connection: Connection, revision: str, file: Path, more: More) -> Manifest:
     moment = connection.scalars(select(func.now())).one().astimezone(UTC).isoformat()
     damaged = find_damage(connection)
     descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     with os.fdopen(descriptor, "wb") as stream:
         with ZipFile(stream, "w", ZIP_DEFLATED, compresslevel=COMPRESSION) as archive:
-            tables = [_copy_out(connection, table, archive) for table in our_tables(connection)]
+            tables = [_copy_out(connection, table, archive, more) for table in our_tables(connection)]
             manifest = Manifest(FORMAT, __version__, revision, moment, tables, damaged)
             archive.writestr(MANIFEST, manifest.to_json())
         stream.flush()
@@ -159,7 +188,7 @@ def _write(connection: Connection, revision: str, file: Path) -> Manifest:
     return manifest
 
 
-def _copy_out(connection: Connection, table: Table, archive: ZipFile) -> TableEntry:
+def _copy_out(connection: Connection, table: Table, archive: ZipFile, more: More) -> TableEntry:
     columns = [column.name for column in table.columns if column.computed is None]
     digest = hashlib.sha256()
     cursor: Any = connection.connection.cursor()
@@ -169,6 +198,7 @@ def _copy_out(connection: Connection, table: Table, archive: ZipFile) -> TableEn
             for block in copy:
                 digest.update(block)
                 member.write(block)
+                more(len(block))
         rows = cursor.rowcount
     return TableEntry(table.name, columns, rows, digest.hexdigest())
 
@@ -178,7 +208,7 @@ def names(columns: list[str]) -> sql.Composed:
     return sql.SQL(", ").join(map(sql.Identifier, columns))
 
 
-def read_back(file: Path, manifest: Manifest) -> None:
+def read_back(file: Path, manifest: Manifest, more: More = lambda _: None) -> None:
     """Read a backup as a restore would, and compare it with what was written.
 
     Raises:
@@ -192,14 +222,14 @@ def read_back(file: Path, manifest: Manifest) -> None:
             with ZipFile(stream) as archive:
                 _require(read_manifest(file, archive) == manifest, "manifest")
                 for entry in manifest.tables:
-                    _compare(entry, archive)
+                    _compare(entry, archive, more)
     except (*UNREADABLE, BackupError) as error:
         raise BackupError(f"the backup was written and cannot be read back; is the disk sound? {error}") from error
 
 
-def _compare(entry: TableEntry, archive: ZipFile) -> None:
+def _compare(entry: TableEntry, archive: ZipFile, more: More) -> None:
     with archive.open(entry.member) as member:
-        digested = _Digested(member)
+        digested = _Digested(member, more)
         rows = _count_rows(io.BufferedReader(digested, BLOCK_BYTES))
     _require((digested.digest.hexdigest(), rows) == (entry.sha256, entry.rows), f"table {entry.name}")
 
@@ -210,10 +240,10 @@ def _require(same: bool, what: str) -> None:
 
 
 class _Digested(io.RawIOBase):
-    """A stream whose bytes are digested as they are read."""
+    """A stream whose bytes are digested and counted as they are read."""
 
-    def __init__(self, source: IO[bytes]) -> None:
-        self._source, self.digest = source, hashlib.sha256()
+    def __init__(self, source: IO[bytes], more: More) -> None:
+        self._source, self._more, self.digest = source, more, hashlib.sha256()
 
     def readable(self) -> bool:
         return True
@@ -221,6 +251,7 @@ class _Digested(io.RawIOBase):
     def readinto(self, buffer: Any) -> int:
         block = self._source.read(len(buffer))
         self.digest.update(block)
+        self._more(len(block))
         buffer[: len(block)] = block
         return len(block)
 

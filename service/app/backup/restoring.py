@@ -15,10 +15,14 @@ from sqlalchemy.orm import Session
 
 from service.app.backup.archive import (
     BLOCK_BYTES,
+    MANIFEST,
     UNREADABLE,
     BackupError,
     Manifest,
+    More,
     TableEntry,
+    Watch,
+    counted,
     names,
     our_tables,
     read_manifest,
@@ -28,7 +32,7 @@ from service.db.schema import known_revisions, upgrade_on, upgrading
 from service.jobs.queue import queue_again
 
 
-def restore_backup(engine: Engine, file: Path) -> Manifest:
+def restore_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Manifest:
     """Fill an empty database from a backup, bring its schema to this version's, and check every stored SHA-256.
 
     Jobs that waited or ran when the backup was made wait again.
@@ -36,6 +40,7 @@ def restore_backup(engine: Engine, file: Path) -> Manifest:
     Args:
         engine: on a database without rows; a schema without rows is replaced.
         file: what `write_backup` wrote, also with an earlier version of modalbase.
+        watch: is shown how far it is.
 
     Raises:
         BackupError: the database is not empty, or the file is no backup, incomplete, damaged or a newer version's.
@@ -46,7 +51,8 @@ def restore_backup(engine: Engine, file: Path) -> Manifest:
             if manifest.revision not in known_revisions():
                 raise BackupError(f"{file} is of modalbase {manifest.software}, which is newer; install that version")
             with upgrading(engine) as connection:
-                _restore(connection, manifest, archive)
+                more = counted(watch, sum(one.file_size for one in archive.infolist() if one.filename != MANIFEST))
+                _restore(connection, manifest, archive, more)
     except UNREADABLE as error:
         raise BackupError(f"{file} is no backup of modalbase, or is damaged: {error}") from error
     except OSError as error:
@@ -57,7 +63,7 @@ def restore_backup(engine: Engine, file: Path) -> Manifest:
     return manifest
 
 
-def _restore(connection: Connection, manifest: Manifest, archive: ZipFile) -> None:
+def _restore(connection: Connection, manifest: Manifest, archive: ZipFile, more: More) -> None:
     _clear(connection)
     upgrade_on(connection, manifest.revision)
     tables = our_tables(connection)
@@ -65,7 +71,7 @@ def _restore(connection: Connection, manifest: Manifest, archive: ZipFile) -> No
     if entries.keys() != {table.name for table in tables}:
         raise BackupError("the backup's tables are not those of its schema; the file is damaged")
     for table in tables:
-        _copy_in(connection, entries[table.name], archive)
+        _copy_in(connection, entries[table.name], archive, more)
     upgrade_on(connection, "head")
     connection.execute(text("ANALYZE"))
     damaged = [name for name in find_damage(connection) if name not in manifest.damaged]
@@ -106,7 +112,7 @@ SELECT format('DROP TYPE IF EXISTS %s CASCADE', oid::regtype) FROM pg_type
 """
 
 
-def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile) -> None:
+def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile, more: More) -> None:
     digest = hashlib.sha256()
     cursor: Any = connection.connection.cursor()
     query = sql.SQL("COPY {} ({}) FROM STDIN (FORMAT binary)").format(sql.Identifier(entry.name), names(entry.columns))
@@ -116,6 +122,7 @@ def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile) -> Non
                 while block := member.read(BLOCK_BYTES):
                     digest.update(block)
                     copy.write(block)
+                    more(len(block))
         except (psycopg.DataError, psycopg.IntegrityError) as error:  # such as one that was cut short
             reason = str(error).partition("\n")[0]
             raise BackupError(f"the backup's table {entry.name} is damaged: {reason}") from error

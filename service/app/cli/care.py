@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from modalbase.client.display import transfer
 from service.app.cli.ending import stop_with
 from service.app.cli.options import Data, settings_of_running
 
@@ -25,8 +26,8 @@ def backup(file: Annotated[Path, typer.Argument(help="File to write; it must not
     from service.app.backup.archive import write_backup
     from service.db.opening import opened_engine
 
-    with opened_engine(_existing(data), migrate_new=False) as engine:
-        manifest = write_backup(engine, file)
+    with opened_engine(_existing(data), migrate_new=False) as engine, transfer(file.name) as watch:
+        manifest = write_backup(engine, file, watch)
     rows = sum(table.rows for table in manifest.tables)
     typer.echo(f"{file}: {rows} rows of {len(manifest.tables)} tables, schema {manifest.revision}; read back whole")
     if manifest.damaged:
@@ -39,8 +40,8 @@ def restore(file: Annotated[Path, typer.Argument(help="What `modalbase backup` w
     from service.app.backup.restoring import restore_backup
     from service.db.opening import opened_engine
 
-    with opened_engine(settings_of_running(data), migrate_new=False) as engine:
-        manifest = restore_backup(engine, file)
+    with opened_engine(settings_of_running(data), migrate_new=False) as engine, transfer(file.name) as watch:
+        manifest = restore_backup(engine, file, watch)
     rows = sum(table.rows for table in manifest.tables)
     typer.echo(f"restored {rows} rows of {manifest.created_at}; every spectrum, curve and file has its SHA-256")
     if manifest.damaged:

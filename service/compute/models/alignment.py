@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.align import Motion, by_closest, by_pairs
 from fecore.body.constants import Body
+from fecore.body.matrices import MatrixBody
+from fecore.body.structure import Structure
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Distances:
 
 def distances(body: Body, points: FloatArray) -> Distances:
     """How far (p, 3) points in the body's frame lie from it, m."""
-    surfaces = body.model.surfaces
+    surfaces = body.surfaces if isinstance(body, Structure | MatrixBody) else body.model.surfaces
     found = surfaces.nearest(points)
     sets = tuple(surfaces.mesh.blocks[number].set for number in found.block.tolist())
     return Distances(found.distance, sets, found.normal, surfaces.are_off(points, found))

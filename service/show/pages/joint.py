@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 from uuid import UUID
 
 from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from service.jobs.resource import ENDED
+from service.show.pages.comparing import leaves
 from service.show.pages.forms import fields_of
 from service.show.pages.look import Visit, VisitDep
 from service.show.results import routes as shown
@@ -84,7 +85,19 @@ def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = 
         result=joint_document(visit.session, joint_update_for(visit.session, visit.user, joint_id)),
         figures=shown.list_joint_figures(joint_id, visit.session, visit.user).items,
         alone=_newest_alone(visit, names),
+        asked=[(name, names.get(said, said)) for name, said in _stated(job.request) if said not in ("", "–")],
     )
+
+
+def _stated(request: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """What was asked for and is no default of a recipe, a line each; recipes are stored whole."""
+    usual = RecipeIn.model_validate({}).model_dump(mode="json")
+
+    def own(part: Mapping[str, Any]) -> dict[str, Any]:
+        changed = {name: value for name, value in (part["recipe"] or {}).items() if value != usual.get(name)}
+        return {name: changed if name == "recipe" else value for name, value in part.items()}
+
+    yield from leaves(own({**request, "jobs": [own(job) for job in request["jobs"]]}))
 
 
 def _newest_alone(visit: Visit, names: Mapping[str, str]) -> dict[str, UUID]:

@@ -28,10 +28,14 @@ TONES: dict[str, Tone] = {"usable": "good", "with_care": "careful", "do_not_use"
 MOST_MODES = 12
 """Modes on the customer's pages; all of them are in the annex."""
 ANNEX = (
-    "parameters", "budget", "posterior", "shapes", "mac", "automac", "csac", "csf", "sac", "damping", "convergence",
-    "stabilisation",
+    "parameters", "sensitivities", "budget", "posterior", "shapes", "mac", "automac", "csac", "csf", "sac", "damping",
+    "convergence", "stabilisation",
 )  # fmt: skip
-_WIDTHS = {**dict.fromkeys(("budget", "automac", "mac", "csac", "csf"), 0.8), "posterior": 0.75, "convergence": 0.85}
+_WIDTHS = {
+    **dict.fromkeys(("sensitivities", "budget", "automac", "mac", "csac", "csf"), 0.8),
+    "posterior": 0.75,
+    "convergence": 0.85,
+}
 """Of figures that are high, as shares of the text's width, so that two fit on a page; of others 0.9."""
 
 

@@ -18,7 +18,7 @@ from service.show.figures.convergence import convergence_figure
 from service.show.figures.correlation import PointValues, agreement_figure, points_figure
 from service.show.figures.damping import damping_figure
 from service.show.figures.marks import Figure, words
-from service.show.figures.matrices import mac_figure
+from service.show.figures.matrices import mac_figure, sensitivities_figure
 from service.show.figures.parameters import parameters_figure
 from service.show.figures.posterior import posterior_figure
 from service.show.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
@@ -218,6 +218,17 @@ def _posterior(data: AnyFigures, _: Wanted) -> Figure:
     return posterior_figure(chosen, correlation, samples)
 
 
+def _require_sensitivities(data: UpdateFigures) -> None:
+    if "parameter_effects" not in data.arrays:
+        raise Conflict(_OLDER)
+
+
+def _sensitivities(data: UpdateFigures, _: Wanted) -> Figure:
+    effects = dict(zip(data.arrays["parameter_names"].tolist(), data.arrays["parameter_effects"], strict=True))
+    known = {row["name"]: row["identifiable"] for row in data.document["parameters"]}
+    return sensitivities_figure(effects, known, _measured_names(data))
+
+
 def _require_budget(data: AnyFigures) -> None:
     if not any(row["budget"] for row in data.document["parameters"]):
         raise Conflict("this result does not say what the variance of its parameters is made of")
@@ -298,6 +309,9 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     ),
     "parameters": NamedFigure(
         "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _require_result
+    ),
+    "sensitivities": NamedFigure(
+        "Sensitivities of the frequencies, parameter by mode", _sensitivities, _require_sensitivities
     ),
     "budget": NamedFigure(
         "What the variance of each parameter is made of",

@@ -341,7 +341,9 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
             if published is not None:
                 warnings.append(f"{name}: the specimens are used, not the published mean")
             if own.n is not None and own.n < FEWEST_SPECIMENS:
-                warnings.append(f"{name}: {own.n} valid specimens; D3039 asks for at least {FEWEST_SPECIMENS}")
+                warnings.append(
+                    f"{name}: {own.n} valid specimen{'s' * (own.n != 1)}; D3039 asks for at least {FEWEST_SPECIMENS}"
+                )
         elif published is not None:
             value = PublishedMean.model_validate(published)
             constants[name] = _statistic(Statistics(value.n, value.mean, value.standard_deviation), unit, "published")

@@ -18,6 +18,7 @@ from modalbase.formats.records import TimeBlock
 from modalbase.formats.uff import DatasetReport, Function, GridPoint, ModeShape, TimeResponse, TraceLine
 from service.compute.arrays_of_files import Found
 from service.compute.frf_rows import EncodedFrf
+from service.compute.models.alignment import distances
 from service.compute.reading import Kept
 from service.errors import Conflict, Invalid, PayloadTooLarge
 from service.store.campaigns.operations import add_points, campaign_for, campaign_of, frame_of, stored_points
@@ -25,6 +26,7 @@ from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
 from service.store.records.operations import RecordIntake
 from service.store.storage import book
+from service.store.structures.meshes import body_in_space
 from service.store.structures.operations import present_structure
 
 SAME_POINT_M = 1e-6
@@ -219,21 +221,24 @@ class Intake:
         if off := self._off_specimen():
             warnings.append(
                 f"FRFs name grid points off the specimen: {_shown(off)}; an update will refuse them: check the structure's "
-                "dimensions, the points' coordinates and the campaign's frame"
+                "dimensions, the points' coordinates and the campaign's frame; GET /campaigns/{id}/alignment lists distances"
             )
         return warnings
 
     def _off_specimen(self) -> list[int]:
-        """Labels of the FRFs' points that lie further out than the model takes to be on the edge."""
+        """Labels of the FRFs' points that an update would refuse."""
         labels = sorted(self.named & self.points.keys())
         if not labels:
             return []
         campaign = campaign_of(self.session, self.row.campaign_id)
-        geometry = present_structure(self.session, campaign.structure_id)[1].geometry
-        if geometry is None:
-            return []
+        _, structure = present_structure(self.session, campaign.structure_id)
         places = frame_of(campaign).points(np.array([self.points[label] for label in labels]))
-        off = off_specimen(places[:, :2], geometry.length_m, geometry.width_m)
+        if (g := structure.geometry) is not None:
+            off = off_specimen(places[:, :2], g.length_m, g.width_m)
+        elif (body := body_in_space(self.session, structure)) is not None:
+            off = distances(body, places).off
+        else:
+            return []
         return [labels[row] for row in np.flatnonzero(off)]
 
 

@@ -12,6 +12,7 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
+from fecore.body.matrices import MatrixBody
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
@@ -167,7 +168,7 @@ def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
         return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in ("free", AS_MODELLED)]
     boundaries = ("cantilever", "free", "simply_supported")
     plain = joint_body(session, structure, "free", RecipeIn.model_validate({}))
-    if isinstance(plain, Structure):
+    if not isinstance(plain, OrientedSpecimen):
         return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in boundaries]
     mass = _ADDED * plain.material.density * plain.length * plain.width * plain.thickness
     added = {"x_m": plain.length, "y_m": 0.0, "mass_kg": mass}
@@ -183,6 +184,10 @@ def _test(
     body = joint_body(
         session, structure, asked.boundary, RecipeIn.model_validate({}), number=number, masses=masses, first=first
     )
+    if isinstance(body, MatrixBody):
+        raise Invalid(
+            f"/tests/{number}/structure_id", "is matrices, whose nodes have no walls to hit; a forecast has points"
+        )
     points, axes = _points(asked, body)
     sensor = len(points) - 1 if asked.sensor is None else asked.sensor
     if sensor >= len(points):

@@ -11,16 +11,20 @@ from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.generators import strip
+from fecore.body.matrices import MatrixBody
 from fecore.body.mesh import Block, Mesh
+from fecore.body.structure import Structure
 from fecore.body.supports import of_boundary
 from modalbase.formats.models.matrices import MatrixModel
-from service.compute.models.bodies import AS_MODELLED
+from service.compute.models.bodies import AS_MODELLED, body_of_model
+from service.compute.models.matrices import body_of_matrices
 from service.errors import Conflict
 from service.store.structures.models import load_model
 from service.store.structures.operations import StructureVersion, describe_version
 
 if TYPE_CHECKING:
     from modalbase.formats.models.model import Elements, FiniteElementModel
+    from service.store.structures.schemas import StructureIn
 
 
 def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -> dict[str, Any]:
@@ -46,6 +50,16 @@ def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -
         "supports": [_held(mesh.select(each.where), each.dofs) for each in supports],
         "masses": [],
     }
+
+
+def body_in_space(session: Session, structure: StructureIn) -> Structure | MatrixBody | None:
+    """The body of a shape or a model, whoever asks, to see which points lie on it; None of a strip or plate."""
+    if structure.shape is not None:
+        return Structure(structure.shape.mesh(), structure.shape.sections(1.0))
+    if structure.model is None:
+        return None
+    model = load_model(session, structure.model)
+    return body_of_matrices(model, AS_MODELLED) if isinstance(model, MatrixModel) else body_of_model(model)
 
 
 def described_mesh(version: StructureVersion) -> Mesh:

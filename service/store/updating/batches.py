@@ -9,7 +9,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
-from fecore.body.structure import Structure
+from fecore.body.specimen import OrientedSpecimen
 from fecore.errors import FecoreError, InputError
 from fecore.updating.campaigns import check_material
 from fecore.updating.parameters import parametrise
@@ -189,7 +189,7 @@ def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fa
         if number and not faults:
             with pointing(faults, f"/jobs/{number}/campaign_id"):
                 parametrise(body, parameters)
-        if isinstance(body, Structure) and request.jobs[number].angle_deg is not None:
+        if not isinstance(body, OrientedSpecimen) and request.jobs[number].angle_deg is not None:
             faults.append(
                 Fault(f"/jobs/{number}/angle_deg", "is of strips and plates; a body in space lies as it is stated")
             )

@@ -79,6 +79,8 @@ def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:
     Raises:
         InputError: the body lacks one of the sets.
     """
+    if isinstance(body, MatrixBody):
+        raise InputError("coupons", "give constants of materials, and matrices have factors alone")
     if not isinstance(body, Structure):
         return {name: [name] for name in _OF_SHELL}
     found: dict[str, list[str]] = {}

@@ -24,7 +24,7 @@ from fecore.updating.parameters import Parameter, default_parameters
 from fecore.updating.posterior import SCATTER
 from service.compute.frame import Frame
 from service.compute.processing import ProcessingInputs
-from service.compute.updating import Hits, JointCampaign, JointInputs, UpdateInputs
+from service.compute.updating import Hits, JointBody, JointCampaign, JointInputs, UpdateInputs
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
@@ -251,8 +251,8 @@ def _provenance(job: UpdateJob, campaign: MeasuredCampaign, used: MeasuredFrfs |
 
 
 def parameters_of(recipe: RecipeIn, body: Body) -> tuple[Parameter, ...]:
-    """The parameters of a joint update: the recipe's, or all constants of the material or of the sets."""
-    usual = default_parameters(body) if isinstance(body, Structure) else MATERIAL_PARAMETERS
+    """The parameters of a joint update: the recipe's, or all constants of the material, of the sets, or factors."""
+    usual = MATERIAL_PARAMETERS if isinstance(body, OrientedSpecimen) else default_parameters(body)
     return recipe.to_core().parameters or usual
 
 
@@ -266,7 +266,7 @@ def joint_body(
     masses: tuple[PointMass, ...] = (),
     first: StructureIn | None = None,
     angle_deg: float | None = None,
-) -> OrientedSpecimen | Structure:
+) -> JointBody:
     """What a joint update, or a plan for one, makes of a structure.
 
     Args:
@@ -285,9 +285,7 @@ def joint_body(
     if is_in_space(structure):
         model = None if structure.model is None else load_model(session, structure.model)
         body = body_of(structure, boundary, recipe, masses, model)
-        if isinstance(body, MatrixBody):
-            raise InputError(f"jobs.{number}.campaign_id", "has matrices as its structure, which update alone")
-        assert isinstance(body, Structure), "a structure in space is one"
+        assert isinstance(body, Structure | MatrixBody), "a structure in space is one"
         return body
     require_no_choice_of_joints(recipe)
     plain = nominal_specimen(of_its_material(structure, number), boundary, masses)
@@ -355,7 +353,7 @@ def _campaign(
             "campaign_id": str(campaign.campaign_id),
             "structure_version_id": str(campaign.structure_version_id),
             "mode_set": None if recipe.mode_set is None else str(recipe.mode_set),
-            "angle_deg": None if isinstance(body, Structure) else math.degrees(body.fibre_angle),
+            "angle_deg": math.degrees(body.fibre_angle) if isinstance(body, OrientedSpecimen) else None,
             "inputs": inputs.model_dump(mode="json"),
         },
         warnings=campaign.warnings,

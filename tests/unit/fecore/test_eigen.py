@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import sparse
 from scipy.linalg import eigh
@@ -226,6 +226,7 @@ def test_bad_requests_are_refused() -> None:
 
 
 @given(size=st.integers(1, 40), share=st.floats(0, 1), alike=st.booleans(), seed=st.integers(0, 2**32 - 1))
+@settings(deadline=None)
 def test_largest_eigenpairs_are_lapacks(size, share, alike, seed) -> None:
     """Also for repeated roots and spectra over eight decades, as those of a plate are."""
     random = np.random.default_rng(seed)

@@ -5,19 +5,8 @@ import pytest
 
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from service.show.likeness import Likeness, _by_axis
+from service.show.likeness import _by_axis
 from service.show.pages.comparing import _told_apart, leaves
-
-
-def test_modes_are_partners_by_shape_though_their_frequencies_changed_places() -> None:
-    mac = np.array([[0.1, 0.95], [0.97, 0.1], [0.3, 0.2]])
-    found = Likeness(np.array([10.0, 11.0, 30.0]), np.array([10.5, 11.5]), mac, 12)
-    assert found.partners == {0: 1, 1: 0}
-
-
-def test_modes_without_shapes_are_partners_by_frequency_and_never_from_far_off() -> None:
-    found = Likeness(np.array([10.0, 20.0, 90.0]), np.array([9.5, 21.0, 60.0]), None, 0)
-    assert found.partners == {0: 0, 1: 1}
 
 
 def test_shapes_are_compared_along_positive_axes() -> None:

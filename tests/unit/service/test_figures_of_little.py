@@ -249,6 +249,7 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
         ),
         ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
         ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
+        ("sensitivities", a_result({"shape_points": np.zeros(0)}), OLDER),
         ("automac", a_result(correlation={"mac_matrix": [[1.0]]}), OLDER),
         ("shapes", a_result(provenance={"frfs": [{}]}), OLDER),
         (

@@ -8,29 +8,47 @@ async function readInto(form) {
   const value = await answer.json();
   if (!answer.ok) throw value;
   EDITED.set(form, { value, tag: answer.headers.get("ETag") });
+  for (const rows of tablesOf(form)) for (const row of member(value, rows.dataset.rows) ?? []) addRow(rows, row);
   for (const input of fieldsOf(form)) {
-    const found = input.name.split("/").reduce((node, step) => node?.[step], value);
+    const found = member(value, input.name);
     if (found === null || found === undefined) continue;
     input.value = shownIn(input, found);
   }
 }
-const fieldsOf = (form) => [...form.elements].filter((input) => input.name && input.type !== "submit" && input.type !== "hidden");
+const member = (value, pointer) => pointer.split("/").reduce((node, step) => node?.[step], value);
+const tablesOf = (form) => [...form.querySelectorAll("[data-rows]")];
+const fieldsOf = (form) => [...form.elements].filter((input) => input.name && input.type !== "submit" && input.type !== "hidden" && !input.closest("[data-rows]"));
 const fixedOf = (form) => [...form.elements].filter((input) => input.name && input.type === "hidden"); // what a button means
 function shownIn(input, value) {
-  if ("pairs" in input.dataset) return Object.entries(value).map(([key, item]) => `${key}: ${typeof item === "string" ? item : JSON.stringify(item)}`).join("\n");
+  if ("pairs" in input.dataset) return Object.entries(value).map(([key, item]) => `${key}: ${lineOf(item)}`).join("\n");
+  if ("list" in input.dataset) return value.join(", ");
   if (input.type === "datetime-local") { const at = new Date(value); return new Date(at - at.getTimezoneOffset() * 60000).toISOString().slice(0, 16); }
   return input.dataset.scale ? Number((value / Number(input.dataset.scale)).toPrecision(12)) : value;
+}
+const lineOf = (item) => (typeof item === "string" ? item : JSON.stringify(item));
+/* What lines of pairs say: a line that stayed is what it was; of metadata a number is one. */
+function pairsOf(input, before) {
+  const said = valueOf(input) ?? {};
+  const isNumber = (text) => input.dataset.pairs === "typed" && text !== "" && !Number.isNaN(Number(text));
+  for (const [key, text] of Object.entries(said)) said[key] = before?.[key] !== undefined && lineOf(before[key]) === text ? before[key] : isNumber(text) ? Number(text) : text;
+  return said;
 }
 /* Members of which a field was changed, each whole; null where a field was emptied. */
 function changesOf(form) {
   const { value } = EDITED.get(form);
   const next = structuredClone(value);
   for (const input of fieldsOf(form)) {
-    const before = input.name.split("/").reduce((node, step) => node?.[step], value);
+    const before = member(value, input.name);
     if (String(before === null || before === undefined ? "" : shownIn(input, before)) === input.value) continue; // as it was, to the last digit
-    put(next, input.name, "text" in input.dataset ? input.value.trim() : valueOf(input) ?? ("pairs" in input.dataset ? {} : null));
+    put(next, input.name, "text" in input.dataset ? input.value.trim() : "pairs" in input.dataset ? pairsOf(input, before) : valueOf(input) ?? ("list" in input.dataset ? [] : null));
   }
   const members = new Set(fieldsOf(form).map((input) => input.name.split("/")[0]));
+  for (const { dataset: { rows } } of tablesOf(form)) {
+    const stated = (list) => JSON.stringify((list ?? []).map((row) => Object.fromEntries(Object.entries(row).filter(([, item]) => item !== null))));
+    const list = member(bodyOf(form), rows) ?? [];
+    if (stated(list) !== stated(member(value, rows))) put(next, rows, list);
+    members.add(rows.split("/")[0]);
+  }
   for (const input of fixedOf(form)) { put(next, input.name, valueOf(input) ?? null); members.add(input.name); }
   return Object.fromEntries([...members].filter((name) => JSON.stringify(next[name]) !== JSON.stringify(value[name])).map((name) => [name, next[name]]));
 }

@@ -15,13 +15,13 @@ async function call(method, path, body, headers = {}) {
   return value;
 }
 /* Numbers that are probably in another unit are sent again where a person says that they are meant. */
-async function send(method, path, value, headers = {}) {
-  const json = (to) => call(method, to, JSON.stringify(value), { "Content-Type": "application/json", ...headers });
-  try { return await json(path); } catch (problem) {
+async function meant(path, sent) {
+  try { return await sent(path); } catch (problem) {
     if (!problem.confirmable || !confirm(`${problem.detail}\n\nTake them as they are?`)) throw problem;
-    return json(path + "?confirm=true");
+    return sent(path + "?confirm=true");
   }
 }
+const send = (method, path, value, headers = {}) => meant(path, (to) => call(method, to, JSON.stringify(value), { "Content-Type": "application/json", ...headers }));
 const say = (text) => { document.getElementById("say").textContent = text; };
 
 /* The value of an input: in SI, with the digits that were typed; undefined where nothing was said. */
@@ -35,6 +35,8 @@ function valueOf(input) {
   if ("numbers" in input.dataset && "scale" in input.dataset) return text.split(/[\s,;]+/).map((part) => inSI(input, part));
   if ("scale" in input.dataset) return inSI(input, text);
   if ("array" in input.dataset) return arrayOf(text);
+  if ("list" in input.dataset) return text.split(",").map((part) => part.trim()).filter(Boolean);
+  if ("column" in input.dataset) return /^\d+$/.test(text) ? Number(text) : text; // of a file without headers its number
   if (input.type === "number" || "number" in input.dataset) return Number(text);
   if (input.type === "datetime-local") return new Date(text).toISOString();
   if ("numbers" in input.dataset) return text.split(/[\s,;]+/).map(Number);

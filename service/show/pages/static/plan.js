@@ -14,7 +14,7 @@ function cell(tag, text, kind = "") {
 function rowOf(item, names) {
   const line = document.createElement("tr");
   const points = document.createElement("details");
-  points.append(cell("summary", `${item.points_m.length} points`), item.points_m.map(([x, y]) => `(${three(1000 * x)}, ${three(1000 * y)})`).join(" "));
+  points.append(cell("summary", item.points_m.length === 1 ? "1 point" : `${item.points_m.length} points`), item.points_m.map(([x, y]) => `(${three(1000 * x)}, ${three(1000 * y)})`).join(" "));
   const places = cell("td", "", "text");
   places.append(points);
   line.append(

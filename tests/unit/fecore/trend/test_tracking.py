@@ -3,6 +3,7 @@
 import numpy as np
 
 from fecore.trend import TrackedMode, track
+from fecore.trend.tracking import same_modes
 
 POINTS = np.linspace(0.1, 0.9, 9)
 
@@ -37,3 +38,12 @@ def test_a_far_frequency_or_another_shape_begins_a_track() -> None:
 def test_shapes_at_too_few_common_points_are_not_compared() -> None:
     few = TrackedMode(10.1, {(1, 3): 1.0, (2, 3): -1.0})
     assert track([[bent(1, 10.0)], [few], [], [bent(1, 10.2)]]) == [[0], [0], [], [0]]
+
+
+def test_of_two_alike_shapes_the_nearer_frequency_is_meant() -> None:
+    """At sparse points two modes look alike; the MAC alone would take the farther one, which is alike by a hair more."""
+    shape = {(1, 3): 1.0, (2, 3): -0.5, (3, 3): 0.25}
+    nearly = {**shape, (3, 3): 0.26}
+    others = [TrackedMode(101.0, nearly), TrackedMode(112.0, shape)]
+    assert same_modes([TrackedMode(100.0, shape)], others) == {0: 0}
+    assert same_modes([TrackedMode(100.0, shape)], []) == {}
