@@ -303,4 +303,6 @@ def _lines(order: ForecastOrder, first_hz: float, highest_hz: float) -> FloatArr
         raise InputError(
             "line_spacing_hz", f"of {spacing:g} makes more than {MOST_LINES} lines up to {highest_hz:g} Hz"
         )
+    if spacing > highest_hz:
+        raise InputError("line_spacing_hz", f"of {spacing:g} leaves no line up to {highest_hz:g} Hz")
     return spacing * np.arange(1, int(highest_hz / spacing) + 1)

@@ -235,6 +235,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         (joint(None, recipe={"mode_set": "{mode_set}"}), "/recipe/mode_set", "state it in that job's recipe"),
         (joint(None, recipe={"parameters": [{"name": "density"}]}), "/recipe/parameters/0/name", ""),
         (joint(None, coupon_batches=[UNKNOWN]), "/coupon_batches/0", ""),
+        (joint(None, coupon_batches=[UNKNOWN, UNKNOWN]), "/coupon_batches", "names a batch twice"),
         ({"joint": True, "jobs": [{"campaign_id": "{campaign}"}, {"campaign_id": UNKNOWN}]}, "/jobs/1/campaign_id", ""),
         ({"joint": True, "jobs": [{"campaign_id": "{campaign}"}, {"campaign_id": "{far}"}]}, "/jobs",
          "belong to several projects; a joint update takes campaigns of one"),

@@ -31,12 +31,19 @@ def browser(api: httpx.Client, service: LocalService) -> Iterator[httpx.Client]:
 
 
 def test_pages_show_what_is_there(
-    browser: httpx.Client, project: str, structure: str, new_campaign: Callable[..., str], imported: Imported
+    api: httpx.Client,
+    browser: httpx.Client,
+    project: str,
+    structure: str,
+    new_campaign: Callable[..., str],
+    imported: Imported,
 ) -> None:
     points = imported(
         new_campaign(name="with a file"), dataset("15", f"{1:10d}{0:10d}{0:10d}{0:10d}" + 3 * f"{1:13.5e}")
     )
     campaign = new_campaign()
+    never_calibrated = api.post(f"projects/{project}/instruments", json={"kind": "hammer", "serial": "30517"})
+    assert never_calibrated.status_code == 201, never_calibrated.text
     places = {
         "/ui/": "tests",
         "/ui/projects": "tests",

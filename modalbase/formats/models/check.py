@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.measures import sizes, worst_corner
-from modalbase.formats.models.model import Elements, FiniteElementModel, Integers
+from modalbase.formats.models.model import Elements, FiniteElementModel, Integers, Link
 
 NAMED = 5
 """At most so many elements, nodes or parts are named in a message."""
@@ -18,15 +19,34 @@ def check(model: FiniteElementModel) -> None:
     """Look for faults that no single line shows.
 
     Raises:
-        FormatError: there is no element; elements have no size or fold over; masses or springs hang on nothing; the model
-            falls into parts, of which one is free.
+        FormatError: there is no element; elements have no size or fold over; a node is led twice, or by itself in a circle;
+            masses or springs hang on nothing; the model falls into parts, of which one is free.
     """
     if not model.elements:
         raise FormatError("", "the model has no shell or beam element; nothing would vibrate")
     faults = [fault for block in model.elements for fault in _shapes(model, block)]
     if faults:
         raise FormatError(faults[:NAMED])
+    _led_once(model)
     _hangs_together(model)
+
+
+def _led_once(model: FiniteElementModel) -> None:
+    links: dict[int, Link] = {}
+    for link in model.links:
+        first = links.setdefault(link.node, link)
+        if first is not link:
+            raise FormatError(
+                f"line {link.line}",
+                f"leads node {model.numbers[link.node]}, which line {first.line} leads already; "
+                "have one constraint lead all its dofs",
+            )
+    try:
+        TopologicalSorter({node: link.leaders for node, link in links.items()}).prepare()
+    except CycleError as error:
+        circle = error.args[1]
+        named = " → ".join(str(model.numbers[node]) for node in circle)
+        raise FormatError(f"line {links[circle[0]].line}", f"nodes lead one another in a circle: {named}") from error
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:

@@ -146,6 +146,8 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
         faults.append(Fault("/jobs", "has one campaign; a joint update takes two at least"))
     if len({job.campaign_id for job in request.jobs}) < len(request.jobs):
         faults.append(Fault("/jobs", "names a campaign twice"))
+    if len(set(request.coupon_batches)) < len(request.coupon_batches):
+        faults.append(Fault("/coupon_batches", "names a batch twice"))
     for number, key in enumerate(request.coupon_batches):
         with pointing(faults, f"/coupon_batches/{number}"):
             coupon_constants(body, batch_for.named(session, user, key, f"/coupon_batches/{number}").sets)

@@ -112,6 +112,8 @@ def test_a_band_has_the_modes_that_lie_in_it() -> None:
         forecast(CANTILEVER, ForecastOrder(highest_hz=float(ten.frequency_hz[0]) / 2))
     with pytest.raises(InputError, match=r"makes more than 20000 lines"):
         forecast(CANTILEVER, ForecastOrder(modes=3, damping_ratio=0.01, spacing_hz=1e-4))
+    with pytest.raises(InputError, match=r"line_spacing_hz: of 1e\+06 leaves no line up to"):
+        forecast(CANTILEVER, ForecastOrder(modes=3, damping_ratio=0.01, spacing_hz=1e6))
     place = np.array([[0.2, 0, 0]])
     with pytest.raises(InputError, match=r"point 7 at \(2, 0, 0\) m lies"):
         forecast(CANTILEVER, ForecastOrder(places=10 * place, labels=[7]))

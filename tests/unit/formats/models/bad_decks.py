@@ -214,6 +214,14 @@ OF_A_PLATE: dict[str, tuple[Change, str]] = {
         ),
         r"^the model falls into 2 parts that nothing joins, and nothing holds 2 of them: element 1 of the set plate .line 11.;",
     ),
+    "a circle of rigid links": (
+        ("*STEP", "*MPC\nBEAM, 1, 2\nBEAM, 2, 1\n*STEP"),
+        r"^line 21: nodes lead one another in a circle: 1 → 2 → 1",
+    ),
+    "a node with two leaders": (
+        ("*STEP", "*MPC\nBEAM, 1, 2\nBEAM, 1, 3\n*STEP"),
+        r"^line 22: leads node 1, which line 21 leads already; have one constraint lead all its dofs",
+    ),
 }
 
 OF_AN_ASSEMBLY: dict[str, tuple[Change, str]] = {
