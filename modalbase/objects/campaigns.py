@@ -13,7 +13,7 @@ from modalbase.client.files import FRF_FORMATS, fetch_file, format_of, send_file
 from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
 from modalbase.objects.jobs import Identification, Import, ModeSet, Processing, UpdateJob, update_jobs
-from modalbase.objects.thing import Editable, Table, Thing
+from modalbase.objects.thing import Editable, Figure, Table, Thing
 
 if TYPE_CHECKING:
     from modalbase.formats.records import Place
@@ -143,6 +143,19 @@ class Campaign(Editable):
         from modalbase.objects.frfs import Frfs
 
         return Frfs.from_npz(self.lab.connection.call("GET", f"{self.address}/frfs/data", params=_npz(wanted)))
+
+    def figure(self, name: str, **options: Any) -> Figure:
+        """A figure, shown in a notebook: `frf` or `hits`.
+
+        Args:
+            name: which one.
+            options: `point`, `direction`; of `frf` also `reference`, `fmin`, `fmax`; of `hits` also `response`.
+
+        Raises:
+            ClientError: there is no such option.
+        """
+        require_known("get_campaign_figure", options)
+        return Figure(self.lab, f"{self.address}/figures/{name}", options)
 
     def archive(self, file: str | Path) -> Path:
         """Write it, with its structure and instruments, to a zip that others read without this service."""

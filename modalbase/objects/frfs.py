@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from modalbase.formats import frfs as files
 from modalbase.formats.frfs import FrfRow
+from modalbase.objects.thing import library
 
 UNITS = {"accelerance": "m/s²/N", "mobility": "m/s/N", "receptance": "m/N"}
 ORDINATES = {"receptance": 8, "mobility": 11, "accelerance": 12}
@@ -21,6 +22,9 @@ ORDINATES = {"receptance": 8, "mobility": 11, "accelerance": 12}
 
 FORCE = 13
 """Code of the ordinate's denominator in UFF 58."""
+
+MOST_NAMED = 10
+"""FRFs of a plot that its legend names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +173,33 @@ class Frfs(files.Frfs):
         """An `xarray.DataArray` with the dimensions `frf` and `frequency_hz`, and points and directions as coordinates.
 
         Raises:
-            ModuleNotFoundError: xarray is not installed.
+            ClientError: xarray is not installed.
         """
-        import xarray as xr
-
         coords: dict[str, Any] = {"frequency_hz": self.frequency_hz}
         for name in files.table.DOFS:
             coords[name] = ("frf", [getattr(row, name) for row in self.frfs])
         attrs = {"units": UNITS[self.quantity]}
-        return xr.DataArray(self.values, coords, ("frf", "frequency_hz"), name=self.quantity, attrs=attrs)
+        return library("xarray").DataArray(
+            self.values, coords, ("frf", "frequency_hz"), name=self.quantity, attrs=attrs
+        )
+
+    def plot(self) -> Any:
+        """Magnitude and phase over frequency as a `matplotlib.figure.Figure`, which a notebook shows; `savefig` writes it.
+
+        Raises:
+            ClientError: matplotlib is not installed.
+        """
+        pyplot = library("matplotlib.pyplot")
+        figure, (magnitude, phase) = pyplot.subplots(2, sharex=True, layout="constrained")
+        pyplot.close(figure)  # else a notebook would show it twice
+        for row, values in self.spectra():
+            name = (
+                f"{row.response_point}:{row.response_direction:+d} / {row.reference_point}:{row.reference_direction:+d}"
+            )
+            magnitude.semilogy(self.frequency_hz, np.abs(values), label=name)
+            phase.plot(self.frequency_hz, np.angle(values, deg=True))
+        magnitude.set_ylabel(f"|{self.quantity}| [{UNITS[self.quantity]}]")
+        phase.set(xlabel="frequency [Hz]", ylabel="phase [°]")
+        if len(self) <= MOST_NAMED:
+            magnitude.legend()
+        return figure

@@ -45,6 +45,10 @@ class ModeSet(Thing):
         """What to know of an identification before one uses it; none of a set from elsewhere."""
         return list(self.fields["details"].get("warnings", ()))
 
+    def plot(self) -> Figure:
+        """Its shapes at the measured points, shown in a notebook."""
+        return Figure(self.lab, f"{self.address}/figures/shapes", {})
+
     def edit(
         self, *, keep: Mapping[float, str] | None = None, drop: Mapping[float, str] | None = None, name: str
     ) -> ModeSet:

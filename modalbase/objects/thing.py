@@ -28,7 +28,8 @@ def library(name: str) -> Any:
     try:
         return import_module(name)
     except ModuleNotFoundError:
-        raise ClientError(f"{name} is not installed: pip install {name}", Exit.USAGE) from None
+        package = name.partition(".")[0]
+        raise ClientError(f"{package} is not installed: pip install {package}", Exit.USAGE) from None
 
 
 class Access:

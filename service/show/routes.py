@@ -26,9 +26,13 @@ from service.show.figures.stabilisation import stabilisation_figure
 from service.show.figures.trend import MOST_RESULTS, results_figure, trend_figure
 from service.show.hits import Chosen, point_blocks, point_shown
 from service.show.likeness import likeness_figure
+from service.show.measured import measured_frf_figure, measured_shapes_figure
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
+from service.store.frfs.data import Cut
+from service.store.frfs.operations import FrfFilter, first_frf
+from service.store.frfs.routes import Hertz
 from service.store.modes.identifications import IDENTIFICATIONS, identification_for
 from service.store.modes.operations import mode_set_for
 from service.store.records.routes import Whole
@@ -48,16 +52,25 @@ def get_campaign_figure(
     session: SessionDep,
     user: CurrentUser,
     asked: Asked,
-    point: Annotated[Whole, Query(description="where it was hit; default: the first place")] = None,
-    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed direction of the hits")] = None,
-    response: Annotated[Whole, Query(description="where the sensor stood; default: the first one")] = None,
+    point: Annotated[
+        Whole, Query(description="where it was hit, or the response of an FRF; default: the first")
+    ] = None,
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed direction there")] = None,
+    response: Annotated[Whole, Query(description="of `hits`: where the sensor stood; default: the first one")] = None,
+    reference: Annotated[Whole, Query(description="of `frf`: reference point")] = None,
+    fmin: Annotated[Hertz, Query(description="of `frf`: lines from here on, Hz")] = None,
+    fmax: Annotated[Hertz, Query(description="of `frf`: lines up to here, Hz")] = None,
 ) -> Response:
-    """The figure `hits` of a point: the good ones alike, each bad one in a colour of its own with what was found against it.
+    """The first `frf` that matches; or the `hits` of a point: good ones alike, bad ones with what was found against them.
 
-    They are judged as the newest processing judged them; before one, among themselves.
+    Hits are judged as the newest processing judged them; before one, among themselves.
     """
     campaign = campaign_for(session, user, campaign_id)
-    require_figure(name, "hits")
+    require_figure(name, "frf", "hits")
+    if name == "frf":
+        frf = first_frf(session, campaign.id, FrfFilter(point=point, direction=direction, reference=reference))
+        cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
+        return asked.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
     blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
     return asked.answer(lambda: hits_figure(point_shown(session, blocks)), name, blocks.version)
 
@@ -92,12 +105,14 @@ def get_mode_set_figure(
     user: CurrentUser,
     asked: Asked,
     mode_set: Annotated[
-        UUID | None, Query(description="another mode set, of this campaign or another; default: itself")
+        UUID | None, Query(description="of `mac`: another mode set, of this campaign or another; default: itself")
     ] = None,
 ) -> Response:
-    """The figure `mac` of a mode set with another one, at the degrees of freedom that both have."""
+    """The `shapes` of a mode set at the measured points; or its `mac` with another one, where both have shapes."""
     first = mode_set_for(session, user, mode_set_id)
-    require_figure(name, "mac")
+    require_figure(name, "mac", "shapes")
+    if name == "shapes":
+        return asked.answer(lambda: measured_shapes_figure(session, first), name)
     second = first if mode_set is None else mode_set_for(session, user, mode_set)
     return asked.answer(lambda: likeness_figure(session, first, second), name)
 

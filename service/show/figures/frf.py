@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.frf import Dof
 from fecore.normal import Z_95
 from service.show.figures.colors import HELD_OUT, INITIAL, MEASURED, OUTSIDE, UPDATED
 from service.show.figures.marks import (
@@ -30,6 +31,11 @@ MOST_LINES = 3200
 _ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured
 UNITS = {"accelerance": "(m/s²)/N", "mobility": "(m/s)/N", "receptance": "m/N"}
 MODELS: dict[str, tuple[str, Dash]] = {"initial": (INITIAL, "dot"), "updated": (UPDATED, "dash")}
+
+
+def dof_name(dof: Dof) -> str:
+    """Point, sign and axis, such as `7+Z`."""
+    return f"{dof.point}{'+' if dof.sign > 0 else '−'}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof.axis - 1]}"
 
 
 @dataclass(frozen=True)

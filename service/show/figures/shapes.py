@@ -28,11 +28,11 @@ class ShapePair:
     measured_title: str  # such as `measured, 160.9 Hz`.
     updated_title: str
     measured: ComplexArray  # (p,) complex, at the first p points; empty where it has no shape
-    updated: FloatArray  # (P,) real
+    updated: FloatArray  # (P,) real; empty where measured shapes alone are drawn
 
 
 def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: FloatArray, which: str = "") -> Figure:
-    """One row of panels a mode: measured on the left, updated on the right, over the undeformed grid.
+    """One row of panels a mode: measured on the left, updated on the right if there is one, over the undeformed grid.
 
     `layout.meta` has the same as numbers for an animation: `points`, `x_m`, `y_m` (`z_m` of a body in space), and by mode
     `measured` and `updated` (None where a point has none), each with its greatest value ±1 and turned to the same sign.
@@ -47,17 +47,18 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
     panels, modes = [], []
     grid = _Grid(places)
     top = 1.15 + grid.height
+    both = " and updated" if any(pair.updated.size for pair in pairs) else ""
     x, y = (Axis(range=ends, hidden=True) for ends in ((-0.05, 1.1 + _OBLIQUE), (-1.15, top)))
     for row, pair in enumerate(pairs):
         measured, updated = aligned(pair.measured, pair.updated)
         padded = np.concatenate([measured, np.full(len(points) - measured.size, np.nan)])
         modes.append({"number": pair.number, "measured": numbers(padded, 5), "updated": numbers(updated, 5)})
         up = 1 - (row + 0.8) / len(pairs), 1 - (row + 0.12) / len(pairs)
-        sides: tuple[tuple[FloatArray, str, str, Dash, tuple[float, float]], ...] = (
+        sides: list[tuple[FloatArray, str, str, Dash, tuple[float, float]]] = [
             (measured, pair.measured_title, MEASURED, "solid", (0.0, 0.48)),
             (updated, pair.updated_title, UPDATED, "dash", (0.52, 1.0)),
-        )
-        for values, title, color, dash, across in sides:
+        ]
+        for values, title, color, dash, across in sides if updated.size else sides[:1]:
             # Axes of its own, so that a page can zoom one shape.
             panel = Panel(replace(x), replace(y), across, up, title)
             panels.append(panel)
@@ -65,7 +66,7 @@ def shapes_figure(pairs: Sequence[ShapePair], points: Sequence[int], places: Flo
             marks += grid.lines(values, color, dash, 1.0, panel)
             marks += grid.dots(values, color, points, panel)
     return Figure(
-        "Mode shapes, measured and updated" + (which and f": {which}"),
+        f"Mode shapes, measured{both}" + (which and f": {which}"),
         marks,
         panels,
         height=110 + max(130 * len(pairs), 260),
@@ -86,7 +87,7 @@ def aligned(measured: ComplexArray, updated: FloatArray) -> tuple[FloatArray, Fl
     if measured.size == 0:
         return np.zeros(0), updated
     real = turned(measured).real
-    if real @ updated[: real.size] < 0:
+    if updated.size and real @ updated[: real.size] < 0:
         real = -real
     return real / max(float(np.abs(real).max()), 1e-300), updated
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
-from fecore.frf import Dof
 from service.errors import NotFound
-from service.show.figures.frf import FrfCurves, Spread, frf_figure
+from service.show.figures.frf import FrfCurves, Spread, dof_name, frf_figure
 from service.show.figures.marks import Figure
 from service.show.results.figure_data import UpdateFigures
 from service.store.frfs.data import Cut
@@ -54,7 +53,7 @@ def update_frf_figure(data: UpdateFigures, wanted: Wanted) -> Figure:
         sds = [data.arrays.row(name, row)[lines] for name in ("log_magnitude_sd", "phase_sd")]
         spread = Spread(*sds)
     curves = FrfCurves(
-        title=f"FRF {_dof(response)} / {_dof(reference)}{', held out of the fit' if held else ''}",
+        title=f"FRF {dof_name(response)} / {dof_name(reference)}{', held out of the fit' if held else ''}",
         quantity=frf.quantity,
         frequency_hz=frequency[lines],
         measured=measured[lines],
@@ -89,10 +88,6 @@ def _points(data: UpdateFigures) -> list[int]:
 def _listed(data: UpdateFigures) -> str:
     points = _points(data)
     return ", ".join(map(str, points[:20])) + (" …" if len(points) > 20 else "")
-
-
-def _dof(dof: Dof) -> str:
-    return f"{dof.point}{'+' if dof.sign > 0 else '−'}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof.axis - 1]}"
 
 
 def _pair(values: Any) -> tuple[float, float] | None:

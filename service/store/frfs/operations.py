@@ -26,6 +26,7 @@ from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
 from service.db.base import Base, Big, Identified, Labelled, label_indexes
 from service.db.bytea import copy_rows, new_keys
+from service.errors import NotFound
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
 from service.store.storage import book
@@ -270,6 +271,18 @@ def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
     """Rows by key, in the order given, whoever asks."""
     rows = {frf.id: frf for frf in session.scalars(select(Frf).where(Frf.id.in_(keys)))}
     return [rows[key] for key in keys]
+
+
+def first_frf(session: Session, campaign_id: UUID, wanted: FrfFilter) -> Frf:
+    """The first FRF of a campaign that passes.
+
+    Raises:
+        NotFound: none does.
+    """
+    found = session.scalars(wanted.query(campaign_id).order_by(Frf.id).limit(1)).first()
+    if found is None:
+        raise NotFound("FRF that matches in this campaign")
+    return found
 
 
 def frfs_of_import(session: Session, import_id: UUID) -> Sequence[Frf]:
