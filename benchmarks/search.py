@@ -52,7 +52,7 @@ SELECT state_uses(ARRAY(SELECT id FROM added));
 INSERT INTO frfs (campaign_id, label, response_point, response_direction, reference_point, reference_direction, quantity,
     start_hz, end_hz, step_hz, lines, dtype, sha256, data)
   SELECT id, 'f', k, 3, 1 + floor(random() * 3000), 3, 'accelerance', 0, 31, 1, 32, '<c8', '', {spectrum}
-  FROM added, generate_series(1, {frfs}) k;
+  FROM added, generate_series(1, {frfs}) k ORDER BY id, k;
 INSERT INTO mode_sets (campaign_id, name, origin) SELECT id, 'set', 'identified' FROM added;
 INSERT INTO modes (mode_set_id, number, frequency_hz, damping_ratio)
   SELECT s.id, k, random(6.0, 4000.0), random(0.001, 0.2)
@@ -66,7 +66,8 @@ INSERT INTO update_results (id, campaign_id, verdict, ex, ex_low, ex_high, ey, d
     (ARRAY['usable', 'with_care'])[1 + (random() < 0.3)::int], ex, 0.9 * ex, 1.1 * ex, 0.4 * ex, '{{}}', ''
   FROM (SELECT id, campaign_id, 3e10 * random({softest}, 2.0) AS ex FROM updated)
 """
-"""What many campaigns leave, without what nobody searches; keys that refer to nothing are not looked at."""
+"""What many campaigns leave, without what nobody searches; keys that refer to nothing are not looked at. The FRFs of a
+campaign lie side by side, as an import writes them."""
 
 
 def filling(project: UUID | str, structures: int, softest: float = 0.9, **each: object) -> Iterator[str]:
