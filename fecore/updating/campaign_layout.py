@@ -162,6 +162,17 @@ def _check(campaigns: Sequence[Campaign], parameters: Sequence[Parameter]) -> No
     if len(set(names)) < len(names):
         raise InputError("campaigns", "two have the same name; the result needs names that differ")
     check_material(campaigns[0].body, parameters)
+    known: dict[tuple[str, str], Campaign] = {}
+    for campaign in campaigns:
+        for name in SPECIMENS_OWN if isinstance(campaign.body, OrientedSpecimen) else ():
+            first = known.setdefault((campaign.specimen, name), campaign)
+            here, there = campaign.body.nominal[name], first.body.nominal[name]
+            if not np.isclose(here, there, rtol=_ALIKE, atol=_ALIKE):
+                raise InputError(
+                    "campaigns",
+                    f"{name} is {there:.6g} in {first.name} and {here:.6g} in {campaign.name}, both of specimen "
+                    f"{campaign.specimen}: state it alike, or name two specimens",
+                )
 
 
 def check_material(body: Body, parameters: Sequence[Parameter]) -> None:

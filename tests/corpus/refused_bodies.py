@@ -166,6 +166,8 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: unplaced(), "grid_points: points 12 have FRFs but no coordinates; add them"),
     (lambda: update_campaigns([]), "campaigns: is empty, expected at least one"),
     (lambda: update_campaigns([CAMPAIGN, CAMPAIGN]), "campaigns: two have the same name; the result needs names that differ"),
+    (lambda: update_campaigns([CAMPAIGN, replace(CAMPAIGN, name="b", body=replace(CAMPAIGN.body, fibre_angle=0.5))]),
+     "campaigns: fibre_angle is 0 in a and 0.5 in b, both of specimen "),
     (lambda: update_campaigns([CAMPAIGN], CampaignsRecipe((Parameter("density"),))),
      "parameters.0.name: is 'density', expected one of the material's: Ex, Ey, Gxy, Gxz, Gyz,"),
     (lambda: update_campaigns([CAMPAIGN], CampaignsRecipe(scatter=-1)), "scatter: is -1, expected a share from 0 to 1"),

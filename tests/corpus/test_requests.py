@@ -243,6 +243,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
     "POST structures/{structure}/plans": [
         ({"made": [{"campaign_id": "{campaign}", "mode_set": "{mode_set}"}]}, "/made/0/mode_set", "another campaign"),
         ({"made": [{"campaign_id": "{campaign}", "mode_set": UNKNOWN}]}, "/made/0/mode_set", ""),
+        ({"made": [{"campaign_id": "{campaign}", "mode_set": UNKNOWN}] * 2}, "/made", "names a campaign twice"),
         ({"tests": [{"boundary": "glued"}]}, "/tests/0/boundary", ""),
         ({"tests": [{"boundary": "free", "sensor": 33}]}, "/tests/0/sensor", ""),
         ({"tests": [{"boundary": "free", "structure_id": UNKNOWN}]}, "/tests/0/structure_id", ""),

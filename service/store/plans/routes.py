@@ -149,6 +149,8 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
     first = tests[0].body
     coupons = [_coupons(number, asked, first) for number, asked in enumerate(body.coupons)]
     sent += [asked.model_dump(mode="json") for asked in body.coupons]
+    if len({each.campaign_id for each in body.made}) < len(body.made):
+        raise Invalid("/made", "names a campaign twice")
     made = tuple(_made(session, user, number, each, own) for number, each in enumerate(body.made))
     parameters = default_parameters(first) if isinstance(first, Structure) else MATERIAL_PARAMETERS
     return PlanOrder(
