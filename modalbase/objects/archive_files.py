@@ -33,7 +33,10 @@ class ArchiveFile:
 
     Attributes:
         manifest: as the archive has it.
+        last: the member that was read last.
     """
+
+    last = MANIFEST
 
     def __init__(self, path: Path) -> None:
         """Open an archive, and hold its manifest against what the zip says.
@@ -134,7 +137,7 @@ class ArchiveFile:
         Raises:
             ClientError: they are not those that the manifest says.
         """
-        digest = sha256()
+        digest, self.last = sha256(), name
         try:
             with self._zip.open(name) as member:
                 while block := member.read(BLOCK):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
+from modalbase.client.errors import ClientError
 from modalbase.objects.archive_files import ArchiveFile, broken
 from modalbase.objects.jobs import Import
 
@@ -58,16 +59,24 @@ class Imported:
 def import_archive(project: Project, path: Path) -> Imported:
     """Read an archive into a project; everything gets ids of the service, and says in `meta.archive` where it came from.
 
+    Where a part of it cannot be read, the structures that were made are deleted, and with them all that is theirs; instruments
+    stay.
+
     Raises:
         ClientError: the archive is not what was written, which is known before anything is sent; or a part of it is none of an
             archive, or refused by the service.
     """
     with ArchiveFile(path) as archive:
         archive.check()
+        reading = _Import(project, archive)
         try:
-            return _Import(project, archive).whole()
-        except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise broken(f"{path.name} is not as an archive is: {type(error).__name__} {error}") from error
+            return reading.whole()
+        except (AttributeError, ClientError, KeyError, TypeError, ValueError) as error:
+            reading.undo()
+            said = str(error) if isinstance(error, ClientError) else f"{type(error).__name__} {error}"
+            raise broken(
+                f"{archive.last} of {path.name} is not as an archive is: {said}; what was made is deleted"
+            ) from error
 
 
 class _Import:
@@ -75,6 +84,12 @@ class _Import:
 
     def __init__(self, project: Project, archive: ArchiveFile) -> None:
         self.project, self.archive, self.ids = project, archive, dict[str, str]()
+        self.made: list[Structure] = []
+
+    def undo(self) -> None:
+        """Delete the structures that were made."""
+        for structure in self.made:
+            structure.delete()
 
     def whole(self) -> Imported:
         """All that the archive has: monitors last, since they are of a structure with its campaigns."""
@@ -110,6 +125,7 @@ class _Import:
         """A structure with its deck and its coupons."""
         archive, folder = self.archive, f"structures/{_id(was)}"
         made = self.project.new_structure(**_stated(was), confirm=True)
+        self.made.append(made)
         self.ids[_id(was)] = made.id
         if archive.has(f"{folder}/deck"):
             deck = archive.json(f"{folder}/model.json")

@@ -348,15 +348,18 @@ def test_an_archive_that_contradicts_itself_is_refused(
         for name, content, said in (
             (f"{folder}/campaign.json", foreign, "a structure that the archive does not have"),
             (f"{folder}/campaign.json", b"[]", "something in the archive|is not as an archive is"),
-            (f"{folder}/frfs.csv", strange, "is not as an archive is: JSONDecodeError"),
+            (f"{folder}/frfs.csv", strange, "frfs.csv of good.zip is not as an archive is: JSONDecodeError"),
+            (f"{folder}/frfs.uff", b"noise", "frfs.uff of good.zip is not as an archive is"),
         ):
             files = json.loads(members["manifest.json"])["files"]
             files[name] = {"bytes": len(content), "sha256": sha256(content).hexdigest()}
             with ZipFile(file, "w", ZIP_DEFLATED) as archive:
                 for path, kept in (restated(members, files=files) | {name: content}).items():
                     archive.writestr(path, kept)
+            project = lab.new_project(said)
             with pytest.raises(ClientError, match=said):
-                lab.new_project(said).import_archive(file)
+                project.import_archive(file)
+            assert project.structures() == [], "nothing is left by half"
 
 
 def test_an_archive_has_nothing_of_others(measured: dict[str, str], new_client: Callable[[], httpx.Client]) -> None:
