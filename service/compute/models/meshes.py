@@ -9,6 +9,7 @@ from typing import Any
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes import Stated, model_of_mesh, read_gmsh, read_uff_mesh, read_vtk, read_vtu
+from modalbase.formats.models.meshes.cells import plain
 from modalbase.formats.models.model import FiniteElementModel, Material, Ply, ShellSection
 from modalbase.formats.models.units import units_of
 
@@ -56,7 +57,9 @@ def _length(mesh: MeshFile, units: str | None) -> float:
 
 
 def _stated(sections: Mapping[str, Mapping[str, Any]]) -> Stated:
-    materials: dict[str, Material] = {}
+    if len(known := {plain(name): stated for name, stated in sections.items()}) < len(sections):
+        raise FormatError("sections", "name a set twice: capitals and signs of a name do not count")
+    sections, materials = known, dict[str, Material]()
     shells = {}
     for name, stated in sections.items():
         if stated.get("held_dofs"):

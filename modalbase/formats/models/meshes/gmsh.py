@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from modalbase.formats.meshes import MeshFile
-from modalbase.formats.models.meshes.cells import SOLID, Gathering, Kind, Lines, name_of
+from modalbase.formats.models.meshes.cells import SOLID, Gathering, Kind, Lines, name_of, plain
 
 _KINDS = {
     1: Kind("beam2", 2), 2: Kind("tri3", 3), 3: Kind("quad4", 4), 8: Kind("beam3", 3), 9: Kind("tri6", 6),
@@ -84,8 +84,12 @@ class _Reading:
         return range(self._lines.wholes(f"the number of {what}", 1)[0])
 
     def _read_names(self) -> Iterator[tuple[tuple[int, int], str]]:
+        before: dict[tuple[str, str], str] = {}
         for _ in self._counted("names"):
             dimension, tag, name = (*self._lines.text("a name").split(maxsplit=2), "", "", "")[:3]
+            other = before.setdefault((dimension, plain(name)), name)
+            if other != name:
+                raise self._lines.fault(f"{other} and {name} are one name, as capitals and signs do not count")
             yield (self._lines.whole(dimension, "a dimension"), self._lines.whole(tag, "a tag of a name")), name
 
     def _entities(self) -> Iterator[tuple[tuple[int, int], list[int]]]:

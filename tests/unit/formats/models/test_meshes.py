@@ -107,6 +107,9 @@ def msh(elements: str, nodes: str = FOUR, count: int | None = None) -> bytes:
     ).encode()
 
 
+NAMES = b'$PhysicalNames\n2\n2 7 "a b"\n2 8 "A_b"\n$EndPhysicalNames\n'
+
+
 def vtk(types: str = "9", cells: str = "4 0 1 2 3", more: str = "") -> bytes:
     return (
         "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 1 0 0 1 1 0 0 1 0\n"
@@ -134,6 +137,8 @@ BAD: dict[str, tuple[str, bytes, dict[str, Any], str]] = {
     "layers": ("a.msh", msh(QUAD + "2 3 2 8 1 1 2 3 4\n"), {"set_7": WALL, "set_8": WALL}, "1 of the set set_7 and 2 of"),
     "solid": ("a.msh", msh("1 4 2 7 1 1 2 3 4\n"), {}, r"line 15: .*solid elements.*solid_7 \(1\).*matrices K and M"),
     "lacks": ("a.msh", msh(QUAD + "2 3 2 8 1 2 5 6 3\n"), {"set_8": WALL}, r"sections: lack set_7 \(1 elements\)"),
+    "names": ("a.msh", msh(QUAD) + NAMES, {}, 'line 20: "a b" and "A_b" are one name'),
+    "again": ("a.msh", msh(QUAD), {"set_7": WALL, "Set.7": WALL}, "sections: name a set twice"),
     "unknown": ("a.msh", msh(QUAD), {"set_7": WALL, "skin": WALL}, "sections.skin: there is no such set; there are set_7"),
     "axis": ("a.msh", msh(QUAD), {"set_7": {**WALL, "axis": [0, 0, 2]}}, "sections.set_7.axis: lies along the normal of"),
     "parts": ("a.msh", msh("1 2 2 7 1 1 2 4\n2 2 2 7 1 3 5 6\n"), {"set_7": WALL}, "falls into 2 parts.*line 15.*line 16"),
