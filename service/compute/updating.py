@@ -11,6 +11,7 @@ from fecore.body.constants import Body
 from fecore.body.matrices import MatrixBody
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
+from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.signal import Processed
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, CampaignsResult, update_campaigns
@@ -191,7 +192,10 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
     count = len(inputs.campaigns)
     for number, each in enumerate(inputs.campaigns):
         report(f"finding the modes of {each.name}", 0.5 * number / count)
-        data = prepare(each.measurement, each.body, each.recipe)
+        try:
+            data = prepare(each.measurement, each.body, each.recipe)
+        except InputError as error:
+            raise InputError(f"jobs.{number}.{error.field}", f"{error.message} ({each.name})") from error
         assert data.modes is not None, "they are handed in or found, else `prepare` refuses"
         points = () if data.frfs is None else fixed_points(*data.frfs.points)
         fixed = () if each.body.masses else points

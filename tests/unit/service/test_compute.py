@@ -6,6 +6,7 @@ import os
 import tempfile
 import tracemalloc
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -20,14 +21,17 @@ from fecore.body.laminate import SHEAR_CORRECTION
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.signal import Averages, Processing, Windows
+from fecore.updating.campaigns import CampaignsRecipe
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.recipe import Recipe
 from modalbase.formats.uff import DatasetReport, Function, GridPoint
 from service.compute import reading
 from service.compute.frame import make_frame
 from service.compute.hits import BlockRow
 from service.compute.processing import PointFile, ProcessingInputs, process_records
 from service.compute.spectra import Spectrum, decode, encode, encode_axis
+from service.compute.updating import JointCampaign, JointInputs, compute_joint
 from service.errors import Damaged, PayloadTooLarge
 from service.jobs import aside, process
 from service.jobs.child import Failure, Item
@@ -37,6 +41,7 @@ from service.store.records.decisions import decisions
 from service.store.records.schemas import OverruleIn
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_specimen
+from tests.corpus.updates import BEAM, measured
 from tests.support.uff import axis, dataset, set_58
 
 
@@ -335,3 +340,13 @@ def test_without_a_direction_the_one_is_meant_in_which_the_point_was_hit() -> No
 def test_what_means_no_hit_or_several_is_refused(wrong: OverruleIn, text: str) -> None:
     with pytest.raises(InputError, match=text):
         decisions([OverruleIn(point=1, hit=2, use=False), wrong], HITS)
+
+
+def test_a_joint_update_says_of_which_campaign_something_is_missing() -> None:
+    points = {label: place for label, place in measured().points.items() if label != 12}
+    whole, lacking = (JointCampaign(name, "bar", BEAM, data, Recipe(), {}, ()) for name, data in (
+        ("March", measured()), ("April", replace(measured(), points=points))
+    ))  # fmt: skip
+    inputs = JointInputs((lacking, whole), CampaignsRecipe(), (), (), {})
+    with pytest.raises(InputError, match=r"^jobs\.0\.grid_points: points 12 .*\(April\)$"):
+        list(compute_joint(inputs, lambda *_: None))
