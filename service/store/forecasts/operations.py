@@ -69,7 +69,8 @@ class ForecastIn(StrictModel):
     )
     damping_ratio: float | None = Field(None, gt=0, lt=1, description="of all modes; states it who wants FRFs")
     line_spacing_hz: Hertz | None = Field(
-        None, description="of the FRFs; default: four lines in the half-power width of the first mode"
+        None,
+        description="of the FRFs; default: four lines in the half-power width of the first mode, 20,000 lines at most",
     )
 
     def to_core(self) -> ForecastOrder:
