@@ -10,7 +10,7 @@ import numpy as np
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
-from fecore.body.supports import Clamp, Link, NodeSpring
+from fecore.body.supports import CLAMP, Clamp, Link, NodeSpring
 
 AnyStructure = TypeVar("AnyStructure", bound=Structure)
 
@@ -69,6 +69,6 @@ def on_bed(body: AnyStructure, bed: Bed, compliance: float, stiffness: float) ->
     mesh = replace(body.mesh, nodes=np.vstack([body.mesh.nodes, bed.centre]))
     rows = np.eye(6)
     rows[3:, 3:] = np.linalg.cholesky(bed.inertia).T
-    spring = NodeSpring("clamp_compliance", stiffness, np.full((6, 1), block), rows[:, None])
+    spring = NodeSpring(CLAMP, stiffness, np.full((6, 1), block), rows[:, None])
     links = (*body.links, *(Link(int(node), (block,)) for node in bed.nodes))
     return replace(body, mesh=mesh, supports=(), links=links, clamps=(Clamp(compliance, spring),))

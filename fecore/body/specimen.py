@@ -21,7 +21,7 @@ from fecore.body.matrices import MatrixBody
 from fecore.body.named import BEYOND_EDGE, OfStructure
 from fecore.body.sections import PLY_CONSTANTS, ShellSection
 from fecore.body.structure import Structure
-from fecore.body.supports import Boundary, Clamp, PointMass, Spring, Support, edges, of_boundary
+from fecore.body.supports import CLAMP, Boundary, Clamp, PointMass, Spring, Support, edges, of_boundary
 from fecore.errors import InputError
 
 CONSTANTS = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy", "density", "thickness", "length", "width")
@@ -198,7 +198,7 @@ class OrientedSpecimen(Specimen):
         """The material's constants, the dimensions, the angle, and the clamp's compliance where it has one."""
         own = {"fibre_angle": self.fibre_angle}
         if self.clamp_compliance:
-            own["clamp_compliance"] = self.clamp_compliance
+            own[CLAMP] = self.clamp_compliance
         return {**super().nominal, **own}
 
     @cached_property
@@ -207,7 +207,7 @@ class OrientedSpecimen(Specimen):
         if not self.clamp_compliance:
             return self._structure((Ply(self.material, self.thickness),), _BENDING)
         per_metre = self.bending_modulus * self.thickness**3 / (12 * self.length)
-        clamps = (Clamp(self.clamp_compliance, Spring("clamp_compliance", per_metre, 5, edge="start")),)
+        clamps = (Clamp(self.clamp_compliance, Spring(CLAMP, per_metre, 5, edge="start")),)
         return self._structure((Ply(self.material, self.thickness),), _BENDING, clamps)
 
     @property

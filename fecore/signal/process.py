@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -85,7 +84,7 @@ def process_in_parts(
         InputError: as `process`; before the first part is given.
     """
     source, window = with_unstated_window(source)
-    spectra, window_sd = Spectra(source, processing or Processing()), 0.0 if window is None else window.sd
+    spectra = Spectra(source, processing or Processing(), 0.0 if window is None else window.sd)
     points, force = _first_pass(spectra, source, progress, shelf, threads)
     verdicts = judge_points(points, spectra.processing)
     good = [tuple(i for i, v in enumerate(judged) if v.accepted) for judged in verdicts]
@@ -102,14 +101,14 @@ def process_in_parts(
     for part in _second_pass(spectra, source, points, good, shelf, most):
         search.add(part.frfs)
         heights.add(part.frfs)
-        yield replace(part, rate_sd_per_s=window_sd)
+        yield part
     progress(1.0)
     delay = search.found()
     yield Findings(
         verdicts=tuple(v for judged in verdicts for v in judged),
         processing=spectra.processing,
         rate_per_s=spectra.rate,
-        rate_sd_per_s=window_sd,
+        rate_sd_per_s=spectra.rate_sd,
         coupling=spectra.coupling,
         delay=delay,
         excited_hz=excited,
@@ -193,7 +192,7 @@ def _averages(spectra: Spectra, rows: Sequence[tuple[Point, tuple[int, ...], tup
         hits=np.array([estimate.hits for estimate in found]),
         used=tuple(numbers for point, numbers, _ in rows for _ in point.responses),
         rate_per_s=spectra.rate,
-        rate_sd_per_s=0.0,
+        rate_sd_per_s=spectra.rate_sd,
     )
 
 

@@ -53,9 +53,15 @@ def by_point(hits: Sequence[Hit]) -> list[list[Hit]]:
 
 
 class Spectra:
-    """The frequency lines and choices of one processing, fixed by its first hits."""
+    """The frequency lines and choices of one processing, fixed by its first hits.
 
-    def __init__(self, source: Source, processing: Processing) -> None:
+    Args:
+        source: the hits.
+        processing: the choices.
+        rate_sd: standard deviation of the exponential window's rate, 1/s; None where nothing shows whether there was another.
+    """
+
+    def __init__(self, source: Source, processing: Processing, rate_sd: float | None = 0.0) -> None:
         if len(source) == 0 or len(source[0]) == 0:
             raise InputError("hits", "is empty; processing needs at least one hit")
         first = source[0][0]
@@ -90,7 +96,7 @@ class Spectra:
         self.processing = replace(
             processing, windows=self.windows, band_hz=(float(self.frequency[0]), float(self.frequency[-1]))
         )
-        self.rate = total_rate(first, self.windows)
+        self.rate, self.rate_sd = total_rate(first, self.windows), rate_sd
         self._kept = threading.local()
         self.compared = self._excited([hit for hit, _ in looked], [traits for _, traits in looked])
         self.basis = self._basis([*looked, *more]) if processing.positions else None

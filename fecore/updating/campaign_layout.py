@@ -13,6 +13,7 @@ from fecore.body.clamps import AnyStructure, bed_of, on_bed
 from fecore.body.constants import Body, kind_of
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import OWN_SD, Structure
+from fecore.body.supports import CLAMP
 from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
@@ -211,6 +212,6 @@ def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametri
     own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if isinstance(body, OrientedSpecimen) else nominal
     known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
     sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
-    if "clamp_compliance" in nominal:
-        sds["clamp_compliance"] = nominal["clamp_compliance"] * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
+    if CLAMP in nominal:
+        sds[CLAMP] = nominal[CLAMP] * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
     return parametrisation.with_inputs(sds)

@@ -27,8 +27,9 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray
+from fecore.body.supports import CLAMP
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.layout import CLAMP, Unknown
+from fecore.updating.layout import Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05

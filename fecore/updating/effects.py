@@ -12,9 +12,9 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.body.constants import FACTORS, UNITS, kind_of
 from fecore.body.locate import evenly_spread
+from fecore.body.supports import CLAMP
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardState
-from fecore.updating.layout import CLAMP
 from fecore.updating.result import Prediction
 
 _SITES = 200  # nodes at which a mass is tried, at most

@@ -25,7 +25,7 @@ from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.clamps import bed_of
 from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
 from fecore.body.structure import Structure
-from fecore.body.supports import PointMass
+from fecore.body.supports import CLAMP, PointMass
 from fecore.normal import Z_95
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
@@ -89,7 +89,7 @@ def _clamp(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         not isinstance(body, FlatBody | BeamSpecimen)
         or body.boundary != "cantilever"
         or body.springs
-        or "clamp_compliance" in body.nominal  # it is a parameter, and no excursion
+        or CLAMP in body.nominal  # it is a parameter, and no excursion
         or not sd
     ):
         return []

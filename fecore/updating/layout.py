@@ -23,6 +23,7 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.structure import OWN_SD, CommonPrior
+from fecore.body.supports import CLAMP
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from fecore.updating.excursions import Excursion
@@ -33,9 +34,6 @@ from fecore.updating.posterior import prior_of_scatter
 
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
 """Constants that belong to a specimen, whatever its boundary; Poisson's ratio is the material's."""
-
-CLAMP = "clamp_compliance"
-"""EI/kL of a clamp that may yield: a half-normal about nothing, so that a clamp as firm as can be surprises nobody."""
 
 CAMPAIGNS_OWN = ("length", CLAMP)
 """Constants that belong to one campaign: a clamp begins to hold somewhere else each time."""
