@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 import httpx
 import numpy as np
@@ -71,7 +72,7 @@ def read_so(page: Page, api: httpx.Client, name: str) -> None:
     """Press the button, wait until what was sent is read, and look again."""
     with page.expect_navigation():
         form_of(page, name).locator("button[type=submit]").click()
-    address = page.url.rsplit("/", 1)[1]
+    address = urlsplit(page.url).path.rsplit("/", 1)[1]
     until(lambda: all(f["status"] in ENDED for f in sent(api, address)), "the end of all imports")
     page.reload()
 

@@ -93,7 +93,7 @@ class FrfView {
     keep({
       frf: null, hz: null, s: this.choice(), v: this.kind === "log" ? null : this.kind, q: this.part("quantity").value || null,
       z: this.zoom.band && numbers(this.zoom.band), a: a === null ? null : short(a), b: b === null ? null : short(b),
-      m: this.part("model").value || null, ms: sets === this.source.modes.at(-1)?.id ? null : sets || "none",
+      m: this.part("model").value || null, ms: sets === (this.source.modes.at(-1)?.id ?? "") ? null : sets || "none",
       c: this.source.campaigns.slice(1).map((c) => c.id).join(",") || null,
     });
   }
