@@ -31,8 +31,7 @@ from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.drift import in_band
 from fecore.modal.growth import gains
-from fecore.modal.refinement import Level
-from fecore.modal.residues import weights
+from fecore.modal.refinement import Level, weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines

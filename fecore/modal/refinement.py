@@ -33,7 +33,6 @@ from fecore.modal.linear import (
     real_times,
     solve_normal,
 )
-from fecore.modal.residues import weights
 
 _ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtieth of a standard deviation
 _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
@@ -159,6 +158,11 @@ def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     value, vector = np.linalg.eigh(information / scale[:, None] / scale)
     return scale, value, vector, value < _VAGUE
+
+
+def weights(arrangement: Arrangement, variance: FloatArray) -> FloatArray:
+    """(N, L) weights 2/v of each complex value, 0 where nothing was measured."""
+    return np.asarray(np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0))
 
 
 def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
