@@ -26,7 +26,7 @@ def believable(variance: FloatArray, scatter: FloatArray, measured: BoolArray) -
 
     Coherence that was averaged over few hits, or stated for the wrong estimator, is often too good by far.
     """
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         ratio = np.where(measured & np.isfinite(variance), scatter / variance, np.nan)
     factor = np.ones(len(ratio))
     stated = np.isfinite(ratio).any(axis=1)
@@ -77,7 +77,13 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
 
 
 def local_variance(
-    residual: ComplexArray, values: ComplexArray, noise: FloatArray, measured: BoolArray, *, alike: bool = True
+    residual: ComplexArray,
+    values: ComplexArray,
+    noise: FloatArray,
+    measured: BoolArray,
+    *,
+    spare: FloatArray | float = 1.0,
+    alike: bool = True,
 ) -> FloatArray:
     """(N, L) variance that follows the local misfit: the mean of |residual|² over 25 lines, at least the noise, and
     at least the share ε²|H|² that is usual where the FRFs are large: errors of the chain stand on the few lines of a
@@ -88,14 +94,16 @@ def local_variance(
         values: (N, L) the FRFs.
         noise: (N, L) variance of the noise.
         measured: (N, L) where they were measured.
+        spare: (L,) share of each line that the fit leaves to its errors, 1 less the leverage: on the two or three lines of a
+            narrow peak the residue and the pole take up most of them.
         alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l, where no value is missing.
     """
     square = scipy.ndimage.uniform_filter1d(
         np.where(measured, np.abs(residual) ** 2, 0.0), _LOCAL, axis=1, mode="nearest"
     )
-    count = scipy.ndimage.uniform_filter1d(measured.astype(float), _LOCAL, axis=1, mode="nearest")
+    count = scipy.ndimage.uniform_filter1d(measured * spare, _LOCAL, axis=1, mode="nearest")
     variance = np.maximum(np.where(measured, noise, 0.0), square / np.maximum(count, 1 / _LOCAL))
-    variance = np.maximum(variance, _relative(residual, values) * np.abs(values) ** 2)
+    variance = np.maximum(variance, _relative(residual, values, spare) * np.abs(values) ** 2)
     variance = np.maximum(variance, np.finfo(float).tiny)
     if not alike or not measured.all():
         return np.asarray(variance)
@@ -104,15 +112,17 @@ def local_variance(
     return np.asarray(np.exp(level) * np.exp(log - level).mean(axis=0))
 
 
-def _relative(residual: ComplexArray, values: ComplexArray) -> float:
+def _relative(residual: ComplexArray, values: ComplexArray, spare: FloatArray | float) -> float:
     """ε², the usual |residual|² over |H|² of the largest twentieth of the values, at most 0.05²."""
     size = np.abs(values) ** 2
     large = size >= np.quantile(size, _LARGE)
-    share = np.abs(residual[large]) ** 2 / np.maximum(size[large], np.finfo(float).tiny)
+    share = np.abs(residual[large]) ** 2 / np.maximum((size * spare)[large], np.finfo(float).tiny)
     return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
 
 
-def student(residual: ComplexArray, values: ComplexArray, noise: FloatArray, measured: BoolArray) -> FloatArray:
+def student(
+    residual: ComplexArray, values: ComplexArray, noise: FloatArray, measured: BoolArray, spare: FloatArray
+) -> FloatArray:
     """(N, L) variance of each value by Student's law with ν degrees of freedom about the local one: v/u, at least the noise.
 
     u = (ν + 2)/(ν + 2|r|²/v), v the local mean of u|r|² (expectation maximisation; Lange, Little and Taylor 1989): a line of
@@ -120,6 +130,6 @@ def student(residual: ComplexArray, values: ComplexArray, noise: FloatArray, mea
     """
     weight: FloatArray = np.ones(residual.shape)
     for _ in range(_ROUNDS):
-        v = local_variance(residual * np.sqrt(weight), values, noise, measured, alike=False)
+        v = local_variance(residual * np.sqrt(weight), values, noise, measured, spare=spare, alike=False)
         weight = (_FREEDOM + 2) / (_FREEDOM + 2 * np.abs(residual) ** 2 / v)
     return np.asarray(v / np.minimum(weight, 1.0))

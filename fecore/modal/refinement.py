@@ -196,6 +196,20 @@ def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Le
     )
 
 
+def spare(arrangement: Arrangement, level: Level) -> FloatArray:
+    """(L,) share of each line that a fit leaves to the errors: 1 less the leverage, in the mean over the FRFs and both parts.
+
+    The hat matrix of the coefficients has the diagonal |Q_l|² of the weighted orthonormal frame; the poles, which N FRFs share,
+    add an N-th of what the derivatives add to the frame.
+    """
+    basis = columns(arrangement.omega, level.terms, arrangement.power)
+    steep = derivatives(arrangement.omega, level.terms, arrangement.power)
+    both, _ = orthonormal(np.concatenate([basis, steep], axis=1), level.weight)
+    own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (level.linear.frame, both))
+    leverage = mean_weight(level.weight) ** 2 * (own + (all_ - own) / len(level.residual)) / 2
+    return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
+
+
 def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
     """The same fit with its Gauss-Newton matrices.
 
