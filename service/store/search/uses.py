@@ -89,8 +89,8 @@ def at_response(
 ) -> ColumnElement[bool] | None:
     """That an instrument of which something is asked was used for the FRF or time block at hand; None where none is at hand.
 
-    Where a campaign's sensors state no points, all were used for all that it measured. The rest stands in a function, so that the
-    planner does not take it for a second condition that is independent of the first, by which it reaches the campaigns.
+    Where a campaign's sensors state no points, all were used for all that it measured. The rest stands in a function, so that
+    the planner does not take it for a second condition that is independent of the first, by which it reaches the campaigns.
     """
     if (measured := scope.get("frf", scope.get("record"))) is None:
         return None
@@ -99,8 +99,8 @@ def at_response(
 
 
 def covers(use: FromClause, measured: FromClause) -> ColumnElement[bool]:
-    """That an instrument of a campaign was used for one of its FRFs or time blocks. At a block of the hammer is no sensor: it is of
-    instruments without points alone.
+    """That an instrument of a campaign was used for one of its FRFs or time blocks. No sensor is at a block of the hammer: it is
+    of instruments without points alone.
     """
     of_block = measured.c.get("response_point") is None
     point = case((measured.c.quantity != "force", measured.c.point)) if of_block else measured.c.response_point
