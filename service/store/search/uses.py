@@ -99,8 +99,8 @@ def at_response(
 
 
 def covers(use: FromClause, measured: FromClause) -> ColumnElement[bool]:
-    """That an instrument of a campaign was used for one of its FRFs or time blocks. No sensor is at a block of the hammer: it is
-    of instruments without points alone.
+    """That an instrument of a campaign was used for one of its FRFs or time blocks. A block of the hammer is of no sensor that
+    stood at points.
     """
     of_block = measured.c.get("response_point") is None
     point = case((measured.c.quantity != "force", measured.c.point)) if of_block else measured.c.response_point
