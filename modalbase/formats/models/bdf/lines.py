@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from codecs import BOM_UTF8
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import PureWindowsPath
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, Row, where
+from modalbase.formats.models.edits import lines_of
 
 _SMALL = tuple(range(8, 72, 8))
 _LARGE = tuple(range(8, 72, 16))
@@ -83,8 +83,7 @@ def _lines(
     content: bytes, within: tuple[str, ...], included: Mapping[str, bytes] | None, seen: set[str]
 ) -> Iterator[Line]:
     """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
-    content = content.removeprefix(BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    raws, texts = (each.decode("latin-1").split("\n") for each in (content, content.upper()))
+    raws, texts = lines_of(content), lines_of(content.upper())
     number, file = 0, within[-1]
     while number < len(raws):
         raw, text = raws[number], texts[number].split("$", 1)[0].rstrip()
