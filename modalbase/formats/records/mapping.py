@@ -183,7 +183,7 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
         listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
         raise FormatError("mapping.channels", f"are not alike: {listed}")
     count, samples = next(iter(shapes.values()))
-    rate = _rate(variables, mapping.sample_rate_hz, samples)
+    rate = sampling_rate(variables, mapping.sample_rate_hz, samples)
     force = next(c for c in mapping.channels if c.quantity == "force")
     ordered = [force, *(c for c in mapping.channels if c is not force)]
     points = {c.variable: _integers(variables, c.point, count, "point", 1) for c in ordered}
@@ -282,7 +282,12 @@ def _labels(channel: ChannelMapping, count: int) -> tuple[str, ...]:
     return labels
 
 
-def _rate(variables: Variables, given: Value, samples: int) -> float:
+def sampling_rate(variables: Variables, given: Value, samples: int) -> float:
+    """Samples a second: a number, or the name of the variable that holds it or the time axis of so many samples.
+
+    Raises:
+        FormatError: it is no rate, the axis is uneven or of another length, or the file says another.
+    """
     if not isinstance(given, str):
         rate = float(given)
         own = variables.get(SAMPLE_RATE, np.array(rate))

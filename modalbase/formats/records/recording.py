@@ -1,4 +1,4 @@
-"""A wav of any length, chunk by chunk, and what a mapping says of the hits of a recording.
+"""A recording of many hits, chunk by chunk: a wav of any length, arrays of a file; and what a mapping says of its hits.
 
     {"recording": {"order": [{"point": 4, "hits": 3}, {"point": 5, "direction": -3, "hits": 3}]}, "channels": [...]}
 
@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.variables import UNKNOWN_LENGTH, are_chunks
+from modalbase.formats.records.mapping import sampling_rate
+from modalbase.formats.records.variables import SAMPLE_RATE, UNKNOWN_LENGTH, Variables, are_chunks, described
 from modalbase.formats.types import FloatArray
 
 _FRAMES = 1 << 17
@@ -63,9 +64,13 @@ class Wav:
         """Type and shape of each channel."""
         return dict.fromkeys(self.names, f"float32 [{self.frames}]")
 
-    def rate_of(self, _: Sequence[str]) -> float:
-        """Rate of all channels."""
-        return self.sample_rate_hz
+    def rate_of(self, _: Sequence[str], stated: float | str) -> float:
+        """Rate of all channels.
+
+        Raises:
+            FormatError: another is stated.
+        """
+        return own_rate(self.sample_rate_hz, stated)
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, from -1 to 1 where the samples are integers."""
@@ -76,6 +81,48 @@ class Wav:
             for first in range(0, self.frames, _FRAMES):
                 raw = file.read(min(_FRAMES, self.frames - first) * size)
                 yield np.ascontiguousarray(_decoded(raw, self.kind).reshape(-1, self.channels).T[rows])
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """A recording whose channels are arrays of one dimension, of an npz, a .mat or a CSV.
+
+    Attributes:
+        variables: all arrays of the file.
+    """
+
+    variables: Variables
+    full_scale, declared = None, True
+
+    @property
+    def names(self) -> list[str]:
+        """Of the channels."""
+        return [name for name, array in self.variables.items() if array.size > 1 and np.squeeze(array).ndim == 1]
+
+    def shapes(self) -> dict[str, str]:
+        """Type, shape and extremes of each channel."""
+        return {name: described(self.variables[name]) for name in self.names}
+
+    def rate_of(self, names: Sequence[str], stated: float | str) -> float:
+        """Rate of these channels: a number, or the variable or time axis that states it.
+
+        Raises:
+            FormatError: they differ in length, or it is no rate.
+        """
+        length = self.variables[names[0]].size
+        for name in names:
+            if self.variables[name].size != length or self.variables[name].dtype.kind == "c":
+                raise FormatError(
+                    name, f"is {described(self.variables[name])}, expected {length} real numbers as {names[0]}"
+                )
+        return sampling_rate(self.variables, stated, length)
+
+    def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
+        """(channels, n) parts of these channels in order, in the unit of the file."""
+        rows = [np.ravel(self.variables[name]) for name in names]
+        kind = np.result_type(np.float32, *rows)
+        for first in range(0, rows[0].size, _FRAMES):
+            yield np.array([row[first : first + _FRAMES] for row in rows], dtype=kind)
 
 
 def _decoded(raw: bytes, kind: str) -> FloatArray:
@@ -89,6 +136,17 @@ def _decoded(raw: bytes, kind: str) -> FloatArray:
         half = np.float32(2.0 ** (8 * int(kind[2]) - 1))
         values = (values - half if kind[1] == "u" else values) / half
     return values
+
+
+def own_rate(own: float, stated: float | str) -> float:
+    """The rate that a file states of itself.
+
+    Raises:
+        FormatError: the mapping states another.
+    """
+    if stated not in (SAMPLE_RATE, own):
+        raise FormatError("mapping.sample_rate_hz", f"is {stated}, and the file says {own:g}; leave it out")
+    return own
 
 
 def read_wav_head(path: Path) -> Wav:

@@ -15,6 +15,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.records.recording import own_rate
 from modalbase.formats.types import FloatArray
 
 _FRAMES = 1 << 17
@@ -48,11 +49,11 @@ class Tdms:
         """Type and shape of each channel."""
         return {name: f"float32 [{length}]" for name, length in self.lengths.items()}
 
-    def rate_of(self, names: Sequence[str]) -> float | None:
-        """Rate of these channels; None where the file states none.
+    def rate_of(self, names: Sequence[str], stated: float | str) -> float:
+        """Rate of these channels.
 
         Raises:
-            FormatError: they differ in rate or length.
+            FormatError: they differ in rate or length, another is stated, or none is.
         """
         for name in names[1:]:
             if self.lengths[name] != self.lengths[names[0]] or not np.isclose(
@@ -61,8 +62,11 @@ class Tdms:
                 raise FormatError(
                     name, f"differs in rate or length from {names[0]}; the channels of a hit are on one clock"
                 )
-        rate = self.rates[names[0]]
-        return rate if np.isfinite(rate) else None
+        if np.isfinite(own := self.rates[names[0]]):
+            return own_rate(own, stated)
+        if isinstance(stated, str):
+            raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
+        return stated
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, in the unit of the file.
