@@ -18,7 +18,7 @@ from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import recognise
 from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping, read_variables
-from modalbase.formats.records.mapping import LARGEST
+from modalbase.formats.records.mapping import LARGEST, MOST_POINT
 from modalbase.formats.records.recording import Arrays, Recording, Wav, read_recording, read_wav_head
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
 from modalbase.formats.records.variables import SAMPLE_RATE, Variables
@@ -184,14 +184,11 @@ def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes
             raise FormatError(
                 f"mapping.channels.{number}.variable", f"is {c.variable!r}; the file has {', '.join(file.names)}"
             )
-        for name in ("point", "direction"):
+        for name, least, most in (("point", 1, MOST_POINT), ("direction", -6, 6)):
             value = getattr(c, name)
-            if (
-                not isinstance(value, float)
-                or value != int(value)
-                or not (value >= 1 or (name == "direction" and 1 <= -value <= 6))
-            ):
-                raise FormatError(f"mapping.channels.{number}.{name}", f"is {value!r}, expected a whole number")
+            if not (isinstance(value, float) and value == int(value) and least <= value <= most and value):
+                expected = "±1 to ±6" if name == "direction" else f"a whole number from 1 to {most}"
+                raise FormatError(f"mapping.channels.{number}.{name}", f"is {value!r}, expected {expected}")
         if c.window_rate_per_s:
             raise FormatError(f"mapping.channels.{number}.window_rate_per_s", "is of blocks; a recording has no window")
     mapped = tuple(sorted(mapping.channels, key=lambda c: c.quantity != "force"))

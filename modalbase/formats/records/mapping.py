@@ -36,6 +36,7 @@ FEWEST_SAMPLES = 64
 _UNEVEN = 1e-3
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
+MOST_POINT = 9_999_999_999  # label of a grid point, as in UFF
 LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
 
 
@@ -330,7 +331,7 @@ def _integers(variables: Variables, given: Values, count: int, name: str, least:
     if values.size != count:
         raise FormatError(place, f"has {values.size} values, expected one for each of the {count} blocks")
     whole = [int(v) if np.isfinite(v) else 0 for v in values]
-    most = 6 if name == "direction" else 9_999_999_999
+    most = 6 if name == "direction" else MOST_POINT
     if any(
         w != v or not least <= w <= most or (name == "direction" and w == 0) for w, v in zip(whole, values, strict=True)
     ):

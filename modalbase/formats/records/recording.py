@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.mapping import sampling_rate
+from modalbase.formats.records.mapping import MOST_POINT, sampling_rate
 from modalbase.formats.records.variables import SAMPLE_RATE, UNKNOWN_LENGTH, Variables, are_chunks, described
 from modalbase.formats.types import FloatArray
 
@@ -193,8 +193,10 @@ def _head(path: Path, form: bytes, order: Literal["little", "big"], begin: int, 
         (_FLOAT, 64): "f8",
     }
     kind = kinds.get((tag, bits))
-    if kind is None or not channels or not rate:
+    if kind is None:
         raise FormatError("", f"has samples of {bits} bits in format {tag}, expected PCM or floating point")
+    if not channels or not rate:
+        raise FormatError("", f"has {channels} channels at {rate} Hz")
     return Wav(
         path, channels, float(rate), ("<" if order == "little" else ">") + kind, begin, length // (bits // 8 * channels)
     )
@@ -245,7 +247,7 @@ def _entry(number: int, entry: Any, direction: int) -> tuple[int, int, int]:
     found = entry["point"], entry.get("direction", direction), entry["hits"]
     if any(isinstance(n, bool) or not isinstance(n, int) for n in found):
         raise FormatError(place, "has a point, direction or number of hits that is no whole number")
-    if not (1 <= found[0] <= 9_999_999_999 and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS):
+    if not (1 <= found[0] <= MOST_POINT and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS):
         raise FormatError(
             place, f"is no place to hit: expected point and hits from 1 (to {_MOST_HITS}), direction ±1 to ±6"
         )

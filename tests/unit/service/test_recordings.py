@@ -128,3 +128,24 @@ def test_arrays_of_unlike_length_and_single_hits_of_a_uff_are_no_recording(tmp_p
     twice.write_bytes(2 * twice.read_bytes())
     with pytest.raises(FormatError, match="acceleration_33_3: is in the file several times: as single hits"):
         channels_of(twice, {"recording": {}, "channels": mapped}, twice.name)
+
+
+@pytest.mark.parametrize(
+    ("channel", "fault"),
+    [
+        ({"point": -3}, r"channels\.0\.point: is -3\.0, expected a whole number from 1"),
+        ({"point": 1e30}, r"channels\.0\.point: is 1e\+30, expected a whole number from 1 to 9999999999"),
+        ({"point": {"variable": "x"}}, r"channels\.0\.point: is 'x', expected a whole number"),
+        ({"direction": 7}, r"channels\.0\.direction: is 7\.0, expected ±1 to ±6"),
+        ({"direction": 0}, r"channels\.0\.direction: is 0\.0, expected ±1 to ±6"),
+        ({"window_rate_per_s": 1}, "is of blocks; a recording has no window"),
+    ],
+)
+def test_what_a_channel_cannot_be_is_named(tmp_path: Path, channel: dict[str, object], fault: str) -> None:
+    own = channels(tmp_path, WHOLE)
+    mapped = [
+        {"variable": "channel_1", "quantity": "acceleration", "point": 33, **channel},
+        {"variable": "channel_2", "quantity": "force", "point": 4},
+    ]
+    with pytest.raises(FormatError, match=fault):
+        channels_of(own.file.path, {"recording": {}, "channels": mapped}, "long.wav")
