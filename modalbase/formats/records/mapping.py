@@ -292,7 +292,7 @@ def sampling_rate(variables: Variables, given: Value, samples: int) -> float:
     if not isinstance(given, str):
         rate = float(given)
         own = variables.get(SAMPLE_RATE, np.array(rate))
-        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * rate:
+        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * abs(rate):
             raise FormatError(
                 "mapping.sample_rate_hz",
                 f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable": "{SAMPLE_RATE}"}}',

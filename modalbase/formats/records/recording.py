@@ -70,7 +70,7 @@ class Wav:
         Raises:
             FormatError: another is stated.
         """
-        return own_rate(self.sample_rate_hz, stated)
+        return sampling_rate({SAMPLE_RATE: np.array(self.sample_rate_hz)}, stated, self.frames)
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, from -1 to 1 where the samples are integers."""
@@ -136,17 +136,6 @@ def _decoded(raw: bytes, kind: str) -> FloatArray:
         half = np.float32(2.0 ** (8 * int(kind[2]) - 1))
         values = (values - half if kind[1] == "u" else values) / half
     return values
-
-
-def own_rate(own: float, stated: float | str) -> float:
-    """The rate that a file states of itself.
-
-    Raises:
-        FormatError: the mapping states another.
-    """
-    if stated not in (SAMPLE_RATE, own):
-        raise FormatError("mapping.sample_rate_hz", f"is {stated}, and the file says {own:g}; leave it out")
-    return own
 
 
 def read_wav_head(path: Path) -> Wav:

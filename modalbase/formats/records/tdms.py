@@ -6,6 +6,7 @@ that the recorder wrote at a stroke, which may be the whole file, so the samples
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +16,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.recording import own_rate
+from modalbase.formats.records.mapping import sampling_rate
+from modalbase.formats.records.variables import SAMPLE_RATE
 from modalbase.formats.types import FloatArray
 
 _FRAMES = 1 << 17
@@ -62,11 +64,10 @@ class Tdms:
                 raise FormatError(
                     name, f"differs in rate or length from {names[0]}; the channels of a hit are on one clock"
                 )
-        if np.isfinite(own := self.rates[names[0]]):
-            return own_rate(own, stated)
-        if isinstance(stated, str):
+        own = self.rates[names[0]]
+        if np.isnan(own) and isinstance(stated, str):
             raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
-        return stated
+        return sampling_rate({} if np.isnan(own) else {SAMPLE_RATE: np.array(own)}, stated, self.lengths[names[0]])
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, in the unit of the file.
@@ -101,8 +102,12 @@ def read_tdms_head(path: Path) -> Tdms:
 def _opened(path: Path) -> Any:
     try:
         from nptdms import TdmsFile
+        from nptdms.log import log_manager
     except ImportError:
         raise FormatError("", "is a TDMS file, which npTDMS reads: pip install 'modalbase[tdms]'") from None
+    log_manager.set_level(
+        logging.ERROR
+    )  # it would print all bytes of a damaged name, which may be the rest of the file
     with _broken():
         return TdmsFile.open(path)
 
