@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import fetch_file
+from modalbase.client.files import save_file
 from modalbase.client.searching import rate_rows
 from modalbase.objects.thing import Access, Figure, Table, library
 
@@ -88,8 +88,7 @@ class Found:
         """
         if self.noun != "campaigns":
             raise ClientError(f"an archive is of campaigns; search for those whose {self.noun} are meant", Exit.USAGE)
-        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file), **self._what())
-        return Path(file)
+        return save_file(self.lab.connection, f"{self.address}/archive", file, **self._what())
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
         """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines), `frequency_hz` (lines,).
