@@ -160,7 +160,8 @@ class Sections:
             raise card.error(f"the dimensions are of no {kind}", first) from error
         if not is_real(shape):
             raise card.error(f"the dimensions are of no {kind}; look at their order", first)
-        values = [shape.area, *shape.inertia, shape.torsion, extra]
+        zz, yy, yz = shape.inertia
+        values = [shape.area, yy, zz, yz, shape.torsion, extra]
         return self._section(card, 1, "MID", values, shape.shear), shape.centroid
 
     def _note_taper(self, card: Card, after: int, dimensions: list[float]) -> None:
