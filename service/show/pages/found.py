@@ -64,9 +64,6 @@ REMEDIES: dict[str, tuple[str, str]] = {
 }
 """What to do about each kind of finding, and where; the advice is that of the finding's own row where nothing is said here."""
 
-NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
-"""Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose page names the campaign."""
-
 
 @dataclass(frozen=True)
 class Step:

@@ -11,7 +11,7 @@ import scipy
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.matrices.model import DOFS, Entries, code, integers
 from modalbase.formats.models.model import Floats, Integers
-from modalbase.formats.npy import Array, read_array
+from modalbase.formats.npy import Array, members_of, read_array
 
 _PARTS = ("data", "indices", "indptr")
 
@@ -46,7 +46,7 @@ def _arrays(name: str, content: bytes, limit_bytes: int) -> dict[str, Array]:
     except zipfile.BadZipFile as error:
         raise FormatError(name, "is no npz archive") from error
     with archive:
-        members = archive.infolist()
+        members = members_of(archive)
         if sum(member.file_size for member in members) > limit_bytes:
             raise FormatError(name, f"holds more than {limit_bytes} bytes")
         found = {member.filename.removesuffix(".npy"): read_array(archive, member) for member in members}
