@@ -257,16 +257,7 @@ class Sections:
         elements = [self._mesh.elements[at] for at in chosen.tolist()]
         numbers = np.array([element.number for element in elements], dtype=np.int64)
         lines = np.array([element.row.line for element in elements], dtype=np.int64)
-        block = Elements(
-            kind=kind,
-            numbers=numbers,
-            nodes=nodes,
-            set=name,
-            axes=axes,
-            lines=lines,
-            offsets=offsets,
-            thickness=thickness,
-        )
+        block = Elements(kind, numbers, nodes, name, axes, lines, offsets, thickness)
         self.blocks.setdefault((name, kind), []).append(block)
 
     def joined(self) -> tuple[Elements, ...]:
@@ -293,16 +284,10 @@ def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> El
     if isinstance(section, ShellSection) and any(b.thickness is not None for b in blocks):
         total = sum(ply.thickness for ply in section.plies)
         thickness = [np.full(b.nodes.shape, total) if b.thickness is None else b.thickness for b in blocks]
-    return Elements(
-        kind=first.kind,
-        numbers=np.concatenate([b.numbers for b in blocks]),
-        nodes=np.concatenate([b.nodes for b in blocks]),
-        set=first.set,
-        axes=np.concatenate([b.axes for b in blocks]),
-        lines=np.concatenate([b.lines for b in blocks]),
-        offsets=np.concatenate(offsets) if offsets else None,
-        thickness=np.concatenate(thickness) if thickness else None,
-    )
+    columns = zip(*((b.numbers, b.nodes, b.axes, b.lines) for b in blocks), strict=True)
+    numbers, nodes, axes, lines = (np.concatenate(column) for column in columns)
+    own = (np.concatenate(each) if each else None for each in (offsets, thickness))
+    return Elements(first.kind, numbers, nodes, first.set, axes, lines, *own)
 
 
 def _named_orientation(stacked: tuple[Row, float, str, str]) -> str:

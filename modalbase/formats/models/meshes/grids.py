@@ -9,7 +9,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
-from modalbase.formats.models.meshes.cells import LARGEST, SOLID, Gathering, Kind, plain
+from modalbase.formats.models.meshes.cells import LARGEST, SOLID, Gathering, Kind, plain, whole_numbers
 from modalbase.formats.models.model import Floats, Integers
 
 _KINDS = {
@@ -99,9 +99,9 @@ def _sets(grid: Grid, count: int) -> list[str]:
     if array is None:
         return ["mesh"] * count
     values = grid.data[array]
-    if values.shape != (count,) or not np.all((np.abs(values) < 2**53) & (values == np.round(values))):
+    if values.shape != (count,) or (numbers := whole_numbers(values)) is None:
         raise FormatError(f"cell data {array}", f"is no whole number for each of {count} cells")
-    return [plain(grid.names.get(number, "")) or f"set_{number}" for number in values.astype(np.int64).tolist()]
+    return [plain(grid.names.get(number, "")) or f"set_{number}" for number in numbers.tolist()]
 
 
 def _parts(values: Floats) -> bool:

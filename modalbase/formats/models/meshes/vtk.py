@@ -8,6 +8,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
+from modalbase.formats.models.meshes.cells import whole_numbers
 from modalbase.formats.models.meshes.grids import Grid, mesh_of
 from modalbase.formats.models.model import Floats, Integers
 
@@ -149,10 +150,9 @@ class _Reading:
         return int(text)
 
     def _indices(self, count: int, kind: str, what: str) -> Integers:
-        values = self._values(count, kind, what)
-        if not np.all((np.abs(values) < 2**53) & (values == np.round(values))):
+        if (found := whole_numbers(self._values(count, kind, what))) is None:
             raise self._fault(f"{what} hold what is no whole number")
-        return values.astype(np.int64)
+        return found
 
     def _values(self, count: int, kind: str, what: str) -> Floats:
         """So many numbers of a type."""
