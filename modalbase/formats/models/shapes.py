@@ -53,7 +53,8 @@ def of_walls(walls: Sequence[Wall], torsion: float | None = None, shear: tuple[f
     sides = [(y1 - y0, z1 - z0) for y0, y1, z0, z1 in walls]
     middles = [((y0 + y1) / 2, (z0 + z1) / 2) for y0, y1, z0, z1 in walls]
     areas = [height * width for height, width in sides]
-    A = sum(areas)
+    if not (A := sum(areas)) > 0:
+        raise ValueError("walls too small for a number")
     y, z = (sum(a * middle[k] for a, middle in zip(areas, middles, strict=True)) / A for k in (0, 1))
     yy = zz = yz = along_y = 0.0
     for a, (height, width), (y_own, z_own) in zip(areas, sides, middles, strict=True):
