@@ -101,8 +101,7 @@ class Found:
         """
         import numpy as np
 
-        if self.noun != "frfs":
-            raise ClientError(f"{self.noun} have no spectra; search for frfs", Exit.USAGE)
+        self._require("spectra", "frfs")
         query = {**self._what(), **cut, "format": "npz"}
         content = self.lab.connection.call("GET", "search/frfs/data", params=query)
         with np.load(io.BytesIO(content)) as archive:
@@ -125,8 +124,7 @@ class Found:
         Raises:
             ClientError: it is no search for results or modes, or nothing found has such a value.
         """
-        if self.noun not in ("results", "modes"):
-            raise ClientError(f"{self.noun} have no trend; search for results or modes", Exit.USAGE)
+        self._require("trend", "results", "modes")
         query = {**self._what(), "value": value, "covariates": covariates}
         return Trend(self.lab, f"{self.address}/trend", {k: v for k, v in query.items() if v is not None})
 
@@ -136,10 +134,13 @@ class Found:
         Raises:
             ClientError: it is no search for results.
         """
-        if self.noun != "results":
-            raise ClientError(f"{self.noun} have no figure; search for results", Exit.USAGE)
+        self._require("figure", "results")
         sort = {"sort": self.query["sort"]} if "sort" in self.query else {}
         return Figure(self.lab, f"{self.address}/figure", {**self._what(), **sort})
+
+    def _require(self, what: str, *nouns: str) -> None:
+        if self.noun not in nouns:
+            raise ClientError(f"{self.noun} have no {what}; search for {' or '.join(nouns)}", Exit.USAGE)
 
     def _what(self) -> dict[str, Any]:
         """What is searched for, whatever is shown of it."""
