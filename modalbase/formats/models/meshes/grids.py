@@ -57,7 +57,7 @@ def mesh_of(grid: Grid) -> MeshFile:
         raise FormatError("points", f"hold what is no number below {LARGEST:g}")
     if connectivity.size and not (connectivity.min() >= 0 and connectivity.max() < len(points)):
         raise FormatError("connectivity", f"names points that are not among the {len(points)} from 0")
-    starts = np.concatenate([[0], ends[:-1]])
+    starts = np.concatenate([[0], ends])[:-1].astype(np.int64)
     if len(ends) != len(types) or np.any(ends < starts) or (ends[-1] if ends.size else 0) != connectivity.size:
         raise FormatError("offsets", f"do not part {connectivity.size} points into {len(types)} cells")
     found = Gathering()

@@ -114,6 +114,8 @@ class _Reading:
             self._keep(own[0], self._whole(own[2]), self._whole(own[1]), own[3])
 
     def _keep(self, name: str, rows: int, width: int, kind: str) -> None:
+        if width < 1:
+            raise self._fault(f"the array {name} has no component")
         values = self._values(rows * width, kind, f"the array {name}")
         if self._on_cells:
             self._found.data[name] = values if width == 1 else values.reshape(-1, width)
