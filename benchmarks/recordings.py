@@ -5,6 +5,7 @@ recordings   MINUTES...: of 4 channels of 24 bits at 51.2 kHz, one hit in 4 s
 
 import resource
 import tempfile
+import wave
 from pathlib import Path
 
 import numpy as np
@@ -42,27 +43,11 @@ def _write(path: Path, minutes: int) -> None:
     rings = [0.3 * np.exp(-5 * late) * np.sin(2 * np.pi * f * late) for f in (30.0, 180.0, 510.0)]
     signal = np.column_stack([0.5 * np.exp(-((time / 1.5e-4) ** 2)), *rings])
     rng, parts = np.random.default_rng(5), minutes * 60 // PAUSE_S
-    frames = parts * time.size
-    with path.open("wb") as file:
-        size = frames * CHANNELS * 3
-        head = (
-            b"RIFF",
-            size + 36,
-            b"WAVEfmt ",
-            16,
-            1,
-            CHANNELS,
-            RATE,
-            RATE * CHANNELS * 3,
-            CHANNELS * 3,
-            24,
-            b"data",
-            size,
-        )
-        widths = (0, 4, 0, 4, 2, 2, 4, 4, 2, 2, 0, 4)
-        for value, width in zip(head, widths, strict=True):
-            file.write(value if isinstance(value, bytes) else value.to_bytes(width, "little"))
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(CHANNELS)
+        file.setsampwidth(3)
+        file.setframerate(RATE)
         for _ in range(parts):
             noisy = signal + rng.normal(0, 1e-4, signal.shape)
             counts = np.round(noisy * (2**23 - 1)).astype("<i4")
-            file.write(counts.view(np.uint8).reshape(-1, 4)[:, :3].tobytes())
+            file.writeframesraw(counts.view(np.uint8).reshape(-1, 4)[:, :3].tobytes())
