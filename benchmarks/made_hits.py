@@ -31,18 +31,7 @@ from fecore.signal.spectra import Spectra
 from fecore.signal.traits import find_traits
 from fecore.signal.windows import total_rate
 
-MORE = (
-    "saturated",
-    "truncated",
-    "dropout",
-    "spike",
-    "dead",
-    "neighbour",
-    "turned",
-    "sensitivity",
-    "hard",
-    "swapped",
-)
+MORE = ("saturated", "truncated", "dropout", "spike", "dead", "neighbour", "turned", "sensitivity", "hard", "swapped")
 KINDS = (*FAULTS, *MORE)
 COMPARED = ("off_place", "neighbour", "sensitivity", "hard")
 """Faults that only the other hits of the point show."""

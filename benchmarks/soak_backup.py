@@ -37,13 +37,9 @@ RECIPE = {
     "parameters": [{"name": "Ex"}, {"name": "Gxy"}, {"name": "Gxz", "fixed": True}],
 }
 MONITOR: dict[str, Any] = {
-    "name": "watch",
-    "modes": "given",
-    "runs_on": "hand",
-    "recipe": RECIPE,
-    "parameters": [{"name": "Ex"}],
+    "name": "watch", "modes": "given", "runs_on": "hand", "recipe": RECIPE, "parameters": [{"name": "Ex"}],
     "baseline": {"campaigns": 4},
-}
+}  # fmt: skip
 
 
 DECK = b"""*HEADING
