@@ -49,17 +49,11 @@ _PLACES = [(x, y, z) for ring, z in _RINGS for x, y in ring]
 
 @dataclass(frozen=True)
 class Solid:
-    """A body of 20-node bricks.
+    """A body of 20-node bricks."""
 
-    Attributes:
-        places: (n, 3) of its nodes.
-        bricks: how many.
-        deck: lines with nodes, elements and constants.
-    """
-
-    places: np.ndarray
-    bricks: int
-    deck: list[str]
+    places: np.ndarray  # (n, 3) of its nodes
+    bricks: int  # how many
+    deck: list[str]  # lines with nodes, elements and constants
 
     def nearest(self, places: Sequence[Sequence[float]]) -> list[int]:
         """Numbers from 1 of the nodes that are nearest to (p, 3) places."""

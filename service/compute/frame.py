@@ -28,15 +28,10 @@ SQUARE = 1e-6
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a file's coordinates put the specimen.
+    """Where a file's coordinates put the specimen."""
 
-    Attributes:
-        origin_m: (3,) origin of the specimen's frame, in the file's coordinates, m.
-        axes: (3, 3) right-handed orthonormal; columns are the specimen's x, y, z in the file's coordinates.
-    """
-
-    origin_m: FloatArray
-    axes: FloatArray
+    origin_m: FloatArray  # (3,) origin of the specimen's frame, in the file's coordinates, m
+    axes: FloatArray  # (3, 3) right-handed orthonormal; columns are the specimen's x, y, z in the file's coordinates
 
     def points(self, file_m: FloatArray) -> FloatArray:
         """Points of the file in the specimen's frame.

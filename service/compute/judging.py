@@ -47,19 +47,12 @@ class JudgementInputs:
 
 @dataclass(frozen=True)
 class Episode:
-    """An alarm of a parameter, from the campaign that raised it.
+    """An alarm of a parameter, from the campaign that raised it."""
 
-    Attributes:
-        parameter: which.
-        campaign: id of the campaign that raised it.
-        state: `alarm`, `acknowledged`, or `cleared` where the parameter came back.
-        details: for whoever gets the alarm.
-    """
-
-    parameter: str
-    campaign: str
-    state: str
-    details: dict[str, Any]
+    parameter: str  # which
+    campaign: str  # id of the campaign that raised it
+    state: str  # `alarm`, `acknowledged`, or `cleared` where the parameter came back
+    details: dict[str, Any]  # for whoever gets the alarm
 
 
 @dataclass(frozen=True)

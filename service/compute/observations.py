@@ -12,19 +12,12 @@ from fecore.trend.tracking import SAME_MODE
 
 @dataclass(frozen=True)
 class Observation:
-    """One campaign of the series.
+    """One campaign of the series."""
 
-    Attributes:
-        campaign: its id.
-        performed_at: when it was measured.
-        values: of `service.monitoring.runs`.
-        covariates: by name; NaN where not measured.
-    """
-
-    campaign: str
-    performed_at: datetime
-    values: Mapping[str, Any]
-    covariates: Mapping[str, float]
+    campaign: str  # its id
+    performed_at: datetime  # when it was measured
+    values: Mapping[str, Any]  # of `service.monitoring.runs`
+    covariates: Mapping[str, float]  # by name; NaN where not measured
 
 
 def same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> int | None:

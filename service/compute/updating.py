@@ -37,21 +37,13 @@ _OF_HITS = 0.05  # share of an update's progress that its hits take
 
 @dataclass(frozen=True)
 class Hits:
-    """Time blocks that become the measurement on the way.
+    """Time blocks that become the measurement on the way."""
 
-    Attributes:
-        records: the hits, and how to process them.
-        points: label to coordinates in the specimen's frame, m.
-        frame: of the file in which the hits' directions are.
-        roving_mass: of a sensor that moved with the response, kg.
-        inputs: how well the laboratory knows what else it hands in.
-    """
-
-    records: ProcessingInputs
-    points: Mapping[int, tuple[float, float, float]]
-    frame: Frame
-    roving_mass: float
-    inputs: Inputs
+    records: ProcessingInputs  # the hits, and how to process them
+    points: Mapping[int, tuple[float, float, float]]  # label to coordinates in the specimen's frame, m
+    frame: Frame  # of the file in which the hits' directions are
+    roving_mass: float  # of a sensor that moved with the response, kg
+    inputs: Inputs  # how well the laboratory knows what else it hands in
 
 
 @dataclass(frozen=True)

@@ -52,21 +52,13 @@ Read = TypeVar("Read")
 
 @dataclass(frozen=True)
 class DeckInputs:
-    """A deck to read.
+    """A deck to read."""
 
-    Attributes:
-        path: where it lies.
-        filename: what its sender calls it.
-        units: that its numbers are in, such as `mm-N-t`; None where they are not stated.
-        accepted: names of cards that may be left out although modes change by that.
-        sections: of the sets of a mesh without properties.
-    """
-
-    path: Path
-    filename: str
-    units: str | None
-    accepted: tuple[str, ...]
-    sections: Mapping[str, Any] | None = None
+    path: Path  # where it lies
+    filename: str  # what its sender calls it
+    units: str | None  # that its numbers are in, such as `mm-N-t`; None where they are not stated
+    accepted: tuple[str, ...]  # names of cards that may be left out although modes change by that
+    sections: Mapping[str, Any] | None = None  # of the sets of a mesh without properties
 
 
 @dataclass(frozen=True)
