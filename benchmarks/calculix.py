@@ -43,8 +43,7 @@ def displacements(table: str, nodes: Sequence[int]) -> np.ndarray:
 
 _CORNERS, _SIDES = ((0, 0), (2, 0), (2, 2), (0, 2)), ((1, 0), (2, 1), (1, 2), (0, 1))
 _RINGS = ((_CORNERS, 0), (_CORNERS, 2), (_SIDES, 0), (_SIDES, 2), (_CORNERS, 1))
-_PLACES = [(x, y, z) for ring, z in _RINGS for x, y in ring]
-"""Of the nodes of C3D20R, in half elements."""
+_PLACES = [(x, y, z) for ring, z in _RINGS for x, y in ring]  # of the nodes of C3D20R, in half elements
 
 
 @dataclass(frozen=True)

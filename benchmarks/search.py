@@ -26,8 +26,7 @@ QUESTIONS = re.findall(r"^\| [^|]+ \| `(\w+)` \| `([^`]+)` \|$", PAGE, re.MULTIL
 """Noun and filter of each question in the documents."""
 SIZES = 100, 1000
 TURNS, IMPORTS, IMPORTED, LINES = 40, 3, 2000, 32
-CAMPAIGNS_OF_A_STRUCTURE, EACH = 20, 100
-"""Campaigns of a structure; FRFs and modes of a campaign, and results of ten."""
+CAMPAIGNS_OF_A_STRUCTURE, EACH = 20, 100  # campaigns of a structure; FRFs and modes of a campaign, and results of ten
 
 FILL = """
 SET LOCAL session_replication_role = replica;

@@ -154,8 +154,7 @@ class _Client:
         return self.to_its_end(f"campaigns/{campaign}/imports", "imports", content=paper.uff_file(), headers=RAW)
 
 
-Work = Iterator[str]
-"""What a client does, id by id of what was acknowledged."""
+Work = Iterator[str]  # what a client does, id by id of what was acknowledged
 
 
 def _imports(client: _Client) -> Work:

@@ -54,8 +54,7 @@ LOCATION = {
     "U": "unknown",
 }
 
-AT_GRIP = frozenset("IAW")
-"""Areas that put the way in which force enters the specimen in doubt."""
+AT_GRIP = frozenset("IAW")  # areas that put the way in which force enters the specimen in doubt
 
 _CODE = re.compile(r"([A-Z])(?:\(([A-Z]+)\))?([A-Z])([A-Z])(?:\((\d)\))?")
 
@@ -91,8 +90,7 @@ def _parts(code: str) -> tuple[str, str | None, str, str]:
     return kind, modes, area, location
 
 
-FEWEST_SPECIMENS = 5
-"""D3039, 8.1: at least five specimens per condition."""
+FEWEST_SPECIMENS = 5  # D3039, 8.1: at least five specimens per condition
 
 ASSUMED_CV = 0.30
 """Scatter of a constant of which only one value is known, as a share of it: the same as of a handbook value."""

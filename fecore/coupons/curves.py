@@ -28,12 +28,8 @@ RESTART = 0.1
 BACKWARD = 0.02
 """Strain that runs back within a chord range by more than this share of it is a slipped gauge, not noise."""
 
-JUMP = 10.0
-"""A step of strain this many times the steps around it is a jump of the extensometer, not of the specimen."""
-
-LEAST_JUMP = 500e-6
-"""m/m; a smaller step spoils no result that is read off the curve."""
-
+JUMP = 10.0  # a step of strain this many times the steps around it is a jump of the extensometer, not of the specimen
+LEAST_JUMP = 500e-6  # m/m; a smaller step spoils no result that is read off the curve
 _STEPS_AROUND = 10  # on each side of a step that may be a jump
 _END_TOLERANCE = 0.05  # of the range's length: how far the closest point may lie from an end
 _LARGEST_STRAIN = 1.0  # m/m; above it the unit is surely another

@@ -17,20 +17,11 @@ from fecore.arrays import FloatArray
 from fecore.coupons.curves import Curve, Ends, Reduced, chord, mean_dimension, single_run, without_jump
 from fecore.errors import InputError
 
-START_RANGE = (1500e-6, 2500e-6)
-"""γ at which the chord may start."""
-
-CHORD_LENGTH = 4000e-6
-"""Length of the chord in γ."""
-
-CHORD_TOLERANCE = 200e-6
-"""How much the length between measured points may differ."""
-
-OFFSET = 0.002
-"""γ by which the modulus line is moved."""
-
-LARGEST_STRAIN = 0.05
-"""γ at which the test ends."""
+START_RANGE = (1500e-6, 2500e-6)  # γ at which the chord may start
+CHORD_LENGTH = 4000e-6  # length of the chord in γ
+CHORD_TOLERANCE = 200e-6  # how much the length between measured points may differ
+OFFSET = 0.002  # γ by which the modulus line is moved
+LARGEST_STRAIN = 0.05  # γ at which the test ends
 
 
 @dataclass(frozen=True)

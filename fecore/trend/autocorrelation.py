@@ -53,9 +53,7 @@ def _table(degrees_of_freedom: float) -> FloatArray:
     return normal_score(_NODES, degrees_of_freedom)
 
 
-GRID = np.arange(10) / 10
-"""φ for which series are simulated."""
-
+GRID = np.arange(10) / 10  # φ for which series are simulated
 _NONE = 0.2  # weight of φ = 0 before the data
 _SERIES = 4000  # simulated ones: a probability of 10 % is known to 0.5 %
 _SEED = 20_261_122  # of the simulated series: limits are the same whenever they are found

@@ -39,8 +39,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
 
-CAP = 2.0
-"""Highest value of a chart, in units of its limit."""
+CAP = 2.0  # highest value of a chart, in units of its limit
 
 Kind = Literal["ewma", "cusum", "shewhart"]
 
@@ -108,12 +107,8 @@ class Chart:
         return values, (values > limits.chart) | (scores > limits.score)
 
 
-CELLS = 60
-"""Cells between 0 and the limit; 60 hold the average run length of usual charts to 0.5 %."""
-
-KNOWN = 1000.0
-"""Degrees of freedom from which the scatter counts as known."""
-
+CELLS = 60  # cells between 0 and the limit; 60 hold the average run length of usual charts to 0.5 %
+KNOWN = 1000.0  # degrees of freedom from which the scatter counts as known
 _MEMORYLESS = 2  # cells of a Shewhart chart, which goes anywhere from anywhere: exact
 _SHIFTS = 7  # quadrature nodes of e; with twice as many, limits move by less than 0.5 % (ν ≥ 5)
 _RATIOS = 6  # quadrature nodes of q

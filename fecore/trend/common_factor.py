@@ -24,8 +24,7 @@ from fecore.arrays import FloatArray
 from fecore.trend.baseline import Baseline
 from fecore.trend.series import Series, select
 
-FALSE_ALARMS = 0.05
-"""Probability that residuals are said to move together where each parameter scatters by itself."""
+FALSE_ALARMS = 0.05  # probability that residuals are said to move together where each parameter scatters by itself
 
 
 @dataclass(frozen=True)

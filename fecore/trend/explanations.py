@@ -27,24 +27,19 @@ from fecore.errors import InputError
 SENSOR = 0.01
 """Standard deviation of a mass that was added or taken away, kg: accelerometers of hammer tests weigh 0.5 to 30 g."""
 
-LOSS = 0.05
-"""Standard deviation of a relative change of a stiffness: what monitors are there for."""
+LOSS = 0.05  # standard deviation of a relative change of a stiffness: what monitors are there for
 
 CLIMATE = {"temperature_c": 0.02, "humidity_percent": 0.005}
 """Standard deviations of a relative change of all stiffness over a season by what was not given: 0.1 % for each
 kelvin of 20, and 2.5 % for each per cent of water, of which a laminate indoors takes up 0.2 %."""
 
-CALIBRATION = 0.1
-"""Standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip."""
+CALIBRATION = 0.1  # standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip
 
 MISSED = 0.05
 """ρ, relative standard deviation of a sensitivity: the updated model's, and what is beyond first order in some per cent."""
 
-RIVAL = float(np.log(20.0))
-"""Log evidence by which another explanation must be behind to be ruled out."""
-
+RIVAL = float(np.log(20.0))  # log evidence by which another explanation must be behind to be ruled out
 _QUANTILES = (np.arange(21) + 0.5) / 21  # of u
-
 _NEIGHBOURS = 4  # of a site on a surface
 
 

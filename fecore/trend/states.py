@@ -104,8 +104,7 @@ def worst(states: tuple[State, ...]) -> State:
     return min(states, key=WORST_FIRST.index)
 
 
-GRACE = 0.5
-"""Share of the expected interval by which a campaign may be late before it is missing."""
+GRACE = 0.5  # share of the expected interval by which a campaign may be late before it is missing
 
 
 @dataclass(frozen=True)

@@ -18,10 +18,8 @@ from fecore.correlation import pair_modes
 Shape = Mapping[tuple[int, int], complex]
 """(grid point, axis 1 to 6) to the value of a mode shape along the positive axis."""
 
-SAME_MODE = 0.15
-"""Relative change of frequency from one campaign to the next up to which two modes may be the same."""
-LEAST_MAC = 0.5
-"""MAC below which two modes are others, as of pairs with a model."""
+SAME_MODE = 0.15  # relative change of frequency from one campaign to the next up to which two modes may be the same
+LEAST_MAC = 0.5  # MAC below which two modes are others, as of pairs with a model
 FEWEST_DOFS = 3
 """Shared degrees of freedom from which on shapes are compared: any two shapes at one of them have a MAC of 1."""
 

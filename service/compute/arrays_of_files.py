@@ -46,8 +46,7 @@ FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
 """A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or its own size: what is
 measured does not compress better."""
 
-MOST_VARIABLES = 1000
-"""Arrays of a file that are listed."""
+MOST_VARIABLES = 1000  # arrays of a file that are listed
 
 
 @dataclass(frozen=True)

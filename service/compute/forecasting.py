@@ -16,8 +16,7 @@ from service.compute.result_arrays import on_mesh
 if TYPE_CHECKING:
     from service.jobs.kinds import Report
 
-HARDLY = 0.05
-"""Share of a mode's largest displacement below which a point hardly shows it."""
+HARDLY = 0.05  # share of a mode's largest displacement below which a point hardly shows it
 
 
 @dataclass(frozen=True)

@@ -18,12 +18,10 @@ from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof
 
-ORTHONORMAL_TOLERANCE = 1e-3
-"""Axes typed with four digits pass; what is left of the error is removed by Gram-Schmidt."""
+ORTHONORMAL_TOLERANCE = 1e-3  # axes typed with four digits pass; what is left of the error is removed by Gram-Schmidt
 
 
-SQUARE = 1e-6
-"""Within which a direction cosine is 1."""
+SQUARE = 1e-6  # within which a direction cosine is 1
 
 
 @dataclass(frozen=True)

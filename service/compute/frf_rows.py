@@ -19,8 +19,7 @@ from modalbase.formats.frfs.table import DOFS
 from service.compute.spectra import Axis, Spectrum, encode, encode_axis
 from service.errors import Invalid
 
-MOST_FRFS = 10_000
-"""Of one body: each is a row of the answer."""
+MOST_FRFS = 10_000  # of one body: each is a row of the answer
 
 COLUMNS = {
     "label": "text",

@@ -20,8 +20,7 @@ from service.compute.explaining import Moves, explained
 from service.compute.observations import Observation, same_mode
 from service.jobs.kinds import Report
 
-EXACT = 1e-6
-"""Relative standard deviation where none is stated: the scatter between campaigns then is all there is."""
+EXACT = 1e-6  # relative standard deviation where none is stated: the scatter between campaigns then is all there is
 
 
 @dataclass(frozen=True)

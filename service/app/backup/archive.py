@@ -91,8 +91,7 @@ def read_manifest(file: Path, archive: ZipFile) -> Manifest:
 
 Watch = Callable[[int, int], object]
 """Is called with the bytes that are done and those that there are, which is about right until the end."""
-More = Callable[[int], None]
-"""Is called with the bytes that were done since the last time."""
+More = Callable[[int], None]  # is called with the bytes that were done since the last time
 
 
 def counted(watch: Watch | None, total: int) -> More:
@@ -141,8 +140,7 @@ def write_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Mani
     return manifest
 
 
-_DERIVED = ("alembic_version", "instrument_uses")
-"""Tables that an upgrade, or a trigger of others, fills."""
+_DERIVED = ("alembic_version", "instrument_uses")  # tables that an upgrade, or a trigger of others, fills
 
 
 def our_tables(connection: Connection) -> list[Table]:

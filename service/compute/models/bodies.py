@@ -30,11 +30,8 @@ from modalbase.formats.models.model import (
     Spring,
 )
 
-AS_MODELLED = "as_modelled"
-"""The boundary of a campaign that held the body as the model says."""
-
-RIGID_SHEAR = 1e3
-"""Shear factor of a beam that its deck has rigid in shear."""
+AS_MODELLED = "as_modelled"  # the boundary of a campaign that held the body as the model says
+RIGID_SHEAR = 1e3  # shear factor of a beam that its deck has rigid in shear
 
 
 def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structure:

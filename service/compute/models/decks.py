@@ -33,8 +33,7 @@ class DeckOrder:
     remarks: tuple[str, ...]  # for its head
 
 
-WRITERS = {"inp": write_inp, "bdf": write_bdf}
-"""By format of a model."""
+WRITERS = {"inp": write_inp, "bdf": write_bdf}  # by format of a model
 
 
 def updated_deck(order: DeckOrder) -> bytes:

@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 ZIP, NPZ = ".zip", ".npz"
 """End of the name of an archive of a deck and what it includes, or of matrices; and of matrices in one file."""
 
-MOST_FILES, MOST_BYTES = 1000, 500_000_000
-"""Of an archive, unpacked."""
+MOST_FILES, MOST_BYTES = 1000, 500_000_000  # of an archive, unpacked
 
 _INCLUDE = re.compile(rb"(?im)^\s*\*?INCLUDE\s*(?:,\s*INPUT\s*=)?\s*['\"]?([^'\"\r\n,]+)")
 
@@ -44,8 +43,7 @@ READERS: Mapping[str, Callable[[bytes, dict[str, bytes]], FiniteElementModel]] =
 }
 """By the end of a file's name."""
 
-MOST_LISTED = 1000
-"""Of each list in a description."""
+MOST_LISTED = 1000  # of each list in a description
 
 Read = TypeVar("Read")
 

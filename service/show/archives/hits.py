@@ -16,8 +16,7 @@ from service.store.records.operations import query_of, sample_bytes
 if TYPE_CHECKING:
     from service.store.records.operations import Record
 
-MOST_HITS = 500
-"""Of a file; not more than samples either, since a mapping takes a table's longer side for the time."""
+MOST_HITS = 500  # of a file; not more than samples either, since a mapping takes a table's longer side for the time
 PLACED = ("file", "variable", "row")
 COLUMNS = (
     *("id", "label", "filename", "quantity", "point", "direction", "force_point", "force_direction", "hit"),

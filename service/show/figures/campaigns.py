@@ -23,8 +23,7 @@ from service.show.figures.marks import (
 )
 
 _LONGEST = 22  # letters of a campaign's name beside a row
-FAR_Z = 2.0
-"""|z| from which on a campaign's own estimate is drawn as one that differs."""
+FAR_Z = 2.0  # |z| from which on a campaign's own estimate is drawn as one that differs
 
 _Row = tuple[Mapping[str, Any], Mapping[str, Any]]
 

@@ -26,8 +26,7 @@ from service.show.figures.marks import (
     shortened,
 )
 
-MOST_LINES = 3200
-"""Lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch."""
+MOST_LINES = 3200  # lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch
 _ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured
 UNITS = {"accelerance": "(m/s²)/N", "mobility": "(m/s)/N", "receptance": "m/N"}
 MODELS: dict[str, tuple[str, Dash]] = {"initial": (INITIAL, "dot"), "updated": (UPDATED, "dash")}

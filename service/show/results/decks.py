@@ -18,8 +18,7 @@ from service.store.updating.operations import result_document
 if TYPE_CHECKING:
     from service.store.updating.tables import UpdateJob
 
-MOST_MODES = 40
-"""That are listed in a deck's head."""
+MOST_MODES = 40  # that are listed in a deck's head
 
 
 def deck_order(session: Session, job: UpdateJob) -> DeckOrder:

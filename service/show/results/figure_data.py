@@ -134,5 +134,4 @@ class JointFigures:
 
 
 AnyFigures = UpdateFigures | JointFigures
-Drawn = TypeVar("Drawn", UpdateFigures, JointFigures)
-"""What the figures of one kind of result are drawn from."""
+Drawn = TypeVar("Drawn", UpdateFigures, JointFigures)  # what the figures of one kind of result are drawn from
