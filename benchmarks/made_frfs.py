@@ -35,22 +35,15 @@ _HITS = 5
 
 @dataclass(frozen=True)
 class Draw:
-    """FRFs and the truth about them.
+    """FRFs and the truth about them."""
 
-    Attributes:
-        frfs: (N, L) what was measured.
-        frequency_hz, zeta: (n,) of the modes, `zeta` as the window shows it.
-        residue: (n, N) of each mode in each FRF, of the form of `_accelerance`.
-        optional: (n,) modes that may be lost.
-        distortions: frequencies that look like modes and are none, Hz.
-    """
-
-    frfs: FrfSet
+    frfs: FrfSet  # (N, L) what was measured
+    # frequency_hz, zeta: (n,) of the modes, `zeta` as the window shows it
     frequency_hz: np.ndarray
     zeta: np.ndarray
-    residue: np.ndarray
-    optional: np.ndarray
-    distortions: np.ndarray
+    residue: np.ndarray  # (n, N) of each mode in each FRF, of the form of `_accelerance`
+    optional: np.ndarray  # (n,) modes that may be lost
+    distortions: np.ndarray  # frequencies that look like modes and are none, Hz
 
 
 @dataclass(frozen=True)

@@ -18,20 +18,14 @@ _FEWEST_MODES = 3  # of which a change has a pattern
 
 @dataclass(frozen=True)
 class Moves:
-    """What would move the frequencies of one campaign's m modes (`fecore.updating.effects.FrequencyEffects`).
+    """What would move the frequencies of one campaign's m modes (`fecore.updating.effects.FrequencyEffects`)."""
 
-    Attributes:
-        campaign: its id.
-        stiffness, support: (m,) by name.
-        sites: (P, 3), m.
-        mass: (m, P).
-    """
-
-    campaign: str
+    campaign: str  # its id
+    # stiffness, support: (m,) by name
     stiffness: Mapping[str, FloatArray]
     support: Mapping[str, FloatArray]
-    sites: FloatArray
-    mass: FloatArray
+    sites: FloatArray  # (P, 3), m
+    mass: FloatArray  # (m, P)
 
 
 def explained(

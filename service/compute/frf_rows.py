@@ -42,30 +42,20 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class EncodedFrf:
-    """An FRF of a file as it is stored; encoded in the child, where is a processor to spare.
+    """An FRF of a file as it is stored; encoded in the child, where is a processor to spare."""
 
-    Attributes:
-        dataset: number of the dataset of a UFF file.
-        label: free text, the first ID line of a UFF file.
-        response_point, response_direction, reference_point, reference_direction: its degrees of freedom.
-        quantity: accelerance, mobility or receptance.
-        axis: frequency lines.
-        spectrum: SI values with their SHA-256.
-        averages: number of averages, None where it is not known.
-        coherence: γ² where it came with the FRF.
-    """
-
-    dataset: int | None
-    label: str
+    dataset: int | None  # number of the dataset of a UFF file
+    label: str  # free text, the first ID line of a UFF file
+    # response_point, response_direction, reference_point, reference_direction: its degrees of freedom
     response_point: int
     response_direction: int
     reference_point: int
     reference_direction: int
-    quantity: Quantity
-    axis: Axis
-    spectrum: Spectrum
-    averages: int | None = None
-    coherence: Spectrum | None = None
+    quantity: Quantity  # accelerance, mobility or receptance
+    axis: Axis  # frequency lines
+    spectrum: Spectrum  # SI values with their SHA-256
+    averages: int | None = None  # number of averages, None where it is not known
+    coherence: Spectrum | None = None  # γ² where it came with the FRF
 
     @property
     def size(self) -> int:

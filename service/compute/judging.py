@@ -25,22 +25,14 @@ EXACT = 1e-6  # relative standard deviation where none is stated: the scatter be
 
 @dataclass(frozen=True)
 class JudgementInputs:
-    """A series as it is to be judged.
+    """A series as it is to be judged."""
 
-    Attributes:
-        observations: in the order in which they came in, so that late ones can be recognised.
-        watch: what is watched, and how.
-        as_of: now.
-        acknowledged: parameter and time of acknowledgements, by time.
-        notes: what is already known to be worth saying.
-        moves: what would move the frequencies, of one campaign of the baseline; None where no result says it.
-    """
-
-    observations: tuple[Observation, ...]
-    watch: Watch
-    as_of: datetime
-    acknowledged: tuple[Acknowledgement, ...]
-    notes: tuple[str, ...]
+    observations: tuple[Observation, ...]  # in the order in which they came in, so that late ones can be recognised
+    watch: Watch  # what is watched, and how
+    as_of: datetime  # now
+    acknowledged: tuple[Acknowledgement, ...]  # parameter and time of acknowledgements, by time
+    notes: tuple[str, ...]  # what is already known to be worth saying
+    # what would move the frequencies, of one campaign of the baseline; None where no result says it
     moves: Moves | None = None
 
 

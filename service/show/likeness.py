@@ -26,20 +26,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Likeness:
-    """Two sets of modes against each other.
+    """Two sets of modes against each other."""
 
-    Attributes:
-        hz: (n,) frequencies of the first set, Hz.
-        other_hz: (m,) those of the other one, Hz.
-        mac: (n, m) from 0 to 1; None where a set has no shapes, or they share fewer than three degrees of freedom.
-        dofs: how many they share.
-        partners: number from 0 of the other set's mode that each of the first's is, as trends follow modes.
-    """
-
-    hz: FloatArray
-    other_hz: FloatArray
+    hz: FloatArray  # (n,) frequencies of the first set, Hz
+    other_hz: FloatArray  # (m,) those of the other one, Hz
+    # (n, m) from 0 to 1; None where a set has no shapes, or they share fewer than three degrees of freedom
     mac: FloatArray | None
-    dofs: int
+    dofs: int  # how many they share
+    # number from 0 of the other set's mode that each of the first's is, as trends follow modes
     partners: Mapping[int, int]
 
 

@@ -47,29 +47,18 @@ class Spread:
 
 @dataclass(frozen=True)
 class FrfCurves:
-    """One FRF as measured and as the models predict it.
+    """One FRF as measured and as the models predict it."""
 
-    Attributes:
-        title: which FRF, in words.
-        quantity: accelerance, mobility or receptance.
-        frequency_hz: (L,).
-        measured: (L,) SI; None where only models are drawn.
-        coherence: (L,) γ², or None.
-        models: (L,) by name, `initial` and `updated`; empty of a campaign without an update.
-        spread: of the updated model, or None.
-        band_hz: the lines that were fitted; None without a fit.
-        held_band_hz: lines that were held out of the fit, or None.
-    """
-
-    title: str
-    quantity: str
-    frequency_hz: FloatArray
-    measured: ComplexArray
-    coherence: FloatArray | None = None
+    title: str  # which FRF, in words
+    quantity: str  # accelerance, mobility or receptance
+    frequency_hz: FloatArray  # (L,)
+    measured: ComplexArray  # (L,) SI; None where only models are drawn
+    coherence: FloatArray | None = None  # (L,) γ², or None
+    # (L,) by name, `initial` and `updated`; empty of a campaign without an update
     models: dict[str, ComplexArray] | None = None
-    spread: Spread | None = None
-    band_hz: tuple[float, float] | None = None
-    held_band_hz: tuple[float, float] | None = None
+    spread: Spread | None = None  # of the updated model, or None
+    band_hz: tuple[float, float] | None = None  # the lines that were fitted; None without a fit
+    held_band_hz: tuple[float, float] | None = None  # lines that were held out of the fit, or None
 
 
 def frf_figure(curves: FrfCurves) -> Figure:

@@ -28,22 +28,16 @@ class Mark:
 
 @dataclass(frozen=True)
 class Grid:
-    """A drawing to scale.
+    """A drawing to scale."""
 
-    Attributes:
-        width, height: of the drawing.
-        marks: the points.
-        outline: x, y, width and height of the specimen; None where its geometry is not known.
-        bar: length of the scale's bar in the drawing, and in words.
-        labels: whether there is room for the points' numbers.
-    """
-
+    # width, height: of the drawing
     width: float
     height: float
-    marks: list[Mark]
+    marks: list[Mark]  # the points
+    # x, y, width and height of the specimen; None where its geometry is not known
     outline: tuple[float, float, float, float] | None
-    bar: tuple[float, str]
-    labels: bool
+    bar: tuple[float, str]  # length of the scale's bar in the drawing, and in words
+    labels: bool  # whether there is room for the points' numbers
 
 
 def draw_grid(points: Mapping[int, Point3], geometry: Geometry | None, frfs: Mapping[int, int]) -> Grid | None:

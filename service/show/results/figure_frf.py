@@ -14,19 +14,15 @@ from service.store.frfs.data import Cut
 
 @dataclass(frozen=True)
 class Wanted:
-    """What the query of a figure's route says.
+    """What the query of a figure's route says."""
 
-    Attributes:
-        point: grid point whose FRF is drawn; None for the first one.
-        reference: the other point of the FRF, where one point alone does not say which; or None.
-        fmin, fmax: lines that are drawn, Hz; None for all.
-        measured, model: numbers from 1 of a measured mode and of one of the model, whose shapes are drawn; None for all pairs.
-    """
-
-    point: int | None = None
-    reference: int | None = None
+    point: int | None = None  # grid point whose FRF is drawn; None for the first one
+    reference: int | None = None  # the other point of the FRF, where one point alone does not say which; or None
+    # fmin, fmax: lines that are drawn, Hz; None for all
     fmin: float | None = None
     fmax: float | None = None
+    # measured, model: numbers from 1 of a measured mode and of one of the model, whose shapes are drawn; None for all
+    # pairs
     measured: int | None = None
     model: int | None = None
 

@@ -29,22 +29,14 @@ from service.show.results.figure_frf import ANYTHING, Wanted, update_frf_figure
 
 @dataclass(frozen=True)
 class NamedFigure(Generic[Drawn]):
-    """A figure of an update, or of a joint update.
+    """A figure of an update, or of a joint update."""
 
-    Attributes:
-        title: what it shows, in one line.
-        draw: draws it.
-        why_not: says why the result has nothing for it; nothing where it has.
-        arrays: that must be kept, which an earlier version may not have done.
-        query: parameters of the query that it heeds.
-        sheets: draws it as several figures of which each fits on a page; None where one does.
-    """
-
-    title: str
-    draw: Callable[[Drawn, Wanted], Figure]
-    why_not: Callable[[Drawn], str | None]
-    arrays: tuple[str, ...] = ()
-    query: tuple[str, ...] = ()
+    title: str  # what it shows, in one line
+    draw: Callable[[Drawn, Wanted], Figure]  # draws it
+    why_not: Callable[[Drawn], str | None]  # says why the result has nothing for it; nothing where it has
+    arrays: tuple[str, ...] = ()  # that must be kept, which an earlier version may not have done
+    query: tuple[str, ...] = ()  # parameters of the query that it heeds
+    # draws it as several figures of which each fits on a page; None where one does
     sheets: Callable[[Drawn], Sequence[Figure]] | None = None
 
     def lacks(self, data: Drawn) -> str | None:
