@@ -310,19 +310,8 @@ def quiet(seed: int, harsh: Harsh = GOOD) -> Draw:
     return _drawn(_set(hz, values), NONE, NONE, np.empty((0, points)))
 
 
-KINDS: dict[str, Callable[..., Draw]] = {
-    "bridge": bridge,
-    "softening": softening,
-    "plate": plate,
-    "aeroplane": aeroplane,
-    "wide": wide,
-    "wing": wing,
-    "beam": beam,
-    "loose": loose,
-    "quiet": quiet,
-    "squared": squared,
-    "cubed": cubed,
-}
+_EVERY = (bridge, softening, plate, aeroplane, wide, wing, beam, loose, quiet, squared, cubed)
+KINDS: dict[str, Callable[..., Draw]] = {each.__name__: each for each in _EVERY}
 
 
 def _spread(rng: np.random.Generator, count: int, low: float, high: float, apart: float) -> np.ndarray:
