@@ -44,15 +44,7 @@ AREA = {
     "V": "various",
     "U": "unknown",
 }
-LOCATION = {
-    "B": "bottom",
-    "T": "top",
-    "L": "left",
-    "R": "right",
-    "M": "middle",
-    "V": "various",
-    "U": "unknown",
-}
+LOCATION = {"B": "bottom", "T": "top", "L": "left", "R": "right", "M": "middle", "V": "various", "U": "unknown"}
 
 AT_GRIP = frozenset("IAW")  # areas that put the way in which force enters the specimen in doubt
 

@@ -85,10 +85,7 @@ def modes_below(
 
 
 def normal_modes(
-    stiffness: scipy.sparse.csc_array,
-    mass: scipy.sparse.csc_array,
-    count: int,
-    rigid_modes: FloatArray | None = None,
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, count: int, rigid_modes: FloatArray | None = None
 ) -> NormalModes:
     """The `count` lowest modes of K φ = λ M φ, rigid-body modes included.
 

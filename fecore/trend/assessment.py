@@ -211,13 +211,7 @@ def _limits(baseline: Baseline, watch: Watch) -> tuple[Limits, float]:
     shared = float(np.ceil(50 * baseline.shared) / 50)
     known = max(rounded, 1.0)
     limits = control_limits(watch.chart, watch.side_probability, watch.horizon, watch.pending, shared, known)
-    return widened(
-        limits,
-        watch.chart,
-        baseline.autocorrelation,
-        campaigns=watch.horizon,
-        pending=watch.pending,
-    )
+    return widened(limits, watch.chart, baseline.autocorrelation, campaigns=watch.horizon, pending=watch.pending)
 
 
 def _change(begin: datetime, watched: Series, scores: Scores, baseline: Baseline) -> ChangePoint:

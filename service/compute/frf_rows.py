@@ -65,12 +65,7 @@ class EncodedFrf:
 
     def columns(self) -> dict[str, Any]:
         """The values of `COLUMNS`, and `dataset`."""
-        return {
-            **vars(self),
-            **self.axis.columns(),
-            **self.spectrum.columns(),
-            **coherence_columns(self.coherence),
-        }
+        return {**vars(self), **self.axis.columns(), **self.spectrum.columns(), **coherence_columns(self.coherence)}
 
 
 def encoded(frfs: Frfs) -> Iterator[EncodedFrf]:
@@ -101,11 +96,7 @@ def coherence_columns(coherence: Spectrum | FloatArray | None) -> dict[str, Any]
     if coherence is None:
         return {"coherence": None, "coherence_dtype": None, "coherence_sha256": None}
     spectrum = coherence if isinstance(coherence, Spectrum) else encode(coherence)
-    return {
-        "coherence": spectrum.data,
-        "coherence_dtype": spectrum.dtype,
-        "coherence_sha256": spectrum.sha256,
-    }
+    return {"coherence": spectrum.data, "coherence_dtype": spectrum.dtype, "coherence_sha256": spectrum.sha256}
 
 
 def _require_consistent(frfs: Frfs) -> None:

@@ -184,10 +184,7 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
         )
         warnings += [f"campaign {each.name}: {text}" for text in (*each.warnings, *data.warnings)]
     result = update_campaigns(
-        campaigns,
-        inputs.recipe,
-        inputs.coupons,
-        lambda stage, share: report(stage, 0.5 + 0.5 * share),
+        campaigns, inputs.recipe, inputs.coupons, lambda stage, share: report(stage, 0.5 + 0.5 * share)
     )
     sources = tuple(each.provenance for each in inputs.campaigns)
     yield JointOutput(result, tuple(warnings), sources, {**inputs.provenance, **origin()})

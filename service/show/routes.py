@@ -82,11 +82,7 @@ def get_campaign_figure(
     tags=["identifications"],
 )
 def get_identification_figure(
-    identification_id: UUID,
-    name: FigureName,
-    session: SessionDep,
-    user: CurrentUser,
-    asked: Asked,
+    identification_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
     """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed."""
     row = identification_for(session, user, identification_id)
@@ -119,11 +115,7 @@ def get_mode_set_figure(
 
 @router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["coupons"])
 def get_coupon_figure(
-    coupon_id: UUID,
-    name: FigureName,
-    session: SessionDep,
-    user: CurrentUser,
-    asked: Asked,
+    coupon_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
     """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain."""
     coupon = coupon_for(session, user, coupon_id)

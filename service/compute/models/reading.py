@@ -140,9 +140,7 @@ def unpacked(content: bytes, filename: str) -> Deck:
         )
     folder = PurePosixPath(mains[0]).parent
     return Deck(
-        mains[0],
-        files[mains[0]],
-        {_beside(name, folder): text for name, text in files.items() if name != mains[0]},
+        mains[0], files[mains[0]], {_beside(name, folder): text for name, text in files.items() if name != mains[0]}
     )
 
 

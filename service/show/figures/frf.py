@@ -12,19 +12,7 @@ from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.normal import Z_95
 from service.show.figures.colors import HELD_OUT, INITIAL, MEASURED, OUTSIDE, UPDATED
-from service.show.figures.marks import (
-    Axis,
-    Band,
-    Curve,
-    Dash,
-    Figure,
-    Kind,
-    Mark,
-    Panel,
-    Region,
-    decades,
-    shortened,
-)
+from service.show.figures.marks import Axis, Band, Curve, Dash, Figure, Kind, Mark, Panel, Region, decades, shortened
 
 MOST_LINES = 3200  # lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch
 _ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured

@@ -275,11 +275,7 @@ _LINES = ("fmin", "fmax")
 
 FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "frf": NamedFigure(
-        "FRF: measured, initial and updated",
-        update_frf_figure,
-        _no_prediction,
-        (),
-        ("point", "reference", *_LINES),
+        "FRF: measured, initial and updated", update_frf_figure, _no_prediction, (), ("point", "reference", *_LINES)
     ),
     "parameters": NamedFigure(
         "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _no_result

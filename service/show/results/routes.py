@@ -218,11 +218,7 @@ def list_joint_figures(joint_id: UUID, session: SessionDep, user: CurrentUser) -
 
 @router.get("/joint-updates/{joint_id}/figures/{name}", response_class=Response, responses=RESPONSES)
 def get_joint_figure(
-    joint_id: UUID,
-    name: FigureName,
-    session: SessionDep,
-    user: CurrentUser,
-    asked: Asked,
+    joint_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
     """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or `posterior`.
 
