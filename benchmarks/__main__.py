@@ -70,7 +70,7 @@ TABLES = {
             quick="100 801",
         ),
         Case("many_hits", "database", "10,000 hits: import and processing, beside reading and COPY", quick="200"),
-        Case("recordings", "recordings", "a long wav: hits found and cut, memory", quick="1"),
+        Case("recordings", "recordings", "a long wav and TDMS: hits found and cut, memory", quick="1"),
         Case("live_hits", "database", "the judgement of one hit after another over HTTP", quick="2"),
         Case("search", "search", "the questions of search and an import as the database grows", quick="20"),
         Case("fleet", "fleet", "monitors' reruns by one worker and two, and what they share", quick="1 4"),

@@ -87,17 +87,21 @@ class Project(Editable):
         fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
         return Path(file)
 
-    def import_archive(self, file: str | Path) -> Imported:
+    def import_archive(self, file: str | Path, *, again: bool = False) -> Imported:
         """Read an archive that a service wrote, with new ids: all but results, which stay in it, and monitors at rest.
 
-        Each structure and campaign says in `meta.archive` which one it was.
+        Each structure and campaign says in `meta.archive` which one it was, and in `sha256` of what archive.
+
+        Args:
+            file: the archive.
+            again: read it though one of the same content was read before.
 
         Raises:
-            ClientError: the archive is broken or no longer what was written, in which case nothing is sent; or the service
-                refuses a part of it.
+            ClientError: the archive is broken or no longer what was written, or its content is in a project already, in which
+                case nothing is sent; or the service refuses a part of it.
             JobFailed: the service cannot read its FRFs.
         """
-        return import_archive(self, Path(file))
+        return import_archive(self, Path(file), again=again)
 
     def instruments(self) -> Table:
         """Its hammers, sensors and analysers with their calibrations; campaigns name them by kind and serial number."""

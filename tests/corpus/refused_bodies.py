@@ -173,6 +173,6 @@ BODIES: list[tuple[Callable[[], object], str]] = [
      "coupons.0: Ey is not updated; expected one of Ex"),
     (lambda: plan_tests([replace(TEST, sensor=33)]), "sensor: is point 33, expected one of the 2 points"),
     (lambda: plan_tests([replace(TEST, noise=0.0)]), "noise: is 0.0, expected a positive number"),
-    (lambda: plan_tests([replace(TEST, highest_hz=1.0)]), "highest_hz: of s is 1, below the first mode of its model"),
+    (lambda: plan_tests([replace(TEST, highest_hz=1.0)]), "tests.0.highest_hz: of s is 1, below the first mode of its model"),
 ]
 # fmt: on

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
-from zipfile import ZipFile
+from zipfile import ZipFile, ZipInfo
 
 from numpy.lib import format as npy
 from sqlalchemy.orm import Session
@@ -62,8 +62,8 @@ def _alike(blocks: Sequence[Record]) -> Iterator[list[list[Record]]]:
 
 
 def _write_samples(session: Session, arrays: ZipFile, variable: str, blocks: Sequence[Record]) -> None:
-    """One channel: (hits, samples)."""
-    with arrays.open(f"{variable}.npy", "w", force_zip64=True) as target:
+    """One channel: (hits, samples). It states no time, so that the same hits make the same file."""
+    with arrays.open(ZipInfo(f"{variable}.npy"), "w", force_zip64=True) as target:
         shape = len(blocks), blocks[0].samples
         npy.write_array_header_1_0(target, {"descr": blocks[0].dtype, "fortran_order": False, "shape": shape})
         target.writelines(sample_bytes(session, blocks))  # type: ignore[arg-type]  # a record has what a BlockRow has

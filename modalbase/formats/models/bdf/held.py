@@ -194,10 +194,10 @@ def _holding(cards: Cards, case: Case, notes: Notes) -> set[int]:
             line = min(card.line for name in ("SPC", "SPC1") for card in cards.get(name, ()))
             notes.at(line, "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
             return stated
-    if selected in joined:
-        return {whole(text) or 0 for _, text in joined[selected].words(1)}
-    if selected not in stated:
-        notes.at(
-            1, "SPC", f"the case control selects SPC = {selected}, which is not in the deck; nothing is held", True
-        )
-    return {selected}
+    by = joined.get(selected)
+    holding = {selected} if by is None else {whole(text) or 0 for _, text in by.words(1)}
+    for missing in sorted(holding - stated):
+        who = "the case control selects" if by is None else f"{by.title} joins"
+        loss = f"{who} SPC = {missing}, which is not in the deck; nothing is held by it"
+        notes.at(1 if by is None else by.line, "SPC", loss, True)
+    return holding

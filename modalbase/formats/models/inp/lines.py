@@ -10,6 +10,7 @@ from pathlib import PurePosixPath
 from typing import NamedTuple
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.models.edits import lines_of
 from modalbase.formats.models.model import Place
 
 MOST_LINES = 2_000_000
@@ -202,7 +203,7 @@ class _Files:
     def lines(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[_Line]:
         """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
         file = within[-1] if within else ""
-        text = content.decode("latin-1").split("\n")  # a character is a byte, so that columns are too
+        text = lines_of(content)
         self._lines += len(text)
         if self._lines > MOST_LINES:
             raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")

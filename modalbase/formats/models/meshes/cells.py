@@ -94,7 +94,7 @@ class Lines:
     """
 
     def __init__(self, content: bytes) -> None:
-        self._rows = content.decode("utf-8", "replace").split("\n")
+        self._rows = content.decode("utf-8-sig", "replace").split("\n")
         self.line = 0
 
     @property
