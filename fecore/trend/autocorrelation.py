@@ -64,19 +64,12 @@ _PHASE = 0.4  # of the first wave, so that none is taken where it is zero
 
 @dataclass(frozen=True)
 class Autocorrelation:
-    """What a baseline says of φ.
+    """What a baseline says of φ."""
 
-    Attributes:
-        weights: (10,) probability of each φ of `GRID`.
-        interval_days: Δ, to which φ belongs.
-        campaigns: n, in the baseline.
-        covariates: lag-1 correlation of each covariate along the baseline, to a quarter.
-    """
-
-    weights: FloatArray
-    interval_days: float
-    campaigns: int
-    covariates: tuple[float, ...]
+    weights: FloatArray  # (10,) probability of each φ of `GRID`
+    interval_days: float  # Δ, to which φ belongs
+    campaigns: int  # n, in the baseline
+    covariates: tuple[float, ...]  # lag-1 correlation of each covariate along the baseline, to a quarter
 
     @property
     def mean(self) -> float:

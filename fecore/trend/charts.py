@@ -46,32 +46,20 @@ Kind = Literal["ewma", "cusum", "shewhart"]
 
 @dataclass(frozen=True)
 class Limits:
-    """Where a campaign is outside.
+    """Where a campaign is outside."""
 
-    Attributes:
-        chart: h, for the chart's value.
-        score: c, for the campaign's own score; infinite where there is none.
-    """
-
-    chart: float
-    score: float = float("inf")
+    chart: float  # h, for the chart's value
+    score: float = float("inf")  # c, for the campaign's own score; infinite where there is none
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A kind of chart.
+    """A kind of chart."""
 
-    Attributes:
-        kind: `ewma`, `cusum` or `shewhart`.
-        weight: λ of an EWMA, 0 < λ ≤ 1. Small for slow and small changes, large for sudden ones.
-        reference: k of a CUSUM, half the change to be found, in standard deviations.
-        jump_share: share of the false alarms that the limit on single scores may take; 0 for none.
-    """
-
-    kind: Kind = "ewma"
-    weight: float = 0.3
-    reference: float = 0.5
-    jump_share: float = 0.5
+    kind: Kind = "ewma"  # `ewma`, `cusum` or `shewhart`
+    weight: float = 0.3  # λ of an EWMA, 0 < λ ≤ 1. Small for slow and small changes, large for sudden ones
+    reference: float = 0.5  # k of a CUSUM, half the change to be found, in standard deviations
+    jump_share: float = 0.5  # share of the false alarms that the limit on single scores may take; 0 for none
 
     def __post_init__(self) -> None:
         if self.kind not in ("ewma", "cusum", "shewhart"):

@@ -45,53 +45,35 @@ _NEIGHBOURS = 4  # of a site on a surface
 
 @dataclass(frozen=True)
 class _Candidate:
-    """Causes that act together.
+    """Causes that act together."""
 
-    Attributes:
-        causes: by name, (f,) sensitivity and standard deviation of the size.
-        unsure: (q, f) independent errors of the sensitivities, by what size is.
-    """
-
-    causes: Mapping[str, tuple[FloatArray, float]]
+    causes: Mapping[str, tuple[FloatArray, float]]  # by name, (f,) sensitivity and standard deviation of the size
+    # (q, f) independent errors of the sensitivities, by what size is
     unsure: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What moves f natural frequencies.
+    """What moves f natural frequencies."""
 
-    Attributes:
-        stiffness: (f,) by name, change of the logarithms by the relative change of a stiffness.
-        support: (f,) by name, change by one standard deviation of an input of the support.
-        sites: (P, 3) where a mass may be, m, as evenly spread as a mesh.
-        mass: (f, P) change by a mass at each of them, 1/kg.
-        covariates: (f,) by name, slopes by a covariate that is regressed out.
-        not_given: covariates that are not, of those that `CLIMATE` knows.
-    """
-
-    stiffness: Mapping[str, FloatArray]
-    support: Mapping[str, FloatArray]
-    sites: FloatArray
-    mass: FloatArray
-    covariates: Mapping[str, FloatArray]
-    not_given: tuple[str, ...]
+    stiffness: Mapping[str, FloatArray]  # (f,) by name, change of the logarithms by the relative change of a stiffness
+    support: Mapping[str, FloatArray]  # (f,) by name, change by one standard deviation of an input of the support
+    sites: FloatArray  # (P, 3) where a mass may be, m, as evenly spread as a mesh
+    mass: FloatArray  # (f, P) change by a mass at each of them, 1/kg
+    covariates: Mapping[str, FloatArray]  # (f,) by name, slopes by a covariate that is regressed out
+    not_given: tuple[str, ...]  # covariates that are not, of those that `CLIMATE` knows
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """One explanation of a change.
+    """One explanation of a change."""
 
-    Attributes:
-        kind: `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor scale changed.
-        probability: among all explanations.
-        evidence: logarithm of how much likelier it makes what was measured than no change does.
-        sizes: by name, estimate and standard deviation: a mass in kg by its point, relative changes, an input of the support
-            in standard deviations.
-    """
-
+    # `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor scale changed
     kind: str
-    probability: float
-    evidence: float
+    probability: float  # among all explanations
+    evidence: float  # logarithm of how much likelier it makes what was measured than no change does
+    # by name, estimate and standard deviation: a mass in kg by its point, relative changes, an input of the support in
+    # standard deviations
     sizes: Mapping[str, tuple[float, float]]
 
 

@@ -26,15 +26,10 @@ FEWEST_DOFS = 3
 
 @dataclass(frozen=True)
 class TrackedMode:
-    """A mode of a campaign.
+    """A mode of a campaign."""
 
-    Attributes:
-        frequency_hz: natural frequency, above 0.
-        shape: empty where it is not known.
-    """
-
-    frequency_hz: float
-    shape: Shape = field(default_factory=dict)
+    frequency_hz: float  # natural frequency, above 0
+    shape: Shape = field(default_factory=dict)  # empty where it is not known
 
 
 def track(campaigns: Sequence[Sequence[TrackedMode]]) -> list[list[int]]:
