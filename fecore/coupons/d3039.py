@@ -100,22 +100,15 @@ MOST_BENDING_PERCENT = 5.0  # bending above which the standard sees poor alignme
 
 @dataclass(frozen=True)
 class TensileResult(Reduced):
-    """What D3039 reports of a specimen, SI.
+    """What D3039 reports of a specimen, SI."""
 
-    Attributes:
-        maximum_force_n, strength_pa: P_max and F.
-        ultimate_strain: m/m; None where the gauge was lost before the maximum force.
-        poisson_ratio: None without a transverse strain.
-        transition_strain: None where the curve has no knee.
-        bending_percent: None where one face is gauged.
-    """
-
+    # maximum_force_n, strength_pa: P_max and F
     maximum_force_n: float
     strength_pa: float
-    ultimate_strain: float | None
-    poisson_ratio: float | None
-    transition_strain: float | None
-    bending_percent: float | None
+    ultimate_strain: float | None  # m/m; None where the gauge was lost before the maximum force
+    poisson_ratio: float | None  # None without a transverse strain
+    transition_strain: float | None  # None where the curve has no knee
+    bending_percent: float | None  # None where one face is gauged
 
 
 def reduce(

@@ -26,19 +26,15 @@ LARGEST_STRAIN = 0.05  # γ at which the test ends
 
 @dataclass(frozen=True)
 class ShearResult(Reduced):
-    """What D3518 reports of a specimen, SI.
+    """What D3518 reports of a specimen, SI."""
 
-    Attributes:
-        offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before.
-        maximum_stress_pa, maximum_stress_strain: τ_max and its γ.
-        reached_limit: whether the test was cut at γ = 5 %.
-    """
-
+    # offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before
     offset_strength_pa: float | None
     offset_strain: float | None
+    # maximum_stress_pa, maximum_stress_strain: τ_max and its γ
     maximum_stress_pa: float
     maximum_stress_strain: float
-    reached_limit: bool
+    reached_limit: bool  # whether the test was cut at γ = 5 %
 
 
 def reduce(
