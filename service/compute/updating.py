@@ -23,7 +23,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from service.compute.frame import Frame
-from service.compute.identification_document import describe_identification
+from service.compute.identifying import describe_identification
 from service.compute.origin import origin
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
 from service.compute.result_arrays import as_npz

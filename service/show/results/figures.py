@@ -23,8 +23,15 @@ from service.show.figures.parameters import parameters_figure
 from service.show.figures.posterior import posterior_figure
 from service.show.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.stabilisation import stabilisation_figure
-from service.show.results.figure_data import AnyFigures, Drawn, JointFigures, UpdateFigures
-from service.show.results.figure_frf import ANYTHING, Wanted, update_frf_figure
+from service.show.results.figure_data import (
+    ANYTHING,
+    AnyFigures,
+    Drawn,
+    JointFigures,
+    UpdateFigures,
+    Wanted,
+    update_frf_figure,
+)
 
 
 @dataclass(frozen=True)
