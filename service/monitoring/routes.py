@@ -61,17 +61,7 @@ def create_monitor(
     return nouns.tagged(session, monitor, response)
 
 
-@router.get("/structures/{structure_id}/monitors")
-def list_monitors_of_structure(
-    structure_id: UUID,
-    session: SessionDep,
-    user: CurrentUser,
-    cursor: Cursor = None,
-    limit: Limit = 100,
-    deleted: Deleted = False,
-) -> Page[MonitorOut]:
-    """Monitors of a structure."""
-    return nouns.page(session, user, structure_id, cursor, limit, deleted=deleted)
+nouns.listing("list_monitors_of_structure", "Monitors of a structure.", hides=True)
 
 
 @router.get("/monitors")
@@ -117,13 +107,11 @@ nouns.deleting(
 )
 
 
-@router.post("/monitors/{monitor_id}/restore")
-def restore_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> MonitorOut:
-    """Bring a deleted monitor back; campaigns that came in between are run."""
-    monitor = monitor_for(session, user, monitor_id, "editor", lock=True, deleted=True)
-    monitor_for.bring_back(session, user, monitor)
-    request_check(session, monitor.id)
-    return nouns.tagged(session, monitor, response)
+nouns.restoring(
+    "restore_monitor",
+    "Bring a deleted monitor back; campaigns that came in between are run.",
+    lambda session, monitor: request_check(session, monitor.id),
+)
 
 
 @router.post(
