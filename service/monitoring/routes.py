@@ -12,9 +12,8 @@ from sqlalchemy import select
 from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
 from service.access.nouns import NounRoutes
 from service.errors import Invalid
-from service.monitoring import alarms as steps
 from service.monitoring import monitors
-from service.monitoring.alarms import alarm_for
+from service.monitoring.judgements import acknowledge, alarm_for
 from service.monitoring.notifications.routes import DeliveryOut, deliveries_of_monitor
 from service.monitoring.presentation import describe_alarms, describe_runs, series_document
 from service.monitoring.runs import monitor_for
@@ -203,7 +202,7 @@ def get_alarm(alarm_id: UUID, session: SessionDep, user: CurrentUser) -> AlarmOu
 def acknowledge_alarm(alarm_id: UUID, body: AcknowledgementIn, session: SessionDep, user: CurrentUser) -> AlarmOut:
     """Say that you have seen an alarm, and what you make of it. The monitor is judged anew with that."""
     alarm = alarm_for(session, user, alarm_id, "editor")
-    steps.acknowledge(session, user, alarm, body.note)
+    acknowledge(session, user, alarm, body.note)
     request_check(session, alarm.monitor_id)
     return describe_alarms(session, [alarm])[0]
 
