@@ -36,6 +36,7 @@ from service.store.structures.operations import (
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
 from service.store.updating.operations import check_prior_batch
+from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -63,19 +64,10 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
         structure_id=structure.id,
         structure_version_id=version.id,
         user_id=user.id,
-        name=body.name,
-        boundary=body.boundary,
-        recipe=body.recipe.model_dump(mode="json"),
-        modes=body.modes,
-        priors=body.priors,
+        **body.model_dump(mode="json", include=_AS_STATED),
         watch=_frozen_watch(body, watched),
         since=body.baseline.since,
-        expected_interval_days=body.expected_interval_days,
-        runs_on=body.runs_on,
-        schedule=body.schedule,
         next_run_at=None if body.schedule is None else next_time(body.schedule, now),
-        mail_to=body.mail_to,
-        active=body.active,
         state_rank=rank("no data"),
     )
     session.add(monitor)
@@ -85,6 +77,13 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
     audit(session, user, "monitor.create", "monitor", monitor.id, structure.project_id, name=body.name)
     request_check(session, monitor.id)
     return monitor
+
+
+_AS_STATED = {
+    *("name", "boundary", "recipe", "modes", "priors"),
+    *("expected_interval_days", "runs_on", "schedule", "mail_to", "active"),
+}
+"""What a monitor's row has as the body states it."""
 
 
 def _frozen_watch(body: MonitorIn, watched: Sequence[WatchedIn]) -> dict[str, Any]:
@@ -272,10 +271,10 @@ def describe_all(session: Session, monitors: Sequence[Monitor]) -> list[MonitorO
 
 def _described(monitor: Monitor, structure: Structure, maker: str, open_alarms: int) -> MonitorOut:
     watch = monitor.watch
-    same = {name: getattr(monitor, name) for name in MonitorOut.model_fields if hasattr(monitor, name)}
     frozen = {name: watch[name] for name in ("covariates", "false_alarm_rate", "horizon", "pending")}
-    return MonitorOut(
-        **same,
+    return shown_as(
+        MonitorOut,
+        monitor,
         **frozen,
         structure_name=structure.name,
         project_id=structure.project_id,

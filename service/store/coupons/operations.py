@@ -36,7 +36,6 @@ from service.store.coupons.schemas import (
     Excluded,
     ExclusionIn,
     Prior,
-    PublishedMean,
     Statistic,
     Summary,
 )
@@ -125,14 +124,7 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
         if name not in there
     ]:
         raise Invalid(faults)
-    batch = CouponBatch(
-        structure_id=structure.id,
-        name=body.name,
-        constants=list(body.constants),
-        sets=list(body.sets),
-        published={name: value.model_dump() for name, value in body.published.items()},
-        conditions=body.conditions,
-    )
+    batch = CouponBatch(structure_id=structure.id, **body.model_dump())
     session.add(batch)
     session.flush()
     session.refresh(batch)
@@ -326,7 +318,7 @@ def _priors(constants: dict[Constant, Statistic], warnings: list[str]) -> dict[C
         except InputError as error:
             warnings.append(f"{name}: no prior: {error}")
         else:
-            priors[name] = Prior(mean=found.mean, standard_deviation=found.standard_deviation, basis=found.basis)
+            priors[name] = shown_as(Prior, found)
     return priors
 
 
@@ -345,8 +337,8 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
                     f"{name}: {own.n} valid specimen{'s' * (own.n != 1)}; D3039 asks for at least {FEWEST_SPECIMENS}"
                 )
         elif published is not None:
-            value = PublishedMean.model_validate(published)
-            constants[name] = _statistic(Statistics(value.n, value.mean, value.standard_deviation), unit, "published")
+            value = Statistics(**published)
+            constants[name] = _statistic(value, unit, "published")
             if value.n is None:
                 warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
             elif value.n < FEWEST_SPECIMENS:
@@ -357,11 +349,4 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
 
 
 def _statistic(value: Statistics, unit: str, source: str) -> Statistic:
-    return Statistic(
-        n=value.n,
-        mean=value.mean,
-        standard_deviation=value.standard_deviation,
-        cv_percent=value.cv_percent,
-        unit=unit,
-        source=source,  # type: ignore[arg-type]  # one of two, by this module
-    )
+    return shown_as(Statistic, value, unit=unit, source=source)

@@ -10,7 +10,7 @@ from typing import IO, Annotated, Any
 from uuid import UUID
 
 import numpy as np
-from fastapi import Header, Query, Response
+from fastapi import Response
 from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -34,7 +34,7 @@ from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOu
 from service.store.storage import book
 from service.web import api_router, shown_as
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
+from service.web.parameters import form_of
 
 router = api_router(tags=["mode sets"], bulk=True)
 
@@ -72,15 +72,11 @@ def get_mode_set(
     mode_set_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None,
-        Query(alias="format", description="uff is set 55; default: by Accept"),
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 55; default: by Accept")],
 ) -> ModeSetOut | Response:
     """A mode set, as JSON or as a UFF file of grid points and mode shapes."""
     mode_set = operations.mode_set_for(session, user, mode_set_id)
-    if choose_format(file_format, accept, MEDIA_TYPES) == "uff":
+    if form == "uff":
         media_type = MEDIA_TYPES["uff"]
         return spooled(lambda file: write_uff(session, mode_set, file), media_type, "modes.uff", {"Vary": "Accept"})
     return nouns.shown(session, mode_set)

@@ -14,7 +14,7 @@ from typing import IO, Annotated, Any
 
 import nanoarrow as na
 import numpy as np
-from fastapi import Depends, Header, Query, Response
+from fastapi import Depends, Query, Response
 from fastapi.responses import FileResponse
 from nanoarrow.ipc import StreamWriter
 from pydantic import BaseModel, Field
@@ -31,7 +31,7 @@ from service.store.search.translate import LONGEST
 from service.store.search.trends import COVARIATES, FOLLOWED, POINT_COLUMNS, Trending, TrendOut, flat, trend_of
 from service.web import Limit, api_router
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
+from service.web.parameters import form_of
 
 _TYPES: dict[Kind, Any] = {
     "text": na.string(),
@@ -159,26 +159,20 @@ def _wanted(
 
 WantedDep = Annotated[Wanted, Depends(_wanted)]
 After = Annotated[str | None, Query(max_length=4000, description="`next_cursor` of the page before")]
-FormatQuery = Annotated[
-    Annotated[str, one_of(MEDIA_TYPES)] | None,
-    Query(alias="format", description=f"default: by Accept; files have all rows, at most {MOST_ROWS:,}"),
-]
-Accept = Annotated[str | None, Header(include_in_schema=False)]
+Form = Annotated[str, form_of(MEDIA_TYPES, f"default: by Accept; files have all rows, at most {MOST_ROWS:,}")]
 
 
 def _add(address: str, noun: Noun) -> None:
     """Add the search for one noun."""
 
     def search(
+        form: Form,
         wanted: WantedDep,
         session: SessionDep,
         user: CurrentUser,
         cursor: After = None,
         limit: Limit = 100,
-        file_format: FormatQuery = None,
-        accept: Accept = None,
     ) -> Any:
-        form = choose_format(file_format, accept, MEDIA_TYPES)
         found = Search(user, noun, wanted)
         with bounded(session):
             return _page(found, session, cursor, limit) if form == "json" else _file(found, session, form)
@@ -213,10 +207,7 @@ Value = Annotated[
     str | None, Query(max_length=100, description="what is followed; default: Ex, or frequency_hz of modes")
 ]
 TREND_TYPES = {name: MEDIA_TYPES[name] for name in ("json", "csv")}
-TrendFormat = Annotated[
-    Annotated[str, one_of(TREND_TYPES)] | None,
-    Query(alias="format", description="default: by Accept; CSV has the points"),
-]
+TrendForm = Annotated[str, form_of(TREND_TYPES, "default: by Accept; CSV has the points")]
 
 
 def _trend(noun: Trending) -> Callable[..., TrendOut]:
@@ -240,26 +231,26 @@ ModeTrend = Annotated[TrendOut, Depends(_trend("modes"))]
 
 
 @router.get("/search/results/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
-def get_result_trend(trend: ResultTrend, file_format: TrendFormat = None, accept: Accept = None) -> Any:
+def get_result_trend(form: TrendForm, trend: ResultTrend) -> Any:
     """A constant of the results that a search finds, over time and temperature: a series for each structure, and lines.
 
     Each campaign counts once, with its newest result. A line has the change a year, with and without the covariates; scatter
     between campaigns is in its interval.
     """
-    return _as(trend, file_format, accept)
+    return _as(form, trend)
 
 
 @router.get("/search/modes/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
-def get_mode_trend(trend: ModeTrend, file_format: TrendFormat = None, accept: Accept = None) -> Any:
+def get_mode_trend(form: TrendForm, trend: ModeTrend) -> Any:
     """Frequency or damping of the modes that a search finds, over time and temperature: a series for each mode of a structure.
 
     Modes are followed from campaign to campaign by MAC and frequency; each campaign counts once, with its newest mode set.
     """
-    return _as(trend, file_format, accept)
+    return _as(form, trend)
 
 
-def _as(trend: TrendOut, file_format: str | None, accept: str | None) -> Any:
-    if choose_format(file_format, accept, TREND_TYPES) == "json":
+def _as(form: str, trend: TrendOut) -> Any:
+    if form == "json":
         return trend
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")

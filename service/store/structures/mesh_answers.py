@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import IO, Annotated, Any
 
 import numpy as np
-from fastapi import Depends, Header, Query, Response
+from fastapi import Response
 
 from modalbase.formats.meshes import Cells, MeshFile, columns, uff_of, write_vtu
 from modalbase.formats.uff.write import encode
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
+from service.web.parameters import form_of
 
 MEDIA_TYPES = {"json": "application/json", "vtu": "application/vnd.kitware.vtu+xml", "uff": "application/x-uff"}
 MESH_FILES: dict[int | str, dict[str, Any]] = {
@@ -22,16 +22,7 @@ MESH_FILES: dict[int | str, dict[str, Any]] = {
 }
 
 
-def _chosen(
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None, Query(alias="format", description="default: by Accept, else json")
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
-) -> str:
-    return choose_format(file_format, accept, MEDIA_TYPES)
-
-
-MeshForm = Annotated[str, Depends(_chosen)]
+MeshForm = Annotated[str, form_of(MEDIA_TYPES, "default: by Accept, else json")]
 """Name of the format that a request wants."""
 
 
