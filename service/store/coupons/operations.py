@@ -145,7 +145,8 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
     along = [name for name in ("Ex", "Ey") if name in batch.constants]
     faults = [
         Fault(
-            f"/{i}/E_Pa" if len(bodies) > 1 else "/E_Pa", "the batch gives Ex and Ey; record each direction in a batch"
+            f"/{i}/E_Pa" if len(bodies) > 1 else "/E_Pa",
+            "the batch gives Ex and Ey, and E_Pa could be either; record each direction in a batch of its own",
         )
         for i, body in enumerate(bodies)
         if body.E_Pa is not None and len(along) == 2

@@ -118,7 +118,7 @@ def _meant(one: HitNamed, there: set[tuple[Place, int]], field: str) -> Dof:
         where = f"{field}.direction".lstrip(".")
         raise InputError(where, f"is missing: there is {_named(one)} in directions {listed}")
     if not own or one.direction not in (None, *own):
-        raise InputError(field or "hit", f"means {_named(one)}, which there is not; there are {_listed(there)}")
+        raise InputError(field or "hit", f"means {_named(one)}, which does not exist; there are {_listed(there)}")
     return Dof(one.point, own[0] if one.direction is None else one.direction)
 
 

@@ -271,7 +271,7 @@ def get_found_data(wanted: WantedDep, session: SessionDep, user: CurrentUser, sp
     if not keys:
         raise NotFound("FRF that the search finds")
     if len(keys) > MOST_SPECTRA:
-        raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, which is as many as a file has; narrow it")
+        raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, the most that a file holds; narrow it")
     return spectra.of(session, frfs_of(session, keys))
 
 
@@ -301,5 +301,5 @@ def _file(found: Search, session: Session, form: str) -> FileResponse:
 def _few(rows: Iterable[tuple[Any, ...]]) -> Iterable[tuple[Any, ...]]:
     for number, row in enumerate(rows):
         if number == MOST_ROWS:
-            raise Invalid("filter", f"finds more than {MOST_ROWS:,} rows, which is as many as a file has; narrow it")
+            raise Invalid("filter", f"finds more than {MOST_ROWS:,} rows, the most that a file holds; narrow it")
         yield row

@@ -10,7 +10,7 @@ from uuid import UUID
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from fecore.errors import InputError, within
+from fecore.errors import InputError
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User
 from service.access.demands import require_demanded
@@ -196,8 +196,6 @@ def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn
     parametrise(body, recipe_parameters(session, recipe, body)[0])
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
-    with within("identification"):
-        recipe.identification.options()
     if len(set(recipe.damping_models)) < len(recipe.damping_models):
         raise InputError("damping_models", "names a law twice")
 

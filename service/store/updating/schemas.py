@@ -13,6 +13,7 @@ from fecore.body.constants import Body, kind_of
 from fecore.body.sections import PLY_CONSTANTS
 from fecore.body.specimen import CONSTANTS
 from fecore.body.supports import Edge, Spring
+from fecore.errors import within
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
@@ -227,7 +228,13 @@ class RecipeIn(StrictModel):
         return self.to_core().parameters or default_parameters(body)
 
     def to_core(self) -> core.Recipe:
-        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""
+        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch.
+
+        Raises:
+            InputError: the identification's band is empty.
+        """
+        with within("identification"):
+            identification = self.identification.options()
         return core.Recipe(
             method=self.method,
             parameters=None
@@ -242,7 +249,7 @@ class RecipeIn(StrictModel):
             ),
             posterior=self.posterior,
             seed=self.seed,
-            identification=self.identification.options(),
+            identification=identification,
             include_doubtful=self.identification.include_doubtful,
         )
 
