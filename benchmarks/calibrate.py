@@ -17,7 +17,6 @@ what becomes of modes and of others, are printed for the weights in use. Poles t
 
 from __future__ import annotations
 
-import itertools
 import os
 import time
 from collections.abc import Sequence
@@ -27,6 +26,7 @@ import numpy as np
 import scipy
 
 from benchmarks import agreement
+from benchmarks.calibration import print_reliability, scores
 from benchmarks.made_frfs import GOOD, KINDS, Draw, Harsh
 from benchmarks.truth import OPTIONAL, OTHER, SPLIT, modes_of_poles
 from fecore.errors import IdentificationError
@@ -123,13 +123,6 @@ def held_out(ratio: np.ndarray, x: np.ndarray, true: np.ndarray, draw: np.ndarra
     return p
 
 
-def print_scores(title: str, p: np.ndarray, true: np.ndarray) -> None:
-    """Log loss and Brier score."""
-    p = np.clip(p, 1e-9, 1 - 1e-9)
-    loss = -np.mean(np.where(true, np.log(p), np.log(1 - p)))
-    print(f"{title:16} log loss {loss:.4f}, Brier {np.mean((p - true) ** 2):.4f}")
-
-
 def drawn(kinds: Sequence[str], seeds: Sequence[int]) -> Poles:
     """The poles of draws, every other one of a harsh laboratory."""
     poles = Poles()
@@ -166,17 +159,6 @@ def print_kinds(poles: Poles, p: np.ndarray) -> None:
         print(f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain {np.sum(own & open_)}")
 
 
-def print_reliability(p: np.ndarray, true: np.ndarray) -> None:
-    """How often poles of like P are modes."""
-    print("P from    to    poles   mean P   share of modes")
-    for low, high in itertools.pairwise((0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0000001)):
-        own = (p >= low) & (p < high)
-        if own.any():
-            share = true[own].mean()
-            error = np.sqrt(max(share * (1 - share), 1 / own.sum()) / own.sum())
-            print(f"{low:6.2f} {high:5.2f} {own.sum():8} {p[own].mean():8.4f} {share:10.4f} ± {error:.4f}")
-
-
 def main(part: str = "weights", *words: str) -> None:
     """Print the weights and how good they are; or, for `agreement`, whether one record has one answer."""
     if part == "agreement":
@@ -184,11 +166,6 @@ def main(part: str = "weights", *words: str) -> None:
         return
     kinds = os.environ.get("CALIBRATE_KINDS", ",".join(KINDS)).split(",")
     poles = drawn(kinds, range(FIRST, FIRST + SEEDS))
-    report(poles)
-
-
-def report(poles: Poles) -> None:
-    """Print all that the poles say of the weights in use and of those fitted."""
     ratio, x, draw = np.array(poles.ratio), np.array(poles.rows), np.array(poles.draw)
     true = np.array(poles.of) >= 0
     b, C = fitted_weights(ratio, x, true)
@@ -196,18 +173,15 @@ def report(poles: Poles) -> None:
     for name, prior, sd, mean, own in zip(NAMES, PRIOR_MEAN, PRIOR_SD, b, np.sqrt(np.diag(C)), strict=True):
         print(f"{name:9} prior {prior:6.2f} ± {sd:.2f}   fitted {mean:6.2f} ± {own:.2f}")
     used = judged(ratio, x, MEAN, COVARIANCE)  # what a user gets
-    print_scores("in use", used, true)
-    print_scores("prior", judged(ratio, x, PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04), true)
-    print_scores("held out", held_out(ratio, x, true, draw), true)
+    prior = judged(ratio, x, PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04)
+    found = {"in use": used, "prior": prior, "held out": held_out(ratio, x, true, draw)}
     for number, name in enumerate(("phase", *NAMES[1:])):
         less = np.where(np.arange(x.shape[1]) == number, 0.0, x) if number else x
-        print_scores(f"without {name}", held_out(ratio * bool(number), less, true, draw), true)
-    print_reliability(used, true)
+        found[f"without {name}"] = held_out(ratio * bool(number), less, true, draw)
+    for name, p in found.items():
+        print(f"{name:16} log loss %.4f, Brier %.4f" % scores(p, true))
+    print_reliability(used, true, "poles", "of modes", (0, 0.01, 0.1, 0.5, 0.9, 0.99))
     print_kinds(poles, used)
     print("MEAN = np.array([" + ", ".join(f"{each:.3f}" for each in b) + "])")
     print("COVARIANCE = np.array([")
     print("\n".join("    [" + ", ".join(f"{each:.4f}" for each in row) + "]," for row in C) + "\n])")
-
-
-if __name__ == "__main__":
-    main()

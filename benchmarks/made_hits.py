@@ -142,9 +142,7 @@ def _off(bench: MadeBench, spectra: Spectra, hit: Hit) -> tuple[FloatArray, Bool
     """(16,) how far the hit's FRF is off the exact one, over that; and whether the band holds resonances."""
     place = bench.places[hit.force.dof.point]
     lines = spectra.compared
-    s = 2j * np.pi * spectra.frequency[lines][:, None] + total_rate(hit, spectra.windows)
-    w, zeta = 2 * np.pi * bench.body.frequency_hz, bench.body.damping_ratio
-    exact = (bench.sensor * bench.body.shapes(place) * s**2 / (w**2 + 2 * zeta * w * s + s**2)).sum(axis=1)
+    exact = bench.accelerance(spectra.frequency[lines], place, total_rate(hit, spectra.windows))
     force, (response,) = spectra.stack([hit], find_traits([hit]), [0])
     found = response[0, lines] / np.where(force[0, lines] == 0, 1e-300, force[0, lines])
     edges = np.linspace(0, exact.size, _BANDS + 1).astype(int)[:-1]

@@ -250,22 +250,6 @@ def negative_band(
     return (float(negative[0]), float(negative[-1])) if negative.size else None
 
 
-def require_dissipation(law: DampingLaw, coefficients: FloatArray, low: float, high: float) -> None:
-    """Refuse a law that would feed energy in somewhere in a band; arguments as of `negative_band`.
-
-    Raises:
-        InputError: the damping is negative in the band; it names the law and says where.
-    """
-    negative = negative_band(law, coefficients, low, high)
-    if negative is not None:
-        first, last = (omega / (2 * np.pi) for omega in negative)
-        values = ", ".join(f"{n} = {v:g}" for n, v in zip(law.coefficient_names, coefficients, strict=True))
-        raise InputError(
-            f"damping.{law.name}",
-            f"is negative from {first:.4g} to {last:.4g} Hz with {values}; it would feed energy in",
-        )
-
-
 def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray, strain: FloatArray | None = None) -> FloatArray:
     """Coefficients whose law comes nearest to given damping ratios, by relative least squares.
 

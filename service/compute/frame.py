@@ -54,17 +54,6 @@ class Frame:
         """Whether the file's axes lie along none of the specimen's."""
         return bool(np.abs(self.axes).max(axis=0).min() < 1 - SQUARE)
 
-    def require_square(self) -> None:
-        """Refuse a frame that lies askew, where every direction must be one of the specimen's axes.
-
-        Raises:
-            InputError: it does.
-        """
-        if self.is_askew:
-            raise InputError(
-                "frame", "lies askew, and what is asked for takes directions along the specimen's axes alone"
-            )
-
     def point_axes(self, labels: Iterable[int]) -> dict[int, FloatArray]:
         """(3, 3) directions 1, 2 and 3 at points, as rows in the specimen's frame, where they are not its axes."""
         return dict.fromkeys(labels, self.axes) if self.is_askew else {}

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.modal import Feature, Found, Identification, Stabilisation
+from fecore.modal import Found, Identification, Stabilisation
 
 
 def describe_identification(found: Identification) -> dict[str, Any]:
@@ -19,17 +20,8 @@ def describe_identification(found: Identification) -> dict[str, Any]:
         "modes": [{"number": k, **row} for k, row in enumerate((row for row, why in chosen if why is None), start=1)],
         "doubtful": [{**row, "reason": why} for row, why in chosen if why is not None],
         "used": list(found.used),
-        "refused": [{"frf": frf.frf, "reason": frf.reason} for frf in found.refused],
-        "refused_poles": [
-            {
-                "frequency_hz": pole.frequency_hz,
-                "damping_ratio": pole.damping_ratio,
-                "reason": pole.reason,
-                "probability": pole.probability,
-                "features": _features(pole.features),
-            }
-            for pole in found.refused_poles
-        ],
+        "refused": [asdict(frf) for frf in found.refused],
+        "refused_poles": [asdict(pole) for pole in found.refused_poles],
         "noise_ratio": found.noise_ratio,
         "model_error": found.model_error,
         "drift": found.drift,
@@ -39,10 +31,6 @@ def describe_identification(found: Identification) -> dict[str, Any]:
         "warnings": list(found.warnings),
         "durations_s": found.seconds,
     }
-
-
-def _features(said: tuple[Feature, ...]) -> list[dict[str, Any]]:
-    return [{"name": one.name, "value": one.value, "weight": one.weight, "words": one.words} for one in said]
 
 
 def _rows(found: Found) -> list[dict[str, Any]]:
@@ -57,7 +45,7 @@ def _rows(found: Found) -> list[dict[str, Any]]:
             "phase_collinearity": float(found.shapes.collinearity[k]),
             "significance": float(found.significance[k]),
             "probability": float(found.probability[k]),
-            "features": _features(found.features[k]),
+            "features": [asdict(one) for one in found.features[k]],
         }
         for k in range(len(modes))
     ]
@@ -87,14 +75,8 @@ def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
 
     One of 0.1.0 has no class of doubtful modes, none up to 0.2.0 a probability.
     """
-    said: dict[str, Any] = {
-        "doubtful": [],
-        "refused_poles": [],
-        "model_error": None,
-        "drift": None,
-        "delay_s": None,
-        "memory_lines": None,
-    }
+    none = dict.fromkeys(("model_error", "drift", "delay_s", "memory_lines"))
+    said: dict[str, Any] = {"doubtful": [], "refused_poles": [], **none}
     document = {**said, **document}
     unknown: dict[str, Any] = {"probability": None, "features": []}
     poles = ("modes", "doubtful", "refused_poles")

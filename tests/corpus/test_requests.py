@@ -160,6 +160,9 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"variables": {"a": [[1], [1, 2]]}}, "/variables/a", "is not a number or a regular array of numbers"),
         ({"variables": {"a": [1]}}, "mapping", "?dry_run=true proposes one"),
     ],
+    "POST campaigns/{campaign}/hit-decisions": [
+        ({"point": 1, "hit": 1, "good": good, "why": "x"}, "/good", "a valid boolean") for good in ("no", "off", 0, "true")
+    ],
     "POST structures/{structure}/coupon-batches": [
         ({**BATCH, "constants": []}, "/constants", ""),
         ({**BATCH, "constants": ["Ez"]}, "/constants/0", ""),

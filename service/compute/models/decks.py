@@ -11,10 +11,10 @@ from fecore.arrays import FloatArray
 from fecore.body.constants import kind_of
 from fecore.body.structure import Structure
 from fecore.dynamics.bodies import body_modes
+from modalbase.formats.models.bdf import write_bdf
 from modalbase.formats.models.inp import write_inp
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import Units, in_si, units_of
-from modalbase.formats.models.write_bdf import write_bdf
 from service.compute.models.bodies import body_of_model
 from service.compute.models.reading import faults_of, parsed, repacked, unpacked
 

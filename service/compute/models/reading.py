@@ -21,6 +21,7 @@ from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.measures import sizes
 from modalbase.formats.models.model import BeamSection, FiniteElementModel, Ignored, ShellSection
 from modalbase.formats.models.units import check, guess, in_si
+from modalbase.formats.npy import members_of
 from service.compute.models.bodies import body_of_model
 from service.compute.models.keeping import kept
 from service.compute.models.matrices import are_matrices, describe_matrices, kept_matrices, matrices_in_si
@@ -166,11 +167,11 @@ def files_of(content: bytes, filename: str) -> dict[str, bytes]:
         return {filename: content}
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            infos = [info for info in archive.infolist() if not info.is_dir()]
+            infos = [info for info in members_of(archive) if not info.is_dir()]
             if len(infos) > MOST_FILES or sum(info.file_size for info in infos) > MOST_BYTES:
                 raise Invalid("file", f"has more than {MOST_FILES} files, or {MOST_BYTES // 10**6} MB of them")
             return {info.filename: archive.read(info) for info in infos}
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, zlib.error) as error:
+    except (FormatError, zipfile.BadZipFile, RuntimeError, NotImplementedError, zlib.error) as error:
         raise Invalid("file", f"is no zip that can be read: {error}") from None
 
 

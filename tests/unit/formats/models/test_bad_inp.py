@@ -79,25 +79,9 @@ def harmless(text: str) -> None:
 
 
 FIELDS = [
-    "",
-    "0",
-    "-1",
-    "1",
-    "7",
-    "999999999",
-    "1e308",
-    "-1e-308",
-    "nan",
-    "S8R",
-    "B31",
-    "Rib-1.2",
-    "Both",
-    "x",
-    "*",
-    '"',
-    "=",
-    "GENERATE",
-]
+    "", "0", "-1", "1", "7", "999999999", "1e308", "-1e-308", "nan",
+    "S8R", "B31", "Rib-1.2", "Both", "x", "*", '"', "=", "GENERATE",
+]  # fmt: skip
 
 
 @settings(max_examples=300, deadline=None)
