@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
 from fecore.updating.parameters import parametrise
-from service.access import User, audit, projects_of
+from service.access import User, projects_of
 from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
@@ -74,7 +74,7 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
     session.flush()
     session.refresh(monitor)
     runs.newest_series(session, monitor)
-    audit(session, user, "monitor.create", "monitor", monitor.id, structure.project_id, name=body.name)
+    monitor_for.note(session, user, monitor, "create", name=body.name)
     request_check(session, monitor.id)
     return monitor
 
@@ -132,8 +132,7 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
         setattr(monitor, field, value)
     monitor.updated_at = transaction_time(session)
     session.flush()
-    project_id = monitor_for.project_of(session, monitor)
-    audit(session, user, "monitor.change", "monitor", monitor.id, project_id, was=was, now=now)
+    monitor_for.note(session, user, monitor, "change", was=was, now=now)
     request_check(session, monitor.id)
 
 
@@ -151,12 +150,11 @@ def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUI
         raise Conflict("the monitor is at rest; set `active` first")
     if campaign_id is not None:
         _check_campaign(session, monitor, campaign_id)
-    project = monitor_for.project_of(session, monitor)
     runs.collect(session, runs.newest_series(session, monitor))
     started = runs.bring_up_to_date(
         session, monitor, runs.Moment(datetime.now(UTC), NOW), by_hand=True, only=campaign_id
     )
-    audit(session, user, "monitor.run", "monitor", monitor.id, project, runs=[str(run.id) for run in started])
+    monitor_for.note(session, user, monitor, "run", runs=[str(run.id) for run in started])
     request_check(session, monitor.id)
     return started
 
@@ -195,13 +193,12 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
     if campaign.performed_at is None:
         raise Conflict("the campaign states no performed_at, so it has no place in a series; state it first")
     row = session.get(CampaignCompletion, campaign.id)
-    project = campaign_for.project_of(session, campaign)
     if row is None:
         row = CampaignCompletion(campaign_id=campaign.id, user_id=user.id)
         session.add(row)
         session.flush()
         session.refresh(row)
-        audit(session, user, "campaign.complete", "campaign", campaign.id, project)
+        campaign_for.note(session, user, campaign, "complete")
     monitors = session.scalars(
         select(Monitor)
         .where(Monitor.structure_id == campaign.structure_id, AT_WORK, Monitor.runs_on == "campaign")
