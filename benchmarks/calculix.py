@@ -43,23 +43,16 @@ def displacements(table: str, nodes: Sequence[int]) -> np.ndarray:
 
 _CORNERS, _SIDES = ((0, 0), (2, 0), (2, 2), (0, 2)), ((1, 0), (2, 1), (1, 2), (0, 1))
 _RINGS = ((_CORNERS, 0), (_CORNERS, 2), (_SIDES, 0), (_SIDES, 2), (_CORNERS, 1))
-_PLACES = [(x, y, z) for ring, z in _RINGS for x, y in ring]
-"""Of the nodes of C3D20R, in half elements."""
+_PLACES = [(x, y, z) for ring, z in _RINGS for x, y in ring]  # of the nodes of C3D20R, in half elements
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A body of 20-node bricks.
+    """A body of 20-node bricks."""
 
-    Attributes:
-        places: (n, 3) of its nodes.
-        bricks: how many.
-        deck: lines with nodes, elements and constants.
-    """
-
-    places: np.ndarray
-    bricks: int
-    deck: list[str]
+    places: np.ndarray  # (n, 3) of its nodes
+    bricks: int  # how many
+    deck: list[str]  # lines with nodes, elements and constants
 
     def nearest(self, places: Sequence[Sequence[float]]) -> list[int]:
         """Numbers from 1 of the nodes that are nearest to (p, 3) places."""

@@ -30,19 +30,12 @@ SENSOR = 33
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a laboratory hands in, and the truth that it does not know.
+    """What a laboratory hands in, and the truth that it does not know."""
 
-    Attributes:
-        stated: the specimen as it is stated.
-        measurement: what was measured.
-        true: constants by name; a0 and a1 where the body's damping has them.
-        kind: what was drawn, by name.
-    """
-
-    stated: Specimen
-    measurement: Measurement
-    true: dict[str, float]
-    kind: dict[str, str] = field(default_factory=dict)
+    stated: Specimen  # the specimen as it is stated
+    measurement: Measurement  # what was measured
+    true: dict[str, float]  # constants by name; a0 and a1 where the body's damping has them
+    kind: dict[str, str] = field(default_factory=dict)  # what was drawn, by name
 
 
 def grid(length: float = 0.5, width: float = 0.04, z: float = 0.0, *, free: bool = False) -> Points:

@@ -18,8 +18,7 @@ from fecore.signal import Block, Hit
 FAULTS = ("double", "clip_force", "clip_response", "early", "late", "off_place", "quiet")
 PLACE_SD_M = 0.002
 OFF_PLACE_M = 0.012
-Pulse = tuple[float, float, float]
-"""Height in N, start and length in s."""
+Pulse = tuple[float, float, float]  # height in N, start and length in s
 _FINE = 8
 _TAPS = 48  # samples that the anti-alias filter reaches to either side
 CLAMPED = np.array([1.8751, 4.6941, 7.8548, 10.9955, 14.1372, 17.2788, 20.4204, 23.5619])

@@ -35,22 +35,15 @@ _HITS = 5
 
 @dataclass(frozen=True)
 class Draw:
-    """FRFs and the truth about them.
+    """FRFs and the truth about them."""
 
-    Attributes:
-        frfs: (N, L) what was measured.
-        frequency_hz, zeta: (n,) of the modes, `zeta` as the window shows it.
-        residue: (n, N) of each mode in each FRF, of the form of `_accelerance`.
-        optional: (n,) modes that may be lost.
-        distortions: frequencies that look like modes and are none, Hz.
-    """
-
-    frfs: FrfSet
+    frfs: FrfSet  # (N, L) what was measured
+    # frequency_hz, zeta: (n,) of the modes, `zeta` as the window shows it
     frequency_hz: np.ndarray
     zeta: np.ndarray
-    residue: np.ndarray
-    optional: np.ndarray
-    distortions: np.ndarray
+    residue: np.ndarray  # (n, N) of each mode in each FRF, of the form of `_accelerance`
+    optional: np.ndarray  # (n,) modes that may be lost
+    distortions: np.ndarray  # frequencies that look like modes and are none, Hz
 
 
 @dataclass(frozen=True)
@@ -317,19 +310,8 @@ def quiet(seed: int, harsh: Harsh = GOOD) -> Draw:
     return _drawn(_set(hz, values), NONE, NONE, np.empty((0, points)))
 
 
-KINDS: dict[str, Callable[..., Draw]] = {
-    "bridge": bridge,
-    "softening": softening,
-    "plate": plate,
-    "aeroplane": aeroplane,
-    "wide": wide,
-    "wing": wing,
-    "beam": beam,
-    "loose": loose,
-    "quiet": quiet,
-    "squared": squared,
-    "cubed": cubed,
-}
+_EVERY = (bridge, softening, plate, aeroplane, wide, wing, beam, loose, quiet, squared, cubed)
+KINDS: dict[str, Callable[..., Draw]] = {each.__name__: each for each in _EVERY}
 
 
 def _spread(rng: np.random.Generator, count: int, low: float, high: float, apart: float) -> np.ndarray:

@@ -31,21 +31,9 @@ from fecore.signal.spectra import Spectra
 from fecore.signal.traits import find_traits
 from fecore.signal.windows import total_rate
 
-MORE = (
-    "saturated",
-    "truncated",
-    "dropout",
-    "spike",
-    "dead",
-    "neighbour",
-    "turned",
-    "sensitivity",
-    "hard",
-    "swapped",
-)
+MORE = ("saturated", "truncated", "dropout", "spike", "dead", "neighbour", "turned", "sensitivity", "hard", "swapped")
 KINDS = (*FAULTS, *MORE)
-COMPARED = ("off_place", "neighbour", "sensitivity", "hard")
-"""Faults that only the other hits of the point show."""
+COMPARED = ("off_place", "neighbour", "sensitivity", "hard")  # faults that only the other hits of the point show
 _BANDS, _OFF, _WORSE = 16, 0.05, 3.0
 Position = tuple[float, float, float]
 

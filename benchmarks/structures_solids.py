@@ -15,17 +15,9 @@ from benchmarks import calculix
 from benchmarks.structures import body, frequencies
 
 WALL = {
-    "E1": 28.8e9,
-    "E2": 9.2e9,
-    "E3": 8.3e9,
-    "nu12": 0.245,
-    "nu13": 0.3,
-    "nu23": 0.35,
-    "G12": 3.13e9,
-    "G13": 2.82e9,
-    "G23": 2.35e9,
-    "rho": 1850.0,
-}
+    "E1": 28.8e9, "E2": 9.2e9, "E3": 8.3e9, "nu12": 0.245, "nu13": 0.3, "nu23": 0.35,
+    "G12": 3.13e9, "G13": 2.82e9, "G23": 2.35e9, "rho": 1850.0,
+}  # fmt: skip
 # kind, length, height, width, flange or plate, web or rib, in mm
 CASES = (
     *(("i", 800, 120, 60, 6, 6), ("i", 800, 120, 60, 10, 5), ("i", 800, 120, 60, 5, 10)),

@@ -37,27 +37,16 @@ from tests.unit.fecore.updating.test_plans import effective_independence, random
 
 @dataclass
 class Found:
-    """What the update made of a drawn body: its error or "", and of each constant whose truth is known, by name:
+    """What the update made of a drawn body: its error or "", and of each constant whose truth is known, by name:"""
 
-    Attributes:
-        error: of the core; any other ends the benchmark.
-        level: of the verdict.
-        warnings: of the result.
-        estimates: the constants.
-        off: relative error of each.
-        held: whether the 95 % interval holds the truth.
-        half: half the interval over the truth.
-        seconds: of the processor.
-    """
-
-    error: str = ""
-    level: str = "failed"
-    warnings: tuple[str, ...] = ()
-    estimates: dict[str, ParameterEstimate] = field(default_factory=dict)
-    off: dict[str, float] = field(default_factory=dict)
-    held: dict[str, bool] = field(default_factory=dict)
-    half: dict[str, float] = field(default_factory=dict)
-    seconds: float = 0.0
+    error: str = ""  # of the core; any other ends the benchmark
+    level: str = "failed"  # of the verdict
+    warnings: tuple[str, ...] = ()  # of the result
+    estimates: dict[str, ParameterEstimate] = field(default_factory=dict)  # the constants
+    off: dict[str, float] = field(default_factory=dict)  # relative error of each
+    held: dict[str, bool] = field(default_factory=dict)  # whether the 95 % interval holds the truth
+    half: dict[str, float] = field(default_factory=dict)  # half the interval over the truth
+    seconds: float = 0.0  # of the processor
 
 
 def judge(drawn: Drawn) -> Found:

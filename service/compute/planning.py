@@ -15,19 +15,14 @@ from fecore.updating.recipe import Recipe
 
 @dataclass(frozen=True)
 class PlanOrder:
-    """Everything that a plan needs.
+    """Everything that a plan needs."""
 
-    Attributes:
-        tests, coupons: that could be made.
-        sent: each of them, as it was asked for.
-        made: with the modes as they were stored.
-        parameters, count, about: as of `plan_tests`.
-    """
-
+    # tests, coupons: that could be made
     tests: tuple[PlannedTest, ...]
     coupons: tuple[PlannedCoupons, ...]
-    sent: tuple[dict[str, Any], ...]
-    made: tuple[Campaign, ...]
+    sent: tuple[dict[str, Any], ...]  # each of them, as it was asked for
+    made: tuple[Campaign, ...]  # with the modes as they were stored
+    # parameters, count, about: as of `plan_tests`
     parameters: tuple[Parameter, ...]
     count: int | None
     about: str | None

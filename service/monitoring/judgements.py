@@ -25,8 +25,7 @@ from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
 from service.access import Lookup, User, audit
-from service.compute.judging import Episode, Judgement, JudgementInputs, judge
-from service.compute.observations import Observation
+from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
 from service.errors import Conflict, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue

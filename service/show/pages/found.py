@@ -10,8 +10,7 @@ from fecore.normal import Z_95
 from fecore.updating.findings import FINDINGS, but_numbers, fold
 from service.show.pages.numbers import in_unit
 
-MOST = 3
-"""Findings that a result opens with; a reader does not act on a longer list."""
+MOST = 3  # findings that a result opens with; a reader does not act on a longer list
 CAMPAIGN, MODES, MODEL, RECIPE, FRFS, DAMPING = "campaign", "modes", "structure", "update", "frfs", "damping"
 PLACES = {
     CAMPAIGN: ("ui/edit/campaigns/{campaign}", "Edit the campaign"),

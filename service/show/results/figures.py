@@ -23,28 +23,27 @@ from service.show.figures.parameters import parameters_figure
 from service.show.figures.posterior import posterior_figure
 from service.show.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.stabilisation import stabilisation_figure
-from service.show.results.figure_data import AnyFigures, Drawn, JointFigures, UpdateFigures
-from service.show.results.figure_frf import ANYTHING, Wanted, update_frf_figure
+from service.show.results.figure_data import (
+    ANYTHING,
+    AnyFigures,
+    Drawn,
+    JointFigures,
+    UpdateFigures,
+    Wanted,
+    update_frf_figure,
+)
 
 
 @dataclass(frozen=True)
 class NamedFigure(Generic[Drawn]):
-    """A figure of an update, or of a joint update.
+    """A figure of an update, or of a joint update."""
 
-    Attributes:
-        title: what it shows, in one line.
-        draw: draws it.
-        why_not: says why the result has nothing for it; nothing where it has.
-        arrays: that must be kept, which an earlier version may not have done.
-        query: parameters of the query that it heeds.
-        sheets: draws it as several figures of which each fits on a page; None where one does.
-    """
-
-    title: str
-    draw: Callable[[Drawn, Wanted], Figure]
-    why_not: Callable[[Drawn], str | None]
-    arrays: tuple[str, ...] = ()
-    query: tuple[str, ...] = ()
+    title: str  # what it shows, in one line
+    draw: Callable[[Drawn, Wanted], Figure]  # draws it
+    why_not: Callable[[Drawn], str | None]  # says why the result has nothing for it; nothing where it has
+    arrays: tuple[str, ...] = ()  # that must be kept, which an earlier version may not have done
+    query: tuple[str, ...] = ()  # parameters of the query that it heeds
+    # draws it as several figures of which each fits on a page; None where one does
     sheets: Callable[[Drawn], Sequence[Figure]] | None = None
 
     def lacks(self, data: Drawn) -> str | None:
@@ -283,11 +282,7 @@ _LINES = ("fmin", "fmax")
 
 FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "frf": NamedFigure(
-        "FRF: measured, initial and updated",
-        update_frf_figure,
-        _no_prediction,
-        (),
-        ("point", "reference", *_LINES),
+        "FRF: measured, initial and updated", update_frf_figure, _no_prediction, (), ("point", "reference", *_LINES)
     ),
     "parameters": NamedFigure(
         "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _no_result

@@ -257,7 +257,7 @@ class Sections:
         elements = [self._mesh.elements[at] for at in chosen.tolist()]
         numbers = np.array([element.number for element in elements], dtype=np.int64)
         lines = np.array([element.row.line for element in elements], dtype=np.int64)
-        block = Elements(kind, numbers, nodes, name, axes, lines, offsets, thickness)
+        block = Elements(kind, numbers, nodes, name, axes, lines, offsets=offsets, thickness=thickness)
         self.blocks.setdefault((name, kind), []).append(block)
 
     def joined(self) -> tuple[Elements, ...]:
