@@ -193,7 +193,8 @@ def _test(
     body = joint_body(session, structure, asked.boundary, USUAL, masses=masses, first=first)
     if isinstance(body, MatrixBody):
         raise Invalid(
-            f"/tests/{number}/structure_id", "is matrices, whose nodes have no walls to hit; a forecast has points"
+            f"/tests/{number}/structure_id",
+            "is a model of matrices, whose nodes have no walls to hit; a forecast proposes points",
         )
     points, axes = _points(asked, body)
     sensor = len(points) - 1 if asked.sensor is None else asked.sensor
