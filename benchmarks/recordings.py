@@ -5,8 +5,8 @@ recordings   MINUTES...: of 4 channels at 51.2 kHz, one hit in 4 s; as wav of 24
 
 import multiprocessing
 import resource
-import struct
 import tempfile
+import wave
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -72,11 +72,10 @@ def _parts(minutes: int) -> Iterator[FloatArray]:
 
 
 def _write(path: Path, minutes: int) -> None:
-    frame = CHANNELS * 3
-    size = minutes * 60 // PAUSE_S * PAUSE_S * RATE * frame
-    form = struct.pack("<LHHLLHH", 16, 1, CHANNELS, RATE, RATE * frame, frame, 24)
-    with path.open("wb") as file:
-        file.write(b"RIFF" + struct.pack("<L", size + 36) + b"WAVEfmt " + form + b"data" + struct.pack("<L", size))
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(CHANNELS)
+        file.setsampwidth(3)
+        file.setframerate(RATE)
         for noisy in _parts(minutes):
             counts = np.round(noisy * (2**23 - 1)).astype("<i4")
-            file.write(counts.view(np.uint8).reshape(-1, 4)[:, :3].tobytes())
+            file.writeframesraw(counts.view(np.uint8).reshape(-1, 4)[:, :3].tobytes())

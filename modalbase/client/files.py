@@ -60,11 +60,29 @@ def send_file(
     if stated is not None and len(stated) > _LONG:
         form["mapping"] = stated
     if form:
-        found: dict[str, Any] = service.submit(path, file, form, **query)
-        return found
+        return service.submit(path, file, form, **query)
     with transfer(file.name) as watch:
-        sent: dict[str, Any] = service.upload(path, file, watch, filename=file.name, mapping=stated, **query)
-    return sent
+        return service.upload(path, file, watch, filename=file.name, mapping=stated, **query)
+
+
+def save_file(
+    service: Connection,
+    path: str,
+    file: str | Path,
+    formats: Mapping[str, str] | None = None,
+    advice: str = "",
+    **query: Any,
+) -> Path:
+    """Write what is at a path to a file, in the format that its name says where there are several; returns its path.
+
+    Raises:
+        ClientError: the name says no format, or the service refuses.
+    """
+    target = Path(file)
+    if formats is not None and query.get("format") is None:
+        query["format"] = format_of(target, formats, advice)
+    fetch_file(service, path, target, **query)
+    return target
 
 
 def fetch_file(service: Connection, path: str, file: Path, **query: Any) -> int:

@@ -22,8 +22,7 @@ from service.store.records.schemas import HitOut
 if TYPE_CHECKING:
     from service.store.records.processings import Processing
 
-MOST_HITS = 40
-"""Hits that one figure draws; of more, the latest."""
+MOST_HITS = 40  # hits that one figure draws; of more, the latest
 AXES = ("", "x", "y", "z", "rx", "ry", "rz")
 
 

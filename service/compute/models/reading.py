@@ -34,8 +34,7 @@ if TYPE_CHECKING:
 ZIP, NPZ = ".zip", ".npz"
 """End of the name of an archive of a deck and what it includes, or of matrices; and of matrices in one file."""
 
-MOST_FILES, MOST_BYTES = 1000, 500_000_000
-"""Of an archive, unpacked."""
+MOST_FILES, MOST_BYTES = 1000, 500_000_000  # of an archive, unpacked
 
 _INCLUDE = re.compile(rb"(?im)^\s*\*?INCLUDE\s*(?:,\s*INPUT\s*=)?\s*['\"]?([^'\"\r\n,]+)")
 
@@ -45,29 +44,20 @@ READERS: Mapping[str, Callable[[bytes, dict[str, bytes]], FiniteElementModel]] =
 }
 """By the end of a file's name."""
 
-MOST_LISTED = 1000
-"""Of each list in a description."""
+MOST_LISTED = 1000  # of each list in a description
 
 Read = TypeVar("Read")
 
 
 @dataclass(frozen=True)
 class DeckInputs:
-    """A deck to read.
+    """A deck to read."""
 
-    Attributes:
-        path: where it lies.
-        filename: what its sender calls it.
-        units: that its numbers are in, such as `mm-N-t`; None where they are not stated.
-        accepted: names of cards that may be left out although modes change by that.
-        sections: of the sets of a mesh without properties.
-    """
-
-    path: Path
-    filename: str
-    units: str | None
-    accepted: tuple[str, ...]
-    sections: Mapping[str, Any] | None = None
+    path: Path  # where it lies
+    filename: str  # what its sender calls it
+    units: str | None  # that its numbers are in, such as `mm-N-t`; None where they are not stated
+    accepted: tuple[str, ...]  # names of cards that may be left out although modes change by that
+    sections: Mapping[str, Any] | None = None  # of the sets of a mesh without properties
 
 
 @dataclass(frozen=True)
@@ -151,9 +141,7 @@ def unpacked(content: bytes, filename: str) -> Deck:
         )
     folder = PurePosixPath(mains[0]).parent
     return Deck(
-        mains[0],
-        files[mains[0]],
-        {_beside(name, folder): text for name, text in files.items() if name != mains[0]},
+        mains[0], files[mains[0]], {_beside(name, folder): text for name, text in files.items() if name != mains[0]}
     )
 
 
