@@ -18,7 +18,7 @@ from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.discretisation import AnyBody
+from fecore.updating.discretisation import AnyBody, meshed
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs, tolerance_of
@@ -126,6 +126,14 @@ def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel
                     f"{name} is {here:.6g} in campaign {campaign.name} and {there:.6g} in {campaigns[0].name}; "
                     "state its prior_mean in the recipe",
                 )
+
+
+def as_updated(campaigns: Sequence[Campaign]) -> list[Campaign]:
+    """The campaigns with bodies as an update has them: clamps that may yield, meshes as fine as their modes need."""
+    return [
+        replace(each, body=meshed(yielding(each.body, each.inputs), 1.05 * float(each.modes.frequency_hz[-1]))[0])
+        for each in campaigns
+    ]
 
 
 def yielding(body: AnyBody, inputs: Inputs) -> AnyBody:
