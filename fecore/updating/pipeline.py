@@ -301,7 +301,7 @@ def _damping_of_frfs(
     said += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
     reference = fit_reference(stage)
     ranking = rank_laws(reference.ratios, stage.rows, laws)
-    result = fit_damping(stage, reference, laws[0], progress=progress)
+    result = fit_damping(stage, reference, laws[0], progress, ranking.laws[0].strain)
     said += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
     return DampingOutcome("succeeded", "", band, ranking, result)
 
