@@ -21,7 +21,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import AnyBody, meshed
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs, tolerance_of
+from fecore.updating.inputs import Inputs
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 
@@ -215,11 +215,9 @@ def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardMode
 
 def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:
     """The parameters, and the body's own constants as far as they are not known exactly."""
-    body, inputs = campaign.body, campaign.inputs
-    nominal = body.nominal
+    body, nominal = campaign.body, campaign.body.nominal
     own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if isinstance(body, OrientedSpecimen) else nominal
-    known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
-    sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
+    sds = campaign.inputs.standard_deviations({name: nominal[name] for name in own})
     if CLAMP in nominal:
         sds[CLAMP] = nominal[CLAMP] * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
     return parametrisation.with_inputs(sds)
