@@ -29,7 +29,7 @@ from fecore.arrays import FloatArray
 from fecore.body.specimen import OrientedSpecimen, carrying
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
-from fecore.errors import InputError
+from fecore.errors import InputError, within
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, as_updated, lay_out, yielding
@@ -167,14 +167,16 @@ def plan_tests(
     campaigns = as_updated(campaigns)
     fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
-    simulated = [_Simulated.of(test, parameters, theta) for test in tests]
-    known = _Known(
-        tuple(campaigns), tuple(parameters), fitted, lay_out(campaigns or [simulated[0].campaign], parameters, SCATTER)
-    )
-    now = known.standard_deviations(known.now)
+    simulated = []
+    for number, test in enumerate(tests):
+        with within(f"tests.{number}"):
+            simulated.append(_Simulated.of(test, parameters, theta))
+    now = lay_out(campaigns or [simulated[0].campaign], parameters, SCATTER)
+    known = _Known(tuple(campaigns), tuple(parameters), fitted, now)
     prior = simulated[0].prior
     slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
-    for field_name, names in [("about", (about,) if about else ())] + [("coupons", c.constants) for c in coupons]:
+    named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
+    for field_name, names in {"about": (about,) if about else (), **named}.items():
         if unknown := set(names) - set(prior.reported):
             raise InputError(
                 field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(prior.reported)}"
@@ -182,7 +184,7 @@ def plan_tests(
     found = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
     found += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
-        by_name(prior.reported, now * slope),
+        by_name(prior.reported, known.standard_deviations(now) * slope),
         tuple(sorted(found, key=lambda each: -each.information)),
     )
 
