@@ -251,7 +251,7 @@ def _coupons(number: int, asked: PlannedCouponsIn, body: OrientedSpecimen | Stru
     names = tuple(name for constant in asked.constants for name in own.get(constant, ()))
     relative = prior(Statistics(asked.pieces, 1.0, asked.scatter)).standard_deviation
     words = ", ".join(asked.constants) + (f" of {', '.join(asked.sets)}" if asked.sets else "")
-    return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative)
+    return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative, asked.pieces)
 
 
 def _made(session: Session, user: User, number: int, each: MadeTestIn, first: StructureIn) -> Campaign:
