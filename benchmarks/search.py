@@ -16,6 +16,7 @@ import psycopg
 
 from benchmarks.clock import timed
 from benchmarks.service import Cost, api_of, campaigns_of, ended, load, measured, post, served
+from benchmarks.tiled_catalogue import FIELDS, beside
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
@@ -100,6 +101,8 @@ def search(*campaigns: int) -> list[str]:
                 busy = 1000 * cost.processor / (TURNS + 1)
                 print(f"{middle:7.1f} {most:7.1f} {busy:7.1f}  {noun}: {question}", flush=True)
                 slow += [f"{noun}: {question}: p95 {most:.0f} ms at {count} campaigns"] if most > 100 else []
+            if count == (campaigns or SIZES)[0]:
+                _beside(api, Path(folder))
             now = _imported(api, service, file)
             print(f"import of {IMPORTED} FRFs: {_per_second(now)}; into an empty service {_per_second(empty)}")
     return slow
@@ -107,6 +110,14 @@ def search(*campaigns: int) -> list[str]:
 
 def _ask(api: httpx.Client, noun: str, question: str) -> None:
     api.get(f"search/{noun}", params={"filter": question}).raise_for_status()
+
+
+def _beside(api: httpx.Client, folder: Path) -> None:
+    """The same rows and questions by Tiled's catalogue."""
+    for noun, fields in FIELDS.items():
+        answer = api.get(f"search/{noun}", params={"fields": fields, "format": "jsonl"}).raise_for_status()
+        (folder / f"{noun}.jsonl").write_bytes(answer.content)
+    beside(folder)
 
 
 def _times(call: Callable[[], None]) -> list[float]:
