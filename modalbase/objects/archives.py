@@ -19,15 +19,8 @@ if TYPE_CHECKING:
     from modalbase.objects.projects import Project, Structure
 
 _OF_THE_SERVICE = {
-    "id",
-    "project_id",
-    "structure_id",
-    "version",
-    "model",
-    "replaced",
-    "created_at",
-    "updated_at",
-    "deleted_at",
+    *("id", "project_id", "structure_id", "version", "model", "replaced"),
+    *("created_at", "updated_at", "deleted_at"),
 }
 """Members of a thing that another service gives it anew."""
 _MODE = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd", "shape")

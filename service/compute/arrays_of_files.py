@@ -96,10 +96,9 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
 
 
 def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
-    """The hits of a wav or TDMS that goes on over many."""
-    if form not in ("wav", "tdms"):
-        raise Invalid(_dotted("mapping.recording"), f"is for a wav or TDMS; the file is a {form}")
-    channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename))
+    """The hits of a recording that goes on over many."""
+    limit = limit_of(inputs.path)
+    channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit))
     try:
         found = _faults_as(_dotted, channels.survey)
     except InputError as error:

@@ -72,7 +72,8 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
     """
     report("checking the file", 0.0)
     form = inputs.form or recognise(inputs.path, inputs.filename)
-    if form == "uff":
+    recording = isinstance(inputs.mapping, dict) and "recording" in inputs.mapping
+    if form == "uff" and not recording:
         yield from _read_uff(inputs, report)
         return
     report("reading arrays", 0.0)

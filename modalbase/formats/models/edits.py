@@ -11,15 +11,11 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 
 from modalbase.formats.models.changes import Changes, Number
+from modalbase.formats.models.files import lines_of
 from modalbase.formats.models.model import Material, Place
 
 Constants = Mapping[str, float]
 Fields = Sequence[tuple[Place, str]]
-
-
-def lines_of(content: bytes) -> list[str]:
-    """Lines without their ends; a character is a byte, so that columns are too, and a mark of byte order is left out."""
-    return [line.decode("latin-1") for line in content.removeprefix(BOM_UTF8).splitlines()]
 
 
 class Edits:

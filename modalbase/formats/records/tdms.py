@@ -6,6 +6,7 @@ that the recorder wrote at a stroke, which may be the whole file, so the samples
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.records.mapping import sampling_rate
+from modalbase.formats.records.variables import SAMPLE_RATE
 from modalbase.formats.types import FloatArray
 
 _FRAMES = 1 << 17
@@ -48,11 +51,11 @@ class Tdms:
         """Type and shape of each channel."""
         return {name: f"float32 [{length}]" for name, length in self.lengths.items()}
 
-    def rate_of(self, names: Sequence[str]) -> float | None:
-        """Rate of these channels; None where the file states none.
+    def rate_of(self, names: Sequence[str], stated: float | str) -> float:
+        """Rate of these channels.
 
         Raises:
-            FormatError: they differ in rate or length.
+            FormatError: they differ in rate or length, another is stated, or none is.
         """
         for name in names[1:]:
             if self.lengths[name] != self.lengths[names[0]] or not np.isclose(
@@ -61,8 +64,10 @@ class Tdms:
                 raise FormatError(
                     name, f"differs in rate or length from {names[0]}; the channels of a hit are on one clock"
                 )
-        rate = self.rates[names[0]]
-        return rate if np.isfinite(rate) else None
+        own = self.rates[names[0]]
+        if np.isnan(own) and isinstance(stated, str):
+            raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
+        return sampling_rate({} if np.isnan(own) else {SAMPLE_RATE: np.array(own)}, stated, self.lengths[names[0]])
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, in the unit of the file.
@@ -97,8 +102,12 @@ def read_tdms_head(path: Path) -> Tdms:
 def _opened(path: Path) -> Any:
     try:
         from nptdms import TdmsFile
+        from nptdms.log import log_manager
     except ImportError:
         raise FormatError("", "is a TDMS file, which npTDMS reads: pip install 'modalbase[tdms]'") from None
+    log_manager.set_level(
+        logging.ERROR
+    )  # it would print all bytes of a damaged name, which may be the rest of the file
     with _broken():
         return TdmsFile.open(path)
 

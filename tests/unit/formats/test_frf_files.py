@@ -200,6 +200,7 @@ def written(kind: str) -> bytes:
         (b"one line, of words\nand another\n", "", "uff"),
         (b"\0,1\n2,\0\n", "", "uff"),
         (b"force\n1\n", "a.CSV", "csv"),
+        (b"hello", "a.wav", "wav"),
         (b"", "", "uff"),
     ],
 )

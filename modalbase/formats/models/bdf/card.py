@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
@@ -170,6 +170,20 @@ class Card:
         text, field = self.text(index), index - self.row(index).start + 2
         found = f"is {text[:40]!r}" if text else "is empty"
         return self.error(f"{what} (field {field}) {found}, expected {expected}", index)
+
+
+def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
+    """Cards by the number in their first field.
+
+    Raises:
+        FormatError: a number stands twice.
+    """
+    found: dict[int, Card] = {}
+    for card in cards:
+        number = card.integer(0, field)
+        if found.setdefault(number, card) is not card:
+            raise card.error(f"the {noun} is there twice, first in line {found[number].line}", 0)
+    return found
 
 
 def where(line: int, file: str = "") -> str:

@@ -5,16 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import PureWindowsPath
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, Row, where
-from modalbase.formats.models.edits import lines_of
+from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
 
 _SMALL = tuple(range(8, 72, 8))
 _LARGE = tuple(range(8, 72, 16))
 _QUOTED = re.compile(r"['\"]([^'\"]*)")
-DEEPEST_INCLUDE = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +98,7 @@ def _lines(
             continue
         quoted = _QUOTED.search(name)
         name = (quoted.group(1) if quoted else name.partition("$")[0]).strip(" \t,=")
-        inner = _find(name, included)
+        inner = included_file(name, included)
         if inner is None:
             raise FormatError(where(first, file), f"INCLUDE {name!r} is not here; send that file with the deck")
         if inner in seen:
@@ -114,14 +112,6 @@ def _lines(
             )
         seen.add(inner)
         yield from _lines(included[inner], (*within, inner), included, seen)
-
-
-def _find(name: str, included: Mapping[str, bytes]) -> str | None:
-    """The file by its name, else by the last part of its path."""
-    if name in included:
-        return name
-    wanted = PureWindowsPath(name).name.lower()
-    return next((each for each in included if PureWindowsPath(each).name.lower() == wanted), None)
 
 
 def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:

@@ -71,8 +71,24 @@ def test_a_rate_is_the_files_or_stated(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"sample_rate_hz: is missing, and the file states none"):
         channels(path)
     assert channels(path, sample_rate_hz=RATE).sample_rate_hz == RATE
-    with pytest.raises(FormatError, match=r"is 100\.0, and the file says"):
+    with pytest.raises(FormatError, match="is 100, and the file says"):
         channels(written(tmp_path), sample_rate_hz=100)
+
+
+@pytest.mark.parametrize("rate", [-RATE, 1e300])
+def test_a_rate_that_no_recorder_has_is_refused(tmp_path: Path, rate: float) -> None:
+    with pytest.raises(FormatError, match=f"sample_rate_hz: is {rate:g}, expected a positive number".replace("+", ".")):
+        channels(written(tmp_path, rate=rate))
+    with pytest.raises(FormatError, match=r"sample_rate_hz: is -5, expected"):
+        channels(written(tmp_path, rate=None), sample_rate_hz=-5)
+
+
+def test_a_damaged_name_is_not_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """npTDMS printed all bytes of what it took for a name: with a damaged length, the rest of the file."""
+    path = written(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"wf_increment", b"wf_\xffncrement"))
+    assert np.isnan(read_tdms_head(path).rates["daq/force"])
+    assert "xff" not in "".join(capfd.readouterr())
 
 
 def test_channels_of_unlike_length_and_unknown_ones_are_named(tmp_path: Path) -> None:
