@@ -34,6 +34,7 @@ from fecore.modal.drift import in_band
 from fecore.modal.evidence import evidence_of
 from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.preparation import prepare
+from fecore.modal.probability import NAMES as FEATURES
 from fecore.modal.probability import design, judged, no_mode
 from fecore.modal.weights import COVARIANCE, MEAN, PRIOR_MEAN, PRIOR_SD
 from fecore.normal import Z_95
@@ -43,14 +44,15 @@ FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
 SURE, REFUSED = 0.9, 0.1
 _FOLDS = 5
 _NEAR = 0.004  # relative distance within which a pole is a distortion, or half a bandwidth where that is more
-NAMES = ("constant", "rise", "share", "damping", "apart", "shape", "reach")
+NAMES = ("constant", *FEATURES[1:])
 
 
 @dataclass
 class Poles:
     """Features of poles with the truth: Λ (n,), design (n, 7), the mode of each or why it is none, kind and seed of its draw.
 
-    Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ; CPU seconds.
+    Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ, given the modes before;
+    CPU seconds.
     """
 
     ratio: list[float] = field(default_factory=list)
@@ -87,7 +89,6 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
     use = in_band(fitted.arrangement, hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)
     use &= hz >= 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0)
     poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - int(np.sum(of[use] >= 0))
-    sd, inside = np.sqrt(np.diag(fitted.covariance)), poles.inside.setdefault(kind, [])
     for k in np.flatnonzero(use):
         poles.ratio.append(float(ratio[k]))
         poles.rows.append(rows[k])
@@ -96,9 +97,17 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
         poles.kind.append(kind)
         off = np.min(np.abs(draw.distortions - hz[k]), initial=np.inf)
         poles.distortion.append(bool(of[k] < 0 and off < max(_NEAR * hz[k], 0.5 * zeta[k] * hz[k])))
-        if of[k] >= 0:
-            f, z = draw.frequency_hz[of[k]], draw.zeta[of[k]]
-            inside.append((abs(np.log(hz[k] / f)) < Z_95 * sd[k], abs(zeta[k] - z) < Z_95 * sd[hz.size + k]))
+    modes = np.flatnonzero(use & (of >= 0))
+    errors = np.log(hz[modes] / draw.frequency_hz[of[modes]]), zeta[modes] - draw.zeta[of[modes]]
+    each = [whitened(off, fitted.covariance, modes + part * hz.size) for part, off in enumerate(errors)]
+    poles.inside.setdefault(kind, []).extend(zip(*(np.abs(z) < Z_95 for z in each), strict=True))
+
+
+def whitened(off: np.ndarray, covariance: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Errors over their standard deviations, each given those before it: modes of one draw share its drift, and count once."""
+    return np.asarray(
+        scipy.linalg.solve_triangular(np.linalg.cholesky(covariance[np.ix_(which, which)]), off, lower=True)
+    )
 
 
 def fitted_weights(ratio: np.ndarray, x: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -55,8 +55,8 @@ def read_55(body: bytes, dataset: int) -> Parsed:
     if not (values_are_complex and components == 6):
         claims = {"node_nums": points, "analysis_type": analysis, "n_data_per_node": components}
         claims |= {f"r{i + 1}": values[:, i] if values_are_complex else flat[:, i] for i in range(components)}
-    kind = _KINDS[analysis]
-    return Parsed([ModeShape(dataset, ids[0], mode, frequency, damping, points, values, kind)], notes, claims)
+    shape = ModeShape(dataset, ids[0], mode, frequency, damping, points, values=values, kind=_KINDS[analysis])
+    return Parsed([shape], notes, claims)
 
 
 def read_2414(body: bytes, dataset: int) -> Parsed:
@@ -88,8 +88,8 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     claims: dict[str, object] | None = None
     if flat.shape[1] <= _PER_ROW:
         claims = {"node_nums": points, "analysis_type": analysis, "data_at_node": flat}
-    kind = _KINDS[analysis]
-    return Parsed([ModeShape(dataset, label, mode, frequency, damping, points, values, kind)], notes, claims)
+    shape = ModeShape(dataset, label, mode, frequency, damping, points, values=values, kind=_KINDS[analysis])
+    return Parsed([shape], notes, claims)
 
 
 def _definition(cursor: Cursor, dataset_type: str) -> tuple[int, int, bool]:
