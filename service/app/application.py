@@ -23,7 +23,7 @@ from service.errors import Unavailable
 from service.jobs.events import Changes
 from service.jobs.metrics import JobMetrics
 from service.settings import Settings
-from service.show.guide import router as guide
+from service.show.guide.routes import router as guide
 from service.show.pages import PREFIX as PAGES
 from service.show.pages import PageErrors, add_pages
 from service.show.pages.assets import router as assets

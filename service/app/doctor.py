@@ -12,7 +12,7 @@ from typing import Literal
 
 from sqlalchemy import Connection, Engine, text
 
-from service.app.backup.verification import find_damage
+from service.app.backup.verification import find_damage, first_line
 from service.db.opening import opened_engine
 from service.db.schema import SchemaError, require_head, require_version
 from service.settings import Settings
@@ -53,7 +53,7 @@ def examine(settings: Settings, *, stored: bool = True) -> Iterator[Finding]:
         with opened_engine(settings, migrate_new=False) as engine:
             yield from _database(engine, settings, stored=stored)
     except Exception as error:  # noqa: BLE001  whatever it is, it is what is wrong
-        yield Finding("fault", "database", _first_line(error))
+        yield Finding("fault", "database", first_line(error))
 
 
 def _folder(folder: Path) -> Finding:
@@ -142,7 +142,3 @@ def _user(number: int) -> str:
         return pwd.getpwuid(number).pw_name
     except KeyError:
         return f"user {number}"
-
-
-def _first_line(error: Exception) -> str:
-    return str(getattr(error, "orig", error)).strip().partition("\n")[0]

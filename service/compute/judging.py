@@ -25,6 +25,28 @@ EXACT = 1e-6  # relative standard deviation where none is stated: the scatter be
 
 
 @dataclass(frozen=True)
+class Observation:
+    """One campaign of the series."""
+
+    campaign: str  # its id
+    performed_at: datetime  # when it was measured
+    values: Mapping[str, Any]  # of `service.monitoring.runs`
+    covariates: Mapping[str, float]  # by name; NaN where not measured
+
+
+@dataclass(frozen=True)
+class Moves:
+    """What would move the frequencies of one campaign's m modes (`fecore.updating.effects.FrequencyEffects`)."""
+
+    campaign: str  # its id
+    # stiffness, support: (m,) by name
+    stiffness: Mapping[str, FloatArray]
+    support: Mapping[str, FloatArray]
+    sites: FloatArray  # (P, 3), m
+    mass: FloatArray  # (m, P)
+
+
+@dataclass(frozen=True)
 class JudgementInputs:
     """A series as it is to be judged."""
 
@@ -170,16 +192,6 @@ def _explained(trend: ParameterTrend, raised: int, state: str, inputs: Judgement
     )
 
 
-@dataclass(frozen=True)
-class Observation:
-    """One campaign of the series."""
-
-    campaign: str  # its id
-    performed_at: datetime  # when it was measured
-    values: Mapping[str, Any]  # of `service.monitoring.runs`
-    covariates: Mapping[str, float]  # by name; NaN where not measured
-
-
 def same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> int | None:
     """Which mode of this campaign, from 0, is the n-th of the earliest one: the nearest in frequency, not further than 15 %.
 
@@ -211,18 +223,6 @@ def _kind(observation: Observation, mode: int) -> str | None:
 
 _CLIMATE = ("temperature_c", "humidity_percent")
 _FEWEST_MODES = 3  # of which a change has a pattern
-
-
-@dataclass(frozen=True)
-class Moves:
-    """What would move the frequencies of one campaign's m modes (`fecore.updating.effects.FrequencyEffects`)."""
-
-    campaign: str  # its id
-    # stiffness, support: (m,) by name
-    stiffness: Mapping[str, FloatArray]
-    support: Mapping[str, FloatArray]
-    sites: FloatArray  # (P, 3), m
-    mass: FloatArray  # (m, P)
 
 
 def explained(

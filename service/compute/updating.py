@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import platform
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+
+import fecore
 from fecore.body.constants import Body
 from fecore.body.matrices import MatrixBody
 from fecore.body.specimen import OrientedSpecimen
@@ -24,7 +29,6 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from service.compute.frame import Frame
 from service.compute.identifying import describe_identification
-from service.compute.origin import origin
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
 from service.compute.result_arrays import as_npz
 from service.jobs.kinds import Report
@@ -213,3 +217,12 @@ class _Stopwatch:
         if self._stage and self._stage != "done":
             self._durations[self._stage] = self._durations.get(self._stage, 0.0) + now - self._since
         self._since = now
+
+
+def origin() -> dict[str, Any]:
+    """Versions, host and time, for the provenance of a result."""
+    return {
+        "software": {"modalbase": fecore.__version__, "numpy": np.__version__, "python": platform.python_version()},
+        "host": platform.node(),
+        "computed_at": datetime.now(UTC).isoformat(),
+    }

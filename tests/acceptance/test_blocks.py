@@ -44,8 +44,7 @@ ELSEWHERE = {"README.md": "test_tutorial.py", "docs/tutorial.md": "test_tutorial
 
 NEEDS = {"xarray": "to_xarray", "pandas": "import pandas", "sdypy": "from sdypy"}
 STRICT = 'curl() { command curl --fail-with-body -sS "$@"; }\n'
-SHELL = set("|<>;&*?(){}~`")
-"""What makes a line more than a command and its words."""
+SHELL = set("|<>;&*?(){}~`")  # what makes a line more than a command and its words
 LANGUAGES = {"python", "sh", "json", "ini", "text"}
 
 

@@ -27,7 +27,7 @@ from service.app.backup.archive import (
     our_tables,
     read_manifest,
 )
-from service.app.backup.verification import find_damage
+from service.app.backup.verification import find_damage, first_line
 from service.db.schema import known_revisions, upgrade_on, upgrading
 from service.jobs.queue import queue_again
 
@@ -58,8 +58,7 @@ def restore_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Ma
     except OSError as error:
         raise BackupError(f"cannot read {file}: {error.strerror or error}") from error
     except DBAPIError as error:
-        reason = str(error.orig).partition("\n")[0]
-        raise BackupError(f"the database does not take the backup: {reason}") from error
+        raise BackupError(f"the database does not take the backup: {first_line(error)}") from error
     return manifest
 
 
@@ -124,8 +123,7 @@ def _copy_in(connection: Connection, entry: TableEntry, archive: ZipFile, more: 
                     copy.write(block)
                     more(len(block))
         except (psycopg.DataError, psycopg.IntegrityError) as error:  # such as one that was cut short
-            reason = str(error).partition("\n")[0]
-            raise BackupError(f"the backup's table {entry.name} is damaged: {reason}") from error
+            raise BackupError(f"the backup's table {entry.name} is damaged: {first_line(error)}") from error
         rows = cursor.rowcount
     if (digest.hexdigest(), rows) != (entry.sha256, entry.rows):
         raise BackupError(f"the backup's table {entry.name} is damaged: it is not what was written")

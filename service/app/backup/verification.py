@@ -50,7 +50,7 @@ def _wrong_digests(connection: Connection, table: str, key: str, data: str, dige
         with connection.begin_nested():
             found = connection.scalars(text(query)).all()
     except DBAPIError as error:  # a damaged page, which PostgreSQL knows by its own checksum
-        yield f"{table}: {_first_line(error)}"
+        yield f"{table}: {first_line(error)}"
         return
     for row in found:
         yield f"{table} {row}: {data}"
@@ -63,7 +63,7 @@ def _wrong_originals(connection: Connection) -> Iterator[str]:
             expected: dict[bytes, int] = {row.sha256: row.size for row in connection.execute(text(_SIZES))}
             found = {sha256: (size, digest) for sha256, size, digest in _digests(connection)}
     except DBAPIError as error:
-        yield f"originals: {_first_line(error)}"
+        yield f"originals: {first_line(error)}"
         return
     nothing = (0, hashlib.sha256().digest())
     for sha256, size in expected.items():
@@ -82,5 +82,6 @@ def _digests(connection: Connection) -> Iterator[tuple[bytes, int, bytes]]:
         yield name, size, digest.digest()
 
 
-def _first_line(error: DBAPIError) -> str:
-    return str(error.orig).partition("\n")[0]
+def first_line(error: Exception) -> str:
+    """What an error says first; of a database's error what the database says."""
+    return str(getattr(error, "orig", error)).strip().partition("\n")[0]

@@ -1,4 +1,4 @@
-"""Pages of what is measured: structure, campaign, the report on a file."""
+"""Pages of what is measured and watched: structure, campaign, the report on a file, a coupon batch, monitors."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from service.store.updating import routes as updating
 from service.web.routing import page_router
 
 router = page_router()
-MOST = 500  # rows of a list on a page
+MOST, MOST_WATCHED = 500, 200  # rows of a list on a page; of monitors and alarms
 Cursor = Annotated[str | None, Query(max_length=100)]
 
 
@@ -252,3 +252,55 @@ def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] 
     if part:
         return visit.show("import_report.html", item=shown, starts=starts)
     return visit.show("import.html", **visit.in_campaign(shown.campaign_id), item=shown, starts=starts)
+
+
+@router.get("/coupon-batches/{batch_id}")
+def get_batch(batch_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """A batch: its specimens, their statistics, the priors that follow."""
+    batch = coupons.batches.one(visit.session, visit.user, batch_id)
+    specimens = coupons.coupons.page(visit.session, visit.user, batch_id, limit=MOST).items
+    return visit.show(
+        "batch.html",
+        **visit.in_structure(batch.structure_id),
+        batch=batch,
+        coupons=specimens,
+        as_before=next((_reading(visit, c.id) for c in reversed(specimens) if c.has_curve), {}),
+        summary=coupons.get_summary(batch_id, visit.session, visit.user),
+    )
+
+
+def _reading(visit: Visit, coupon_id: UUID) -> dict[str, Any]:
+    """How a specimen's raw curve was read, with which the form of the next one begins; its own sizes left out."""
+    request = coupons.get_curve(coupon_id, visit.session, visit.user).request
+    stated = request.model_dump(mode="json", include={"standard", "columns"}, exclude_none=True)
+    return {**stated, "dimensions": {"unit": request.dimensions.unit}}
+
+
+@router.get("/monitors")
+def get_monitors(visit: VisitDep) -> HTMLResponse:
+    """All monitors, worst state first, and the alarms that are open."""
+    return visit.show(
+        "monitors.html",
+        monitors=monitoring.list_monitors(visit.session, visit.user, limit=MOST_WATCHED).items,
+        alarms=[
+            alarm
+            for state in ("alarm", "acknowledged")
+            for alarm in monitoring.list_alarms(visit.session, visit.user, state=state, limit=MOST_WATCHED).items
+        ],
+    )
+
+
+@router.get("/monitors/{monitor_id}")
+def get_monitor(
+    monitor_id: UUID, visit: VisitDep, series: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
+) -> HTMLResponse:
+    """A monitor: a figure of each watched parameter with its limits, what they say, alarms, runs."""
+    monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
+    return visit.show(
+        "monitor.html",
+        **visit.in_structure(monitor.structure_id),
+        monitor=monitor,
+        series=monitoring.get_series(monitor_id, visit.session, visit.user, series),
+        alarms=monitoring.list_alarms(visit.session, visit.user, monitor=monitor_id, limit=MOST_WATCHED).items,
+        runs=monitoring.list_runs(monitor_id, visit.session, visit.user, series, limit=30).items,
+    )

@@ -31,12 +31,7 @@ def test_each_kind_of_finding_says_what_to_do_and_where() -> None:
 
 
 def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> None:
-    many = [
-        MISSED,
-        TURNED,
-        WINDOW,
-        found("samples_differ", name="Ex", ratio=1.4),
-    ]
+    many = [MISSED, TURNED, WINDOW, found("samples_differ", name="Ex", ratio=1.4)]
     steps, notes = opening(document(*many, notes=("coupons: a mean",)))
     assert len(steps) == MOST
     assert steps[0].advice == "Find the cause before you use the estimates."

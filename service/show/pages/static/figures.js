@@ -66,12 +66,7 @@ function keep(changes) {
   const query = shown.toString();
   history.replaceState(null, "", location.pathname + (query && "?" + query) + location.hash);
 }
-async function get(path) {
-  const answer = await fetch(new URL(document.documentElement.dataset.root + "api/v1/" + path, location.href), { credentials: "same-origin", headers: { Accept: "application/json" } });
-  const value = await answer.json();
-  if (!answer.ok) throw new Error(value.detail);
-  return value;
-}
+const get = (path) => call("GET", path).catch((problem) => { throw new Error(problem.detail ?? problem.message); });
 const address = (figure) => (figure.dataset.query ? withQuery(figure.dataset.figure, figure.dataset.query) : figure.dataset.figure);
 async function show(figure) {
   const place = figure.querySelector(".draw");

@@ -7,12 +7,7 @@ const COLORS = ["text", "hint", "measured", "initial", "updated", "care", "bad",
 const SETS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#f0e442", "#8a8f96"];
 
 const address = (path) => new URL(document.documentElement.dataset.root + path, location.href);
-async function ask(path) {
-  const answer = await fetch(address("api/v1/" + path), { credentials: "same-origin", headers: { Accept: "application/json" } });
-  const value = await answer.json();
-  if (!answer.ok) throw new Error(value.detail);
-  return value;
-}
+const ask = (path) => call("GET", path).catch((problem) => { throw new Error(problem.detail ?? problem.message); });
 const number = (value, digits = 3) => Number(value.toPrecision(digits)).toString();
 const counted = (count, one, many = one + "s") => `${count} ${count === 1 ? one : many}`;
 
