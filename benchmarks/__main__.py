@@ -48,6 +48,7 @@ TABLES = {
         Case("laboratories", "updates", "structures, tours, bands, damping and faults at random", quick="2"),
         Case("independent", "updates", "bodies of solid elements by CalculiX", quick="1"),
         Case("structures", "structures", "shells in space: published shells, joints against solids, CalculiX's S8R"),
+        Case("structures_drawn", "structures_drawn", "profiles drawn at random, solids by CalculiX, updated by `{}`"),
         Case("structures_solids", "structures_solids", "joints of walls of unlike thickness, by CalculiX's solids"),
         Case("campaigns", "updates", "several tests of one material: intervals", "coverage 3 1", "coverage 1 1"),
         Case("campaigns", "updates", "the same with bodies by CalculiX", "solids 2 1", "solids 1 1"),

@@ -25,7 +25,6 @@ CASES = (
     *(("angle", 600, 60, 60, 6, 6), ("angle", 600, 60, 60, 8, 4), ("angle", 600, 60, 60, 4, 8)),
     *(("channel", 700, 100, 50, 8, 4), ("channel", 700, 100, 50, 4, 8)),
 )
-_ALONG = 0.018  # m, of a brick
 _NINE = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 
 
@@ -39,6 +38,11 @@ def section(
         rib = d["b"] / 4
         y = [-side, *(at + half for at in (-rib, rib) for half in (-tw / 2, tw / 2)), side]
         return y, [-top, top - tf, top], lambda _, z: z > top - tf, lambda y, _: abs(abs(y) - rib) < tw / 2
+    if kind == "box":
+        y = [-side, -side + tw, side - tw, side]
+        return y, z, lambda _, z: abs(z) > top - tf, lambda y, _: abs(y) > side - tw
+    if kind == "tee":
+        return y, [-top, top - tf, top], lambda _, z: z > top - tf, lambda y, _: abs(y) < tw / 2
     if kind == "i":
         return y, z, lambda _, z: abs(z) > top - tf, lambda y, _: abs(y) < tw / 2
     y = [-side, -side + tw, side]
@@ -56,19 +60,19 @@ def lines(cuts: list[float], size: float, thin: float) -> np.ndarray:
     return np.concatenate([*parts, cuts[-1:]])
 
 
-def solid(kind: str, d: dict[str, float]) -> calculix.Solid:
-    """A profile or panel of one material, which lies along x and across each wall."""
+def solid(kind: str, d: dict[str, float], walls: dict[str, dict[str, float]], along: float = 0.018) -> calculix.Solid:
+    """A profile or panel of quadratic bricks of a length along x, whose materials lie along x and across each wall."""
     y_cuts, z_cuts, flange, web = section(kind, d)
     size = max(d["h"], d["b"]) / (20 if kind == "panel" else 6)
-    x = np.linspace(0, d["L"], int(np.ceil(d["L"] / _ALONG)) + 1)
-    constants = [WALL[name] for name in _NINE]
+    x = np.linspace(0, d["L"], int(np.ceil(d["L"] / along)) + 1)
+    materials = {
+        wall: calculix.orthotropic(wall, [of[name] for name in _NINE], of["rho"], axes)
+        for (wall, of), axes in zip(walls.items(), ("1,0,0,0,1,0", "1,0,0,0,0,1"), strict=True)
+    }
     return calculix.solid(
         (x, lines(y_cuts, size, d["tw"]), lines(z_cuts, size, d["tf"])),
         lambda y, z: "flange" if flange(y, z) else "web" if web(y, z) else None,
-        {
-            "flange": calculix.orthotropic("flange", constants, WALL["rho"]),
-            "web": calculix.orthotropic("web", constants, WALL["rho"], "1,0,0,0,0,1"),
-        },
+        materials,
     )
 
 
@@ -83,7 +87,7 @@ def main(*kinds: str) -> None:
             continue
         d = dict(zip(("L", "h", "b", "tf", "tw"), (size / 1000 for size in sizes), strict=True))
         truth = {"kind": kind, "true_dims": d, "walls": {"flange": WALL, "web": WALL}}
-        exact, row = calculix.modes(solid(kind, d), 26)[0][6:], ""
+        exact, row = calculix.modes(solid(kind, d, truth["walls"]), 26)[0][6:], ""
         for on in (False, True):
             error = 100 * (frequencies(body(truth, 6, on), len(exact)) / exact - 1)
             row += f"   {np.sqrt(np.mean(error**2)):5.2f} /{np.abs(error).max():5.2f}"
