@@ -70,7 +70,7 @@ class FlatBody(OfStructure):
             dofs=dofs,
             size=(self.length, self.width),
             clamps=clamps,
-            reach=(BEYOND_EDGE * self.length, BEYOND_EDGE * self.width, np.inf),
+            reach=(BEYOND_EDGE * self.length, BEYOND_EDGE * self.width, self.length),  # z may be from a table, say
         )
 
     def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
