@@ -3,7 +3,9 @@
 import re
 import subprocess
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import count, product
 from pathlib import Path
 
 import numpy as np
@@ -39,66 +41,103 @@ def displacements(table: str, nodes: Sequence[int]) -> np.ndarray:
     return np.array(found)
 
 
-def solid_modes(
-    counts: tuple[int, int, int],
-    size: tuple[float, float, float],
-    seen: Sequence[tuple[int, int]],
-    constants: dict[str, float],
-    *,
-    modes: int,
-    clamped: bool = False,
-    angle: float = 0.0,
-    mass: tuple[int, float] | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) frequencies in Hz and (n, p, 3) mass-normalised motions of a plate of 20-node solid elements.
+_CORNERS, _SIDES = ((0, 0), (2, 0), (2, 2), (0, 2)), ((1, 0), (2, 1), (1, 2), (0, 1))
+_RINGS = ((_CORNERS, 0), (_CORNERS, 2), (_SIDES, 0), (_SIDES, 2), (_CORNERS, 1))
+_PLACES = [(x, y, z) for ring, z in _RINGS for x, y in ring]  # of the nodes of C3D20R, in half elements
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A body of 20-node bricks."""
+
+    places: np.ndarray  # (n, 3) of its nodes
+    bricks: int  # how many
+    deck: list[str]  # lines with nodes, elements and constants
+
+    def nearest(self, places: Sequence[Sequence[float]]) -> list[int]:
+        """Numbers from 1 of the nodes that are nearest to (p, 3) places."""
+        return [int(np.argmin(np.sum((self.places - place) ** 2, axis=1))) + 1 for place in np.asarray(places)]
+
+
+def solid(
+    cells: Sequence[Sequence[float]], part: Callable[[float, float], str | None], materials: Mapping[str, list[str]]
+) -> Solid:
+    """Bricks in the cells of a grid.
 
     Args:
-        counts: elements along x, y and z.
-        size: length, width and thickness in m.
-        seen: (p,) places in the middle plane, in half elements along x and y.
-        constants: Ex, Ey, Ez, nu_xy, nu_xz, nu_yz, Gxy, Gxz, Gyz in Pa and density in kg/m³.
-        modes: how many are solved for.
-        clamped: at x = 0; else free.
-        angle: of the material in the plane, rad.
-        mass: the number in `seen` that a point mass is at, and its kg.
+        cells: where they begin and end along x, y and z.
+        part: name of the part in which the cells at y, z lie, None where there is nothing.
+        materials: lines of a deck by part, as of `orthotropic`.
     """
-    number, places, bricks = _grid(counts, size)
-    nodes = [int(number[i, j, counts[2]]) for i, j in seen]
-    c, (cos, sin) = constants, (np.cos(angle), np.sin(angle))
-    lines = ["*NODE, NSET=ALL", *(f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(places, start=1))]
-    lines.append("*ELEMENT, TYPE=C3D20R, ELSET=E")
-    for element, corners in enumerate(bricks.tolist(), start=1):
-        lines += [f"{element}," + ",".join(map(str, corners[:15])) + ",", ",".join(map(str, corners[15:]))]
-    lines += ["*NSET, NSET=SEEN", ",\n".join(map(str, nodes))]
-    lines += ["*ORIENTATION, NAME=TURNED, SYSTEM=RECTANGULAR", f"{cos:.12g},{sin:.12g},0.,{-sin:.12g},{cos:.12g},0."]
-    lines += ["*MATERIAL, NAME=M", "*ELASTIC, TYPE=ENGINEERING CONSTANTS"]
-    names = ("Ex", "Ey", "Ez", "nu_xy", "nu_xz", "nu_yz", "Gxy", "Gxz")
-    lines += [",".join(f"{c[name]:g}" for name in names), f"{c['Gyz']:g}", "*DENSITY", f"{c['density']:.9g}"]
-    lines.append("*SOLID SECTION, ELSET=E, MATERIAL=M, ORIENTATION=TURNED")
+    halves = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in cells]
+    numbers: dict[tuple[int, ...], int] = {}
+    bricks: dict[str, list[list[int]]] = {name: [] for name in materials}
+    for i, j, k in product(*(range(len(v) - 1) for v in cells)):
+        if name := part(halves[1][2 * j + 1], halves[2][2 * k + 1]):
+            at = [(2 * i + x, 2 * j + y, 2 * k + z) for x, y, z in _PLACES]
+            bricks[name].append([numbers.setdefault(each, len(numbers) + 1) for each in at])
+    places = np.array([[v[i] for v, i in zip(halves, key, strict=True)] for key in numbers])
+    deck = ["*NODE, NSET=ALL", *(f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(places, start=1))]
+    number = count(1)
+    for name, rows in bricks.items():
+        deck.append(f"*ELEMENT, TYPE=C3D20R, ELSET={name}")
+        for nodes in rows:
+            deck += [",".join(map(str, [next(number), *nodes[:15]])) + ",", ",".join(map(str, nodes[15:]))]
+        deck += materials[name]
+    return Solid(places, sum(map(len, bricks.values())), deck)
+
+
+def orthotropic(part: str, constants: Sequence[float], density: float, axes: str = "1,0,0,0,1,0") -> list[str]:
+    """Lines of a part's material: E1, E2, E3, ν12, ν13, ν23, G12, G13, G23 along the first two axes, and the density."""
+    *eight, last = (f"{value:.9g}" for value in constants)
+    return [
+        *(f"*ORIENTATION, NAME=O{part}, SYSTEM=RECTANGULAR", axes, f"*MATERIAL, NAME=M{part}"),
+        *("*ELASTIC, TYPE=ENGINEERING CONSTANTS", ",".join(eight) + ",", last, "*DENSITY", f"{density:.9g}"),
+        f"*SOLID SECTION, ELSET={part}, MATERIAL=M{part}, ORIENTATION=O{part}",
+    ]
+
+
+def plate(
+    counts: tuple[int, int, int], size: tuple[float, float, float], constants: Mapping[str, float], angle: float = 0.0
+) -> Solid:
+    """A strip or plate from x = 0, about y = z = 0.
+
+    Args:
+        counts: bricks along x, y and z.
+        size: length, width and thickness in m.
+        constants: Ex, Ey, Ez, nu_xy, nu_xz, nu_yz, Gxy, Gxz, Gyz in Pa and density in kg/m³.
+        angle: of the material in the plane, rad.
+    """
+    begin = np.array([0, -size[1] / 2, -size[2] / 2])
+    cells = [np.linspace(a, a + length, n + 1) for a, length, n in zip(begin, size, counts, strict=True)]
+    names = ("Ex", "Ey", "Ez", "nu_xy", "nu_xz", "nu_yz", "Gxy", "Gxz", "Gyz")
+    cos, sin = np.cos(angle), np.sin(angle)
+    axes = f"{cos:.12g},{sin:.12g},0.,{-sin:.12g},{cos:.12g},0."
+    material = orthotropic("E", [constants[name] for name in names], constants["density"], axes)
+    return solid(cells, lambda _y, _z: "E", {"E": material})
+
+
+def modes(
+    body: Solid, most: int, seen: Sequence[int] = (1,), *, clamped: bool = False, mass: tuple[int, float] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) frequencies in Hz, rigid ones first, and (n, p, 3) mass-normalised motions of nodes.
+
+    Args:
+        body: free.
+        most: modes that are solved for.
+        seen: (p,) the nodes.
+        clamped: at x = 0.
+        mass: a node with a point mass, and its kg.
+    """
+    deck = [*body.deck, "*NSET, NSET=SEEN", ",\n".join(map(str, sorted(set(seen))))]
     if mass is not None:
-        lines += ["*ELEMENT, TYPE=MASS, ELSET=SENSOR", f"{len(bricks) + 1},{nodes[mass[0]]}"]
-        lines += ["*MASS, ELSET=SENSOR", f"{mass[1]:g}"]
+        deck += ["*ELEMENT, TYPE=MASS, ELSET=SENSOR", f"{body.bricks + 1},{mass[0]}"]
+        deck += ["*MASS, ELSET=SENSOR", f"{mass[1]:g}"]
     if clamped:
-        root = np.flatnonzero(places[:, 0] == 0) + 1
-        lines += ["*NSET, NSET=ROOT", ",\n".join(map(str, root)), "*BOUNDARY", "ROOT,1,3"]
-    table = ccx([*lines, "*STEP", "*FREQUENCY", str(modes), "*NODE PRINT, NSET=SEEN", "U", "*END STEP"])
-    return frequencies(table), displacements(table, nodes)
-
-
-def _grid(counts: tuple[int, int, int], size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Node numbers on a grid of half elements (0: none there), coordinates, and the 20 nodes of each element."""
-    shape = tuple(2 * n + 1 for n in counts)
-    i, j, k = np.indices(shape)
-    real = (i % 2) + (j % 2) + (k % 2) < 2  # corners and mid-sides
-    number = np.where(real, np.cumsum(real.ravel()).reshape(shape), 0)
-    step = np.array(size) / (2 * np.array(counts))
-    places = np.column_stack([i[real], j[real], k[real]]) * step - [0, size[1] / 2, size[2] / 2]
-    corner = np.indices(counts).reshape(3, -1).T * 2
-    below = ((0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0))
-    above, upright = (tuple((x, y, z) for x, y, _ in below) for z in (2, 1))
-    flat, top = (tuple((x, y, z) for x, y in ((1, 0), (2, 1), (1, 2), (0, 1))) for z in (0, 2))
-    at = corner[:, None] + np.array((*below, *above, *flat, *top, *upright))
-    return number, places, number[at[..., 0], at[..., 1], at[..., 2]]
+        root = np.flatnonzero(body.places[:, 0] == 0) + 1
+        deck += ["*NSET, NSET=ROOT", ",\n".join(map(str, root)), "*BOUNDARY", "ROOT,1,3"]
+    table = ccx([*deck, "*STEP", "*FREQUENCY", str(most), "*NODE PRINT, NSET=SEEN", "U", "*END STEP"])
+    return frequencies(table), displacements(table, seen)
 
 
 def shell(specimen: Specimen) -> np.ndarray:

@@ -17,7 +17,6 @@ what becomes of modes and of others, are printed for the weights in use. Poles t
 
 from __future__ import annotations
 
-import itertools
 import os
 import time
 from collections.abc import Sequence
@@ -27,6 +26,7 @@ import numpy as np
 import scipy
 
 from benchmarks import agreement
+from benchmarks.calibration import print_reliability, scores
 from benchmarks.made_frfs import GOOD, KINDS, Draw, Harsh
 from benchmarks.truth import OPTIONAL, OTHER, SPLIT, modes_of_poles
 from fecore.errors import IdentificationError
@@ -50,7 +50,8 @@ NAMES = ("constant", "rise", "share", "damping", "apart", "shape", "reach")
 class Poles:
     """Features of poles with the truth: Λ (n,), design (n, 7), the mode of each or why it is none, kind and seed of its draw.
 
-    Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ; CPU seconds.
+    Of each kind: modes that no pole is; whether truths lie in their 95 % intervals, of f and of ζ, given the modes before;
+    CPU seconds.
     """
 
     ratio: list[float] = field(default_factory=list)
@@ -87,7 +88,6 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
     use = in_band(fitted.arrangement, hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)
     use &= hz >= 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0)
     poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - int(np.sum(of[use] >= 0))
-    sd, inside = np.sqrt(np.diag(fitted.covariance)), poles.inside.setdefault(kind, [])
     for k in np.flatnonzero(use):
         poles.ratio.append(float(ratio[k]))
         poles.rows.append(rows[k])
@@ -96,9 +96,17 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
         poles.kind.append(kind)
         off = np.min(np.abs(draw.distortions - hz[k]), initial=np.inf)
         poles.distortion.append(bool(of[k] < 0 and off < max(_NEAR * hz[k], 0.5 * zeta[k] * hz[k])))
-        if of[k] >= 0:
-            f, z = draw.frequency_hz[of[k]], draw.zeta[of[k]]
-            inside.append((abs(np.log(hz[k] / f)) < Z_95 * sd[k], abs(zeta[k] - z) < Z_95 * sd[hz.size + k]))
+    modes = np.flatnonzero(use & (of >= 0))
+    errors = np.log(hz[modes] / draw.frequency_hz[of[modes]]), zeta[modes] - draw.zeta[of[modes]]
+    each = [whitened(off, fitted.covariance, modes + part * hz.size) for part, off in enumerate(errors)]
+    poles.inside.setdefault(kind, []).extend(zip(*(np.abs(z) < Z_95 for z in each), strict=True))
+
+
+def whitened(off: np.ndarray, covariance: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """Errors over their standard deviations, each given those before it: modes of one draw share its drift, and count once."""
+    return np.asarray(
+        scipy.linalg.solve_triangular(np.linalg.cholesky(covariance[np.ix_(which, which)]), off, lower=True)
+    )
 
 
 def fitted_weights(ratio: np.ndarray, x: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,13 +129,6 @@ def held_out(ratio: np.ndarray, x: np.ndarray, true: np.ndarray, draw: np.ndarra
         own = draw % _FOLDS == fold
         p[own] = judged(ratio[own], x[own], *fitted_weights(ratio[~own], x[~own], true[~own]))
     return p
-
-
-def print_scores(title: str, p: np.ndarray, true: np.ndarray) -> None:
-    """Log loss and Brier score."""
-    p = np.clip(p, 1e-9, 1 - 1e-9)
-    loss = -np.mean(np.where(true, np.log(p), np.log(1 - p)))
-    print(f"{title:16} log loss {loss:.4f}, Brier {np.mean((p - true) ** 2):.4f}")
 
 
 def drawn(kinds: Sequence[str], seeds: Sequence[int]) -> Poles:
@@ -166,17 +167,6 @@ def print_kinds(poles: Poles, p: np.ndarray) -> None:
         print(f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain {np.sum(own & open_)}")
 
 
-def print_reliability(p: np.ndarray, true: np.ndarray) -> None:
-    """How often poles of like P are modes."""
-    print("P from    to    poles   mean P   share of modes")
-    for low, high in itertools.pairwise((0, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0000001)):
-        own = (p >= low) & (p < high)
-        if own.any():
-            share = true[own].mean()
-            error = np.sqrt(max(share * (1 - share), 1 / own.sum()) / own.sum())
-            print(f"{low:6.2f} {high:5.2f} {own.sum():8} {p[own].mean():8.4f} {share:10.4f} ± {error:.4f}")
-
-
 def main(part: str = "weights", *words: str) -> None:
     """Print the weights and how good they are; or, for `agreement`, whether one record has one answer."""
     if part == "agreement":
@@ -184,11 +174,6 @@ def main(part: str = "weights", *words: str) -> None:
         return
     kinds = os.environ.get("CALIBRATE_KINDS", ",".join(KINDS)).split(",")
     poles = drawn(kinds, range(FIRST, FIRST + SEEDS))
-    report(poles)
-
-
-def report(poles: Poles) -> None:
-    """Print all that the poles say of the weights in use and of those fitted."""
     ratio, x, draw = np.array(poles.ratio), np.array(poles.rows), np.array(poles.draw)
     true = np.array(poles.of) >= 0
     b, C = fitted_weights(ratio, x, true)
@@ -196,18 +181,15 @@ def report(poles: Poles) -> None:
     for name, prior, sd, mean, own in zip(NAMES, PRIOR_MEAN, PRIOR_SD, b, np.sqrt(np.diag(C)), strict=True):
         print(f"{name:9} prior {prior:6.2f} ± {sd:.2f}   fitted {mean:6.2f} ± {own:.2f}")
     used = judged(ratio, x, MEAN, COVARIANCE)  # what a user gets
-    print_scores("in use", used, true)
-    print_scores("prior", judged(ratio, x, PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04), true)
-    print_scores("held out", held_out(ratio, x, true, draw), true)
+    prior = judged(ratio, x, PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04)
+    found = {"in use": used, "prior": prior, "held out": held_out(ratio, x, true, draw)}
     for number, name in enumerate(("phase", *NAMES[1:])):
         less = np.where(np.arange(x.shape[1]) == number, 0.0, x) if number else x
-        print_scores(f"without {name}", held_out(ratio * bool(number), less, true, draw), true)
-    print_reliability(used, true)
+        found[f"without {name}"] = held_out(ratio * bool(number), less, true, draw)
+    for name, p in found.items():
+        print(f"{name:16} log loss %.4f, Brier %.4f" % scores(p, true))
+    print_reliability(used, true, "poles", "of modes", (0, 0.01, 0.1, 0.5, 0.9, 0.99))
     print_kinds(poles, used)
     print("MEAN = np.array([" + ", ".join(f"{each:.3f}" for each in b) + "])")
     print("COVARIANCE = np.array([")
     print("\n".join("    [" + ", ".join(f"{each:.4f}" for each in row) + "]," for row in C) + "\n])")
-
-
-if __name__ == "__main__":
-    main()

@@ -14,7 +14,6 @@ The arguments are campaigns of each half, and the first seed.
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from benchmarks.calibration import print_reliability, scores
 from benchmarks.made_hits import COMPARED, Position, made
 from fecore.arrays import BoolArray, FloatArray
 from fecore.signal import Processing, by_point
@@ -130,12 +130,6 @@ def probability(table: Table, b: FloatArray) -> FloatArray:
     return np.asarray(scipy.special.expit(b[0] - b[1] * table.alone - table.x @ b[2:]))
 
 
-def scores(p: FloatArray, good: BoolArray) -> tuple[float, float]:
-    """Log loss and Brier score."""
-    p = np.clip(p, 1e-9, 1 - 1e-9)
-    return float(-np.mean(np.where(good, np.log(p), np.log(1 - p)))), float(np.mean((p - good) ** 2))
-
-
 def print_kinds(table: Table, p: FloatArray) -> None:
     """How many of each kind are refused."""
     hits = Counter(table.kind)
@@ -147,17 +141,6 @@ def print_kinds(table: Table, p: FloatArray) -> None:
     bad = [kind for kind in hits if kind != "good" and kind not in few]
     missed = sum(hits[kind] - refused[kind] for kind in bad)
     print(f"bad hits missed, where others can be asked: {missed} of {sum(hits[k] for k in bad)}")
-
-
-def print_reliability(p: FloatArray, good: BoolArray) -> None:
-    """How often hits of like P are good."""
-    print("P from    to     hits   mean P   share that is good")
-    for low, high in itertools.pairwise((0, 0.01, 0.1, 0.3, 0.5, 0.9, 0.97, 0.99, 1.0000001)):
-        own = (p >= low) & (p < high)
-        if own.any():
-            share = good[own].mean()
-            error = np.sqrt(max(share * (1 - share), 1 / own.sum()) / own.sum())
-            print(f"{low:6.2f} {high:5.2f} {own.sum():8} {p[own].mean():8.4f} {share:10.4f} ± {error:.4f}")
 
 
 def print_worth(learn: Table, test: Table) -> None:
@@ -174,11 +157,6 @@ def calibrate_hits(campaigns: int = 200, seed: int = 0) -> None:
     """Print the table and how good it is."""
     learned = list(looked_at(range(seed, seed + campaigns)))
     others = list(looked_at(range(seed + 1000, seed + 1000 + campaigns)))
-    report(learned, others)
-
-
-def report(learned: Sequence[Looked], others: Sequence[Looked]) -> None:
-    """The same of campaigns that have been looked at."""
     learn, test = tabled(learned), tabled(others)
     b = fitted(learn)
     used = np.array([CONSTANT, ALONE, *(WEIGHTS[name].weight for name in NAMES)])
@@ -186,15 +164,12 @@ def report(learned: Sequence[Looked], others: Sequence[Looked]) -> None:
         print(f"{name:8} log loss %.4f, Brier %.4f" % scores(probability(test, weights), test.good))
     p = probability(test, used)
     print_kinds(test, p)
-    print_reliability(p, test.good)
+    print_reliability(p, test.good, "hits", "that is good", (0, 0.01, 0.1, 0.3, 0.5, 0.9, 0.97, 0.99))
     print_worth(learn, test)
     print(f"CONSTANT = {b[0]:.2f}\nALONE = {b[1]:.2f}")
     for name, weight, row in zip(NAMES, b[2:], usual(learned).values(), strict=True):
-        unit, between = WEIGHTS[name].unit, WEIGHTS[name].between
-        parts = [f"unit={unit:g}"] * bool(unit) + ["centre={:.2f}, between={:.2f}, within={:.2f}".format(*row)] * bool(
-            between
-        )
-        said = ", ".join(parts)
-        least = WEIGHTS[name].least
-        said += f", least={least:g}" if least != LEAST else ""
+        own = WEIGHTS[name]
+        parts = [f"unit={own.unit:g}"] * bool(own.unit)
+        parts += ["centre={:.2f}, between={:.2f}, within={:.2f}".format(*row)] * bool(own.between)
+        said = ", ".join(parts) + (f", least={own.least:g}" if own.least != LEAST else "")
         print(f'    "{name}": Weight({weight:.2f}, {said}),')

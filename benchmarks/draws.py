@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.calculix import solid_modes
+from benchmarks import calculix
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass, Spring
@@ -30,19 +30,12 @@ SENSOR = 33
 
 @dataclass(frozen=True)
 class Drawn:
-    """What a laboratory hands in, and the truth that it does not know.
+    """What a laboratory hands in, and the truth that it does not know."""
 
-    Attributes:
-        stated: the specimen as it is stated.
-        measurement: what was measured.
-        true: constants by name; a0 and a1 where the body's damping has them.
-        kind: what was drawn, by name.
-    """
-
-    stated: Specimen
-    measurement: Measurement
-    true: dict[str, float]
-    kind: dict[str, str] = field(default_factory=dict)
+    stated: Specimen  # the specimen as it is stated
+    measurement: Measurement  # what was measured
+    true: dict[str, float]  # constants by name; a0 and a1 where the body's damping has them
+    kind: dict[str, str] = field(default_factory=dict)  # what was drawn, by name
 
 
 def grid(length: float = 0.5, width: float = 0.04, z: float = 0.0, *, free: bool = False) -> Points:
@@ -243,12 +236,11 @@ def solid(rng: np.random.Generator) -> Drawn:
     sensor, mass = int(rng.choice([33, 30, 31, 27])), float(rng.choice([0.0, 0.0048, 0.002]))
     length = 0.501 if free else 0.5
     points, nx, ny = grid(length, SOLID["width"], free=free), 50 if free else 55, 6  # so that the points are nodes
-    seen = [(round(x / length * 2 * nx), round((y / SOLID["width"] + 0.5) * 2 * ny)) for x, y, _ in points.values()]
     material = true | {"Ez": 1e10, "nu_xz": 0.15, "nu_yz": 0.15, "density": COUPONS.density}
-    at = (sensor - 1, mass) if mass else None
-    found, motion = solid_modes(
-        (nx, ny, 2), (length, *SOLID.values()), seen, material, modes=46, clamped=not free, mass=at
-    )
+    body = calculix.plate((nx, ny, 2), (length, *SOLID.values()), material)
+    seen = body.nearest([(x, y, 0.0) for x, y, _ in points.values()])
+    at = (seen[sensor - 1], mass) if mass else None
+    found, motion = calculix.modes(body, 46, seen, clamped=not free, mass=at)
     eigenvalue, shapes = (2 * np.pi * found) ** 2, motion[..., 2]
     hz = np.arange(1.0, highest + 0.5)
     omega = 2 * np.pi * hz

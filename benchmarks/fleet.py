@@ -27,8 +27,7 @@ from service.monitoring.tables import MonitorSeries
 from service.store.updating.loading import load_update
 from service.store.updating.tables import UpdateJob
 
-PLANNED = 1000 * 120
-"""Reruns of the fleet that is asked about."""
+PLANNED = 1000 * 120  # reruns of the fleet that is asked about
 
 
 def fleet(structures: int = 6, campaigns: int = 6) -> None:

@@ -10,23 +10,9 @@ from benchmarks.hammer import PLACE_SD_M, Bench, Body, Laboratory, Pulse, Simula
 from fecore.arrays import FloatArray
 
 HABITS = (
-    "as simulated",
-    "hard tip",
-    "soft tip",
-    "half-band filter",
-    "short pretrigger",
-    "soft tip, short pretrigger",
-    "offset",
-    "drift",
-    "hum",
-    "hum, short pretrigger",
-    "swinging cords",
-    "hits soon after one another",
-    "hammer rings",
-    "hits of 1 to 6",
-    "16 steps of noise",
-    "frequencies wander",
-    "hand steadier at some points",
+    *("as simulated", "hard tip", "soft tip", "half-band filter", "short pretrigger", "soft tip, short pretrigger"),
+    *("offset", "drift", "hum", "hum, short pretrigger", "swinging cords", "hits soon after one another"),
+    *("hammer rings", "hits of 1 to 6", "16 steps of noise", "frequencies wander", "hand steadier at some points"),
     "amplifier saturates",
 )
 _SATURATED = 0.25  # of the hits, where the amplifier saturates

@@ -7,6 +7,7 @@ the steps of a converter. So the truth of a hit is known: its fault, and the FRF
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +18,7 @@ from fecore.signal import Block, Hit
 FAULTS = ("double", "clip_force", "clip_response", "early", "late", "off_place", "quiet")
 PLACE_SD_M = 0.002
 OFF_PLACE_M = 0.012
-Pulse = tuple[float, float, float]
-"""Height in N, start and length in s."""
+Pulse = tuple[float, float, float]  # height in N, start and length in s
 _FINE = 8
 _TAPS = 48  # samples that the anti-alias filter reaches to either side
 CLAMPED = np.array([1.8751, 4.6941, 7.8548, 10.9955, 14.1372, 17.2788, 20.4204, 23.5619])
@@ -182,10 +182,11 @@ class Bench:
         ).max()
         self.scale = float(usual) * laboratory.force_n  # m/s² of a usual hit
 
-    def accelerance(self, frequency_hz: FloatArray, place: tuple[float, float]) -> ComplexArray:
-        """(L,) exact FRF for a hit at a place."""
+    def accelerance(self, frequency_hz: FloatArray, place: tuple[float, float], rate: float = 0.0) -> ComplexArray:
+        """(L,) exact FRF for a hit at a place; at s = iω + r, which an exponential window of the rate r makes of it."""
         delay = np.exp(-2j * np.pi * frequency_hz * self.laboratory.delay_s)
-        return self.body.accelerance(frequency_hz, self.sensor, self.body.shapes(place)) * delay
+        shown_hz: Any = frequency_hz - 0.5j * rate / np.pi
+        return self.body.accelerance(shown_hz, self.sensor, self.body.shapes(place)) * delay
 
     def hit(self, label: int, place: tuple[float, float], number: int, fault: str | None = None) -> Simulated:
         """One hit of the grid point `label` at `place`, with a fault or without."""

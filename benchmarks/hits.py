@@ -21,12 +21,12 @@ import numpy as np
 from benchmarks import hammer
 from benchmarks.habits import HABITS
 from benchmarks.hammer import CLAMPED, FAULTS, FREE, Bench, Body, Laboratory, campaign, random_body, random_laboratory
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof
 from fecore.modal import Options, identify
-from fecore.signal import Block, Hit, Processed, Processing, Windows, by_point, process, remove_window
+from fecore.signal import Block, Hit, Processing, Windows, by_point, process, remove_window
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
@@ -181,17 +181,10 @@ def _against_exact(number: int) -> Iterator[tuple[float, float]]:
     found = process(by_point([s.hit for s in simulated]))
     band = (found.frfs.frequency_hz > LOWEST_HZ) & (found.frfs.frequency_hz < found.excited_hz)
     for values, force in zip(found.frfs.values, found.frfs.references, strict=True):
-        exact, seen = _exact(bench, places[force.point], found)[band], values[band]
+        exact = bench.accelerance(found.frfs.frequency_hz, places[force.point], found.rate_per_s)[band]
+        seen = values[band]
         scale = abs(np.vdot(exact, seen) / np.vdot(exact, exact))
         yield float(scale), float(np.corrcoef(np.log(np.abs(exact)), np.log(np.abs(seen)))[0, 1])
-
-
-def _exact(bench: Bench, place: tuple[float, float], found: Processed) -> ComplexArray:
-    """(L,) accelerance at s = iω + r, which an exponential window of the rate r makes of it."""
-    s = 2j * np.pi * found.frfs.frequency_hz[:, None] + found.rate_per_s
-    w, zeta = 2 * np.pi * bench.body.frequency_hz, bench.body.damping_ratio
-    gains = bench.sensor * bench.body.shapes(place)
-    return np.asarray((gains * s**2 / (w**2 + 2 * zeta * w * s + s**2)).sum(axis=1))
 
 
 def _bench(number: int, **changes: float) -> Bench:

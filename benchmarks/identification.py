@@ -1,4 +1,4 @@
-"""Identification: bias, scatter and stated uncertainty over seeds; time and memory by size.
+"""Identification: bias, scatter and stated uncertainty over seeds.
 
 The FRFs are the paper's cantilever (five modes in band, two above it) by closed
 forms, so truth is known. Where sdypy-EMA is installed it identifies the same data by its own recipe (LSCF, poles nearest to the
@@ -9,15 +9,13 @@ import contextlib
 import importlib
 import io
 import time
-import tracemalloc
 from dataclasses import dataclass
 
 import numpy as np
 
 from fecore.correlation import mac
-from fecore.frf import FrfSet
-from fecore.modal import Options, identify
-from tests.support.beams import PAPER_HZ, PAPER_ZETA, cantilever_shapes, grid, many_frfs, paper_frfs
+from fecore.modal import identify
+from tests.support.beams import PAPER_HZ, PAPER_ZETA, cantilever_shapes, grid, paper_frfs
 
 
 @dataclass
@@ -38,7 +36,6 @@ def main(seeds: int = 30) -> None:
     for noise in (0.01, 0.05):
         _print(noise, _run(noise, seeds))
         _print_peer(noise, min(seeds, 5))
-    _print_sizes()
 
 
 def _run(noise: float, seeds: int) -> Tally:
@@ -97,22 +94,3 @@ def _print_peer(noise: float, seeds: int) -> None:
             f" {100 * PAPER_ZETA[k]:11.2f} {100 * (zeta[:, k].mean() / PAPER_ZETA[k] - 1):10.3f}"
             f"   {'wrong pole in ' + str(int(off.sum())) + ' seeds' if off.any() else ''}"
         )
-
-
-def _print_sizes() -> None:
-    """Time by step, and memory, for two sizes."""
-    print("\nTime by step (wall clock) and peak memory of arrays")
-    for name, frfs in (("33 x 3200", paper_frfs(0.02, 1, lines=3200)), ("222 x 1600", many_frfs(222, 1600, 0.02))):
-        _print_size(name, frfs)
-
-
-def _print_size(name: str, frfs: FrfSet) -> None:
-    began = time.perf_counter()
-    found = identify(frfs, Options(highest_order=40))
-    total = time.perf_counter() - began
-    shares = ", ".join(f"{step} {100 * t / total:.0f} %" for step, t in found.seconds.items())
-    tracemalloc.start()
-    identify(frfs, Options(highest_order=40))
-    peak = tracemalloc.get_traced_memory()[1] / 1e6
-    tracemalloc.stop()
-    print(f"{name:>11}, order 40: {total:6.2f} s ({shares}); {len(found.modes)} modes; {peak:.0f} MB")

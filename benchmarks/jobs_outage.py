@@ -71,26 +71,18 @@ class Proxy:
 
 @dataclass
 class Outage:
-    """What came of a cut.
+    """What came of a cut."""
 
-    Attributes:
-        seconds: how long it lasted.
-        others: another worker was there, and not cut off.
-        jobs, succeeded, results, doubled: what there is at the end.
-        attempts: begun, over all jobs.
-        back_seconds: from the end of the cut to the next end of a job by the worker that was cut off.
-        same_worker: it is still the process that was started.
-    """
-
-    seconds: float
-    others: bool
+    seconds: float  # how long it lasted
+    others: bool  # another worker was there, and not cut off
+    # jobs, succeeded, results, doubled: what there is at the end
     jobs: int
     succeeded: int
     results: int
     doubled: int
-    attempts: int
-    back_seconds: float
-    same_worker: bool
+    attempts: int  # begun, over all jobs
+    back_seconds: float  # from the end of the cut to the next end of a job by the worker that was cut off
+    same_worker: bool  # it is still the process that was started
 
 
 def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | None = None) -> Outage:

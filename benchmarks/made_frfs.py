@@ -23,7 +23,7 @@ All but the last two have hits beside the point, slightly complex shapes, a smoo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,22 +35,15 @@ _HITS = 5
 
 @dataclass(frozen=True)
 class Draw:
-    """FRFs and the truth about them.
+    """FRFs and the truth about them."""
 
-    Attributes:
-        frfs: (N, L) what was measured.
-        frequency_hz, zeta: (n,) of the modes, `zeta` as the window shows it.
-        residue: (n, N) of each mode in each FRF, of the form of `_accelerance`.
-        optional: (n,) modes that may be lost.
-        distortions: frequencies that look like modes and are none, Hz.
-    """
-
-    frfs: FrfSet
+    frfs: FrfSet  # (N, L) what was measured
+    # frequency_hz, zeta: (n,) of the modes, `zeta` as the window shows it
     frequency_hz: np.ndarray
     zeta: np.ndarray
-    residue: np.ndarray
-    optional: np.ndarray
-    distortions: np.ndarray
+    residue: np.ndarray  # (n, N) of each mode in each FRF, of the form of `_accelerance`
+    optional: np.ndarray  # (n,) modes that may be lost
+    distortions: np.ndarray  # frequencies that look like modes and are none, Hz
 
 
 @dataclass(frozen=True)
@@ -90,9 +83,9 @@ def aeroplane(seed: int, harsh: Harsh = GOOD, points: int = 20, sensors: int = 2
     level = np.median(np.abs(values[:, hz > 10]))
     leak = level * rng.uniform(1, 3) / np.maximum(hz, 0.06) ** 2
     values = _faults(rng, hz, values, 0.03 * level, leak, level * rng.uniform(0.5, 4), harsh)
-    pairs = [(Dof(100 + j, 3), Dof(1 + p, 3)) for p in range(points) for j in range(sensors)]
+    pairs = [(100 + j, 1 + p) for p in range(points) for j in range(sensors)]
     residue = (phi[:, :, None] * psi[:, None]).reshape(f.size, -1)
-    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 5, NONE)
+    return Draw(_set(hz, values, pairs=pairs), f, zeta, residue, f < 5, NONE)
 
 
 def bridge(seed: int, harsh: Harsh = GOOD, points: int = 26) -> Draw:
@@ -119,8 +112,7 @@ def _hit_bridge(rng: np.random.Generator, harsh: Harsh, points: int, falls: np.n
     level = np.sqrt(np.mean(np.abs(values[:, (hz > 2) & (hz < 5)]) ** 2))
     leak = level * rng.uniform(0.3, 0.9) / np.maximum(hz, 0.03) ** 2
     values = _faults(rng, hz, values, 0.02 * level, leak, 0.0, harsh)
-    pairs = [(Dof(i + 1, 3), Dof(22, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), np.median(lowered, axis=0), zeta, phi * sensor, f < 0, NONE)
+    return _drawn(_set(hz, values, 22), np.median(lowered, axis=0), zeta, phi * sensor)
 
 
 def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
@@ -148,8 +140,7 @@ def plate(seed: int, harsh: Harsh = GOOD) -> Draw:
     mean = each.mean(axis=0)
     coherence = np.abs(mean) ** 2 / np.mean(np.abs(each) ** 2, axis=0)
     variance = np.abs(mean) ** 2 * (1 - coherence) / (coherence * _HITS)
-    pairs = [(Dof(1, 3), Dof(2, 3))]
-    return Draw(_set(hz, mean[None], pairs, variance[None]), f, seen, residue[:, None], f < 0, NONE)
+    return _drawn(_set(hz, mean[None], 2, variance=variance[None]), f, seen, residue[:, None])
 
 
 def wide(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
@@ -167,8 +158,7 @@ def wide(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
     level = float(np.median(np.abs(values)))
     floor = 0.02 * level * np.where(hz < rng.uniform(15, 60), rng.choice([0.3, 3.0]), 1.0)
     values = _faults(rng, hz, values, 0.0, harsh.noise * floor, 0.0, harsh)
-    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 0, NONE)
+    return _drawn(_set(hz, values), f, zeta, residue)
 
 
 def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
@@ -195,10 +185,9 @@ def wing(seed: int, harsh: Harsh = GOOD, points: int = 18) -> Draw:
     values = _faults(
         rng, hz, values + hump, 0.0, harsh.noise * (floor + 0.002 * level / np.maximum(hz, 0.2)), 0.0, harsh
     )
-    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
     power = np.abs(lever) ** 2
     loaded = f * (1 - np.sum(pulled * power, axis=1) / np.sum(power, axis=1))
-    return Draw(_set(hz, values, pairs), loaded, zeta, lever, f < 0, NONE)
+    return _drawn(_set(hz, values), loaded, zeta, lever)
 
 
 def beam(seed: int, harsh: Harsh = GOOD, points: int = 33) -> Draw:
@@ -211,8 +200,7 @@ def beam(seed: int, harsh: Harsh = GOOD, points: int = 33) -> Draw:
     values = _accelerance(hz, f, zeta, residue)
     white = rng.uniform(0.01, 0.05) * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True))
     values = _faults(rng, hz, values, harsh.noise * white, 0.0, 0.0, replace(harsh, errors=0.2 * harsh.errors))
-    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 0, NONE)
+    return _drawn(_set(hz, values), f, zeta, residue)
 
 
 _SECONDS, _RATE, _HEIGHTS = 8.0, 1600, (0.5, 1.0, 2.0)
@@ -260,8 +248,8 @@ def _sprung(seed: int, harsh: Harsh, power: int, points: int = 12) -> Draw:
         else [np.abs(a * f[:, None, None] + b * f[:, None] + c * f) for a, b, c in ((1, 1, 1), (1, 1, -1))]
     )
     false = np.unique(np.concatenate([each.ravel() for each in signs]))
-    pairs = [(Dof(99, 3), Dof(i + 1, 3)) for i in range(points)]
-    return Draw(_set(hz[keep], values, pairs), f, zeta, phi * sensor[:, None], f < 0, false[false > 2])
+    pairs = [(99, i + 1) for i in range(points)]
+    return _drawn(_set(hz[keep], values, pairs=pairs), f, zeta, phi * sensor[:, None], false[false > 2])
 
 
 def _moved(
@@ -310,8 +298,7 @@ def loose(seed: int, harsh: Harsh = GOOD, points: int = 12) -> Draw:
     values[rng.integers(points)] += _accelerance(hz, ringing, rng.uniform(0.003, 0.03, 1), size)[0]
     white = 0.01 * np.median(np.abs(values))
     values = _faults(rng, hz, values, harsh.noise * white, 0.0, 0.0, harsh)
-    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), f, zeta, residue, f < 0, ringing)
+    return _drawn(_set(hz, values), f, zeta, residue, ringing)
 
 
 def quiet(seed: int, harsh: Harsh = GOOD) -> Draw:
@@ -320,23 +307,11 @@ def quiet(seed: int, harsh: Harsh = GOOD) -> Draw:
     hz, points = np.arange(1.0, 801.0), int(rng.integers(1, 13))
     values = harsh.noise * _gauss(rng, points, hz.size) * (1 + (rng.uniform(0, 100) / hz) ** 2)
     values[:, 49] += rng.uniform(0, 20) * _gauss(rng, 1)
-    pairs = [(Dof(i + 1, 3), Dof(1, 3)) for i in range(points)]
-    return Draw(_set(hz, values, pairs), NONE, NONE, np.empty((0, points)), NONE > 0, NONE)
+    return _drawn(_set(hz, values), NONE, NONE, np.empty((0, points)))
 
 
-KINDS: dict[str, Callable[..., Draw]] = {
-    "bridge": bridge,
-    "softening": softening,
-    "plate": plate,
-    "aeroplane": aeroplane,
-    "wide": wide,
-    "wing": wing,
-    "beam": beam,
-    "loose": loose,
-    "quiet": quiet,
-    "squared": squared,
-    "cubed": cubed,
-}
+_EVERY = (bridge, softening, plate, aeroplane, wide, wing, beam, loose, quiet, squared, cubed)
+KINDS: dict[str, Callable[..., Draw]] = {each.__name__: each for each in _EVERY}
 
 
 def _spread(rng: np.random.Generator, count: int, low: float, high: float, apart: float) -> np.ndarray:
@@ -393,6 +368,18 @@ def _faults(
 
 
 def _set(
-    hz: np.ndarray, values: np.ndarray, pairs: list[tuple[Dof, Dof]], variance: np.ndarray | None = None
+    hz: np.ndarray,
+    values: np.ndarray,
+    reference: int = 1,
+    pairs: Sequence[tuple[int, int]] = (),
+    variance: np.ndarray | None = None,
 ) -> FrfSet:
-    return FrfSet(hz, values, tuple(a for a, _ in pairs), tuple(b for _, b in pairs), "accelerance", variance)
+    """Accelerances of points 1, 2, … to a reference, or of pairs of points."""
+    ends = pairs or [(n, reference) for n in range(1, len(values) + 1)]
+    responses, references = (tuple(Dof(each[side], 3) for each in ends) for side in (0, 1))
+    return FrfSet(hz, values, responses, references, "accelerance", variance)
+
+
+def _drawn(frfs: FrfSet, hz: np.ndarray, zeta: np.ndarray, residue: np.ndarray, distortions: np.ndarray = NONE) -> Draw:
+    """A draw of which no mode may be lost."""
+    return Draw(frfs, hz, zeta, residue, np.zeros(hz.size, dtype=bool), distortions)

@@ -31,21 +31,9 @@ from fecore.signal.spectra import Spectra
 from fecore.signal.traits import find_traits
 from fecore.signal.windows import total_rate
 
-MORE = (
-    "saturated",
-    "truncated",
-    "dropout",
-    "spike",
-    "dead",
-    "neighbour",
-    "turned",
-    "sensitivity",
-    "hard",
-    "swapped",
-)
+MORE = ("saturated", "truncated", "dropout", "spike", "dead", "neighbour", "turned", "sensitivity", "hard", "swapped")
 KINDS = (*FAULTS, *MORE)
-COMPARED = ("off_place", "neighbour", "sensitivity", "hard")
-"""Faults that only the other hits of the point show."""
+COMPARED = ("off_place", "neighbour", "sensitivity", "hard")  # faults that only the other hits of the point show
 _BANDS, _OFF, _WORSE = 16, 0.05, 3.0
 Position = tuple[float, float, float]
 
@@ -142,9 +130,7 @@ def _off(bench: MadeBench, spectra: Spectra, hit: Hit) -> tuple[FloatArray, Bool
     """(16,) how far the hit's FRF is off the exact one, over that; and whether the band holds resonances."""
     place = bench.places[hit.force.dof.point]
     lines = spectra.compared
-    s = 2j * np.pi * spectra.frequency[lines][:, None] + total_rate(hit, spectra.windows)
-    w, zeta = 2 * np.pi * bench.body.frequency_hz, bench.body.damping_ratio
-    exact = (bench.sensor * bench.body.shapes(place) * s**2 / (w**2 + 2 * zeta * w * s + s**2)).sum(axis=1)
+    exact = bench.accelerance(spectra.frequency[lines], place, total_rate(hit, spectra.windows))
     force, (response,) = spectra.stack([hit], find_traits([hit]), [0])
     found = response[0, lines] / np.where(force[0, lines] == 0, 1e-300, force[0, lines])
     edges = np.linspace(0, exact.size, _BANDS + 1).astype(int)[:-1]

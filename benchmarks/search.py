@@ -16,7 +16,6 @@ import psycopg
 
 from benchmarks.clock import timed
 from benchmarks.service import Cost, api_of, campaigns_of, ended, load, measured, post, served
-from benchmarks.tiled_catalogue import FIELDS, beside
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
@@ -27,8 +26,7 @@ QUESTIONS = re.findall(r"^\| [^|]+ \| `(\w+)` \| `([^`]+)` \|$", PAGE, re.MULTIL
 """Noun and filter of each question in the documents."""
 SIZES = 100, 1000
 TURNS, IMPORTS, IMPORTED, LINES = 40, 3, 2000, 32
-CAMPAIGNS_OF_A_STRUCTURE, EACH = 20, 100
-"""Campaigns of a structure; FRFs and modes of a campaign, and results of ten."""
+CAMPAIGNS_OF_A_STRUCTURE, EACH = 20, 100  # campaigns of a structure; FRFs and modes of a campaign, and results of ten
 
 FILL = """
 SET LOCAL session_replication_role = replica;
@@ -102,8 +100,6 @@ def search(*campaigns: int) -> list[str]:
                 busy = 1000 * cost.processor / (TURNS + 1)
                 print(f"{middle:7.1f} {most:7.1f} {busy:7.1f}  {noun}: {question}", flush=True)
                 slow += [f"{noun}: {question}: p95 {most:.0f} ms at {count} campaigns"] if most > 100 else []
-            if count == (campaigns or SIZES)[0]:
-                _beside(api, Path(folder))
             now = _imported(api, service, file)
             print(f"import of {IMPORTED} FRFs: {_per_second(now)}; into an empty service {_per_second(empty)}")
     return slow
@@ -111,14 +107,6 @@ def search(*campaigns: int) -> list[str]:
 
 def _ask(api: httpx.Client, noun: str, question: str) -> None:
     api.get(f"search/{noun}", params={"filter": question}).raise_for_status()
-
-
-def _beside(api: httpx.Client, folder: Path) -> None:
-    """The same rows and questions by Tiled's catalogue."""
-    for noun, fields in FIELDS.items():
-        answer = api.get(f"search/{noun}", params={"fields": fields, "format": "jsonl"}).raise_for_status()
-        (folder / f"{noun}.jsonl").write_bytes(answer.content)
-    beside(folder)
 
 
 def _times(call: Callable[[], None]) -> list[float]:

@@ -37,13 +37,9 @@ RECIPE = {
     "parameters": [{"name": "Ex"}, {"name": "Gxy"}, {"name": "Gxz", "fixed": True}],
 }
 MONITOR: dict[str, Any] = {
-    "name": "watch",
-    "modes": "given",
-    "runs_on": "hand",
-    "recipe": RECIPE,
-    "parameters": [{"name": "Ex"}],
+    "name": "watch", "modes": "given", "runs_on": "hand", "recipe": RECIPE, "parameters": [{"name": "Ex"}],
     "baseline": {"campaigns": 4},
-}
+}  # fmt: skip
 
 
 DECK = b"""*HEADING
@@ -66,17 +62,13 @@ DECK = b"""*HEADING
 
 @dataclass
 class Tally:
-    """What became of the jobs.
+    """What became of the jobs."""
 
-    Attributes:
-        before: jobs by kind and state, as the backup has them; a running one whose end was asked for is `cancelling`.
-        after: the same where all of them have ended after the restore.
-        lost: what did not end as it should, in words.
-    """
-
+    # jobs by kind and state, as the backup has them; a running one whose end was asked for is `cancelling`
     before: Counter[tuple[str, str]] = field(default_factory=Counter)
+    # the same where all of them have ended after the restore
     after: Counter[tuple[str, str]] = field(default_factory=Counter)
-    lost: list[str] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)  # what did not end as it should, in words
     seconds: float = 0.0
 
 

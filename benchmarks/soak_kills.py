@@ -40,24 +40,16 @@ VICTIMS = ("PostgreSQL", "worker", "fork server", "API", "fork server", "worker"
 
 @dataclass
 class Tally:
-    """What was done, and what came of it.
+    """What was done, and what came of it."""
 
-    Attributes:
-        killed: how often, by what.
-        acknowledged: ids that an answer promised, by kind: `import`, `update`, `message`.
-        received: ids of messages, as often as they came.
-        states: of all jobs.
-        reasons: of the jobs that failed.
-        lost: what was promised and is not there, each in words.
-        attempts, losses: of all jobs.
-    """
-
-    killed: Counter[str] = field(default_factory=Counter)
+    killed: Counter[str] = field(default_factory=Counter)  # how often, by what
+    # ids that an answer promised, by kind: `import`, `update`, `message`
     acknowledged: dict[str, list[str]] = field(default_factory=lambda: {"import": [], "update": [], "message": []})
-    received: list[str] = field(default_factory=list)
-    states: Counter[str] = field(default_factory=Counter)
-    reasons: Counter[str] = field(default_factory=Counter)
-    lost: list[str] = field(default_factory=list)
+    received: list[str] = field(default_factory=list)  # ids of messages, as often as they came
+    states: Counter[str] = field(default_factory=Counter)  # of all jobs
+    reasons: Counter[str] = field(default_factory=Counter)  # of the jobs that failed
+    lost: list[str] = field(default_factory=list)  # what was promised and is not there, each in words
+    # attempts, losses: of all jobs
     attempts: int = 0
     losses: int = 0
 
@@ -154,8 +146,7 @@ class _Client:
         return self.to_its_end(f"campaigns/{campaign}/imports", "imports", content=paper.uff_file(), headers=RAW)
 
 
-Work = Iterator[str]
-"""What a client does, id by id of what was acknowledged."""
+Work = Iterator[str]  # what a client does, id by id of what was acknowledged
 
 
 def _imports(client: _Client) -> Work:

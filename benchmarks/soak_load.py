@@ -29,26 +29,16 @@ MIB, FILE = 2**20, paper.uff_file()
 
 @dataclass
 class Load:
-    """What came of it.
+    """What came of it."""
 
-    Attributes:
-        statuses: by kind of request.
-        bare_errors: answers of 500 and more that are no 503 with `Retry-After`.
-        seconds: of each answer, by kind.
-        alone: seconds of the lists before.
-        streams: streams that were open at the same time, and events that came.
-        health: longest answer of `/healthz`, in s.
-        memory: bytes of the API before, at most and after.
-    """
-
-    statuses: dict[str, Counter[int]] = field(default_factory=lambda: defaultdict(Counter))
-    bare_errors: list[str] = field(default_factory=list)
-    seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
-    alone: list[float] = field(default_factory=list)
-    streams: int = 0
+    statuses: dict[str, Counter[int]] = field(default_factory=lambda: defaultdict(Counter))  # by kind of request
+    bare_errors: list[str] = field(default_factory=list)  # answers of 500 and more that are no 503 with `Retry-After`
+    seconds: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))  # of each answer, by kind
+    alone: list[float] = field(default_factory=list)  # seconds of the lists before
+    streams: int = 0  # streams that were open at the same time, and events that came
     events: int = 0
-    health: float = 0.0
-    memory: list[int] = field(default_factory=lambda: [0, 0, 0])
+    health: float = 0.0  # longest answer of `/healthz`, in s
+    memory: list[int] = field(default_factory=lambda: [0, 0, 0])  # bytes of the API before, at most and after
 
     @property
     def ratio(self) -> float:

@@ -17,16 +17,18 @@ import numpy as np
 from benchmarks import calculix
 from fecore.body.generators import panel, profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import of_boundary
 from fecore.dynamics.bodies import body_modes
-from fecore.frf import FrfSet
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from modalbase.formats.models.inp import read_inp
+from modalbase.formats.models.units import in_si
+from service.compute.models.bodies import body_of_model
 from tests.support.measured import with_coherence
 from tests.support.places import ROOT
 from tests.support.shells import KINDS, cylinder, hemisphere, roof, twisted_beam
@@ -46,14 +48,18 @@ def frequencies(structure: Structure, count: int) -> np.ndarray:
     return modes.frequency_hz[modes.rigid :]
 
 
-def body(truth: dict, elements: int, with_joints: bool) -> Structure:
-    """A stored solid's dimensions and constants as a structure of shells."""
-    d, kind = truth["true_dims"], truth["kind"]
+def _mesh(kind: str, d: dict[str, float], elements: int) -> tuple[Mesh, tuple[str, str]]:
+    """The mesh of a profile or panel, so many elements across, and the names of its sets: of flange or plate, web or rib."""
     if kind == "panel":
         ribs = [share * d["b"] for share in RIBS]
-        mesh, names = panel(d["L"], d["b"], d["h"], d["tf"], d["tw"], ribs, 3 * elements), ("plate", "rib")
-    else:
-        mesh, names = profile(kind, d["L"], d["h"], d["b"], d["tf"], d["tw"], elements), ("flange", "web")
+        return panel(d["L"], d["b"], d["h"], d["tf"], d["tw"], ribs, 3 * elements), ("plate", "rib")
+    return profile(kind, d["L"], d["h"], d["b"], d["tf"], d["tw"], elements), ("flange", "web")
+
+
+def body(truth: dict, elements: int, with_joints: bool) -> Structure:
+    """A stored solid's dimensions and constants as a structure of shells."""
+    d = truth["true_dims"]
+    mesh, names = _mesh(truth["kind"], d, elements)
     sections = {}
     for name, wall, t in zip(names, ("flange", "web"), (d["tf"], d["tw"]), strict=True):
         w = truth["walls"][wall]
@@ -105,78 +111,44 @@ def size() -> None:
 def s8r(kind: str) -> None:
     """A user's deck by CalculiX and by our shells without joints, on the same nodes and elements."""
     text = (OPEN / f"{kind}-1.inp").read_text()
-    truth = json.loads((OPEN / f"{kind}-1.truth.json").read_text())
-    d, m = truth["stated"]["dims"], truth["stated"]["material"]
-    material = OrthotropicMaterial(m["E1"], m["E2"], m["G12"], m["G12"], 0.8 * m["G12"], m["nu12"], m["rho"])
-    sections = {s: ShellSection((Ply(material, t),)) for s, t in (("FLANGE", d["tf"]), ("WEB", d["tw"]))}
-    ours = frequencies(Structure(deck_mesh(text), sections, with_joints=False), 12)
+    structure = replace(body_of_model(in_si(read_inp(text.encode()), "m-N-kg")), with_joints=False)
+    ours = frequencies(structure, 12)
     theirs = calculix.frequencies(calculix.ccx(text.replace("*NODE PRINT,NSET=NALL\nU\n", "").splitlines()))[6:18]
     ratio = 100 * (ours[: len(theirs)] / theirs - 1)
     print(f"  {kind}: ours by S8R, % of each of {len(theirs)} modes: {np.array2string(ratio, precision=2)}")
 
 
-def deck_mesh(text: str) -> Mesh:
-    """Nodes and S8R elements of one of these decks."""
-    nodes, sets, card = {}, {}, ""
-    for line in text.splitlines():
-        if line.startswith("*"):
-            card = line
-        elif card.startswith("*NODE,"):
-            number, *place = line.split(",")
-            nodes[int(number)] = [float(x) for x in place]
-        elif card.startswith("*ELEMENT"):
-            sets.setdefault(card.partition("ELSET=")[2], []).append([int(x) for x in line.split(",")[1:]])
-    row = {number: k for k, number in enumerate(nodes)}
-    blocks = tuple(Block("quad8", np.array([[row[n] for n in e] for e in rows]), name) for name, rows in sets.items())
-    return Mesh(np.array(list(nodes.values())), blocks)
-
-
-def stated(truth: dict, elements: int, frfs: FrfSet | None = None) -> tuple[Structure, Measurement, dict[str, float]]:
-    """What a user knows of a body, its FRFs (by default the stored ones), and the true constants by name."""
+def stated(truth: dict, elements: int) -> tuple[Structure, Measurement, dict[str, float]]:
+    """What a user knows of a stored body, its FRFs, and the true constants by name."""
     d, m, kind = truth["stated"]["dims"], truth["stated"]["material"], truth["kind"]
     material = OrthotropicMaterial(m["E1"], m["E2"], m["G12"], m["G12"], 0.8 * m["G12"], m["nu12"], m["rho"])
-    names = ("plate", "rib") if kind == "panel" else ("flange", "web")
-    if kind == "panel":
-        ribs = [share * d["b"] for share in RIBS]
-        mesh = panel(d["L"], d["b"], d["h"], d["tf"], d["tw"], ribs, 3 * elements)
-    else:
-        mesh = profile(kind, d["L"], d["h"], d["b"], d["tf"], d["tw"], elements)
+    mesh, names = _mesh(kind, d, elements)
     walls = {name: ShellSection((Ply(material, d[t]),)) for name, t in zip(names, ("tf", "tw"), strict=True)}
     size = d["L"], d["b"], d["h"]
     tolerances = dict(zip(("length_sd", "width_sd", "height_sd"), np.array([5e-4, 2e-3, 2e-3]) * size, strict=True))
     inputs = replace(Inputs.exact(), **tolerances, thickness_sd=0.015 * d["tf"], nu_xy_sd=0.05)
     points = {point["number"]: tuple(point["xyz"]) for point in truth["points"]}
-    frfs = with_coherence(OPEN / f"{kind}-1.uff") if frfs is None else frfs
     supports = of_boundary("free" if truth["bc"] == "free" else "cantilever")
     true = {f"{n}.{c}": truth["walls"][w][c] for n, w in zip(names, ("flange", "web"), strict=True) for c in CONSTANTS}
-    return (
-        Structure(mesh, walls, supports, size=size),
-        Measurement(frfs, points, inputs=inputs),
-        true | truth["rayleigh"],
-    )
+    measurement = Measurement(with_coherence(OPEN / f"{kind}-1.uff"), points, inputs=inputs)
+    return Structure(mesh, walls, supports, size=size), measurement, true | truth["rayleigh"]
 
 
 def updates(*kinds: str) -> None:
     """Constants of the stored solids from their FRFs with an empty recipe, from what a user knows."""
     for kind in kinds:
-        update_printed(kind, *stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4))
-
-
-def update_printed(name: str, body: Structure, measurement: Measurement, true: dict[str, float]) -> list[float]:
-    """Deviations of the identifiable constants from the true ones after an empty recipe, in standard deviations."""
-    start = time.process_time()
-    result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
-    took = time.process_time() - start
-    paired = sum(mode.updated_hz is not None for mode in result.modes)
-    print(f"  {name}: {body.model.stiffness.size} dofs, {took:.0f} s CPU, {paired} of {len(result.modes)} modes paired")
-    z = []
-    for each in (p for p in result.parameters if p.name in true and p.identifiable):
-        value, (low, high) = true[each.name], each.interval_95
-        z.append((each.estimate - value) / each.standard_deviation)
-        inside = "inside" if low <= value <= high else "OUTSIDE"
-        print(f"    {each.name:12s} {100 * (each.estimate / value - 1):+7.2f} %   z {z[-1]:+5.2f}   {inside} 95 %")
-    print(f"    {result.verdict.level}", flush=True)
-    return z
+        body, measurement, true = stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4)
+        start = time.process_time()
+        result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
+        took, paired = time.process_time() - start, sum(mode.updated_hz is not None for mode in result.modes)
+        dofs, modes = body.model.stiffness.size, len(result.modes)
+        print(f"  {kind}: {dofs} dofs, {took:.0f} s CPU, {paired} of {modes} modes paired")
+        for each in (p for p in result.parameters if p.name in true and p.identifiable):
+            value, (low, high) = true[each.name], each.interval_95
+            off, z = 100 * (each.estimate / value - 1), (each.estimate - value) / each.standard_deviation
+            inside = "inside" if low <= value <= high else "OUTSIDE"
+            print(f"    {each.name:12s} {off:+7.2f} %   z {z:+5.2f}   {inside} 95 %")
+        print(f"    {result.verdict.level}", flush=True)
 
 
 def main(part: str = "all", *kinds: str) -> None:

@@ -18,9 +18,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from benchmarks import draws
+from benchmarks import calculix, draws
 from benchmarks import laboratories as drawing
-from benchmarks.calculix import solid_modes
 from benchmarks.draws import Drawn, Truth
 from fecore.errors import FecoreError
 from fecore.frf import Dof, along_z
@@ -38,27 +37,16 @@ from tests.unit.fecore.updating.test_plans import effective_independence, random
 
 @dataclass
 class Found:
-    """What the update made of a drawn body: its error or "", and of each constant whose truth is known, by name:
+    """What the update made of a drawn body: its error or "", and of each constant whose truth is known, by name:"""
 
-    Attributes:
-        error: of the core; any other ends the benchmark.
-        level: of the verdict.
-        warnings: of the result.
-        estimates: the constants.
-        off: relative error of each.
-        held: whether the 95 % interval holds the truth.
-        half: half the interval over the truth.
-        seconds: of the processor.
-    """
-
-    error: str = ""
-    level: str = "failed"
-    warnings: tuple[str, ...] = ()
-    estimates: dict[str, ParameterEstimate] = field(default_factory=dict)
-    off: dict[str, float] = field(default_factory=dict)
-    held: dict[str, bool] = field(default_factory=dict)
-    half: dict[str, float] = field(default_factory=dict)
-    seconds: float = 0.0
+    error: str = ""  # of the core; any other ends the benchmark
+    level: str = "failed"  # of the verdict
+    warnings: tuple[str, ...] = ()  # of the result
+    estimates: dict[str, ParameterEstimate] = field(default_factory=dict)  # the constants
+    off: dict[str, float] = field(default_factory=dict)  # relative error of each
+    held: dict[str, bool] = field(default_factory=dict)  # whether the 95 % interval holds the truth
+    half: dict[str, float] = field(default_factory=dict)  # half the interval over the truth
+    seconds: float = 0.0  # of the processor
 
 
 def judge(drawn: Drawn) -> Found:
@@ -270,16 +258,14 @@ def _of_solids(random: np.random.Generator, name: str, size: tuple[float, float,
     )
     nx, ny = (24, 16) if size[1] > 0.1 else (40, 6)
     along, across = np.arange(1, 2 * nx, max(1, nx // 5)), np.arange(1, 2 * ny, max(1, ny // 2))
-    seen = [(int(i) // 2 * 2, int(j) // 2 * 2) for i in along for j in across]
+    shares = np.array([(i // 2 / nx, j // 2 / ny - 0.5, 0.0) for i in along for j in across])
     constants = TRUTH | {"Ez": 10e9, "nu_xz": 0.28, "nu_yz": 0.35, "density": density}  # what a plate does not show
-    hz, motion = solid_modes((nx, ny, 2), (length, width, thickness), seen, constants, modes=MODES + 12, angle=turned)
+    body = calculix.plate((nx, ny, 2), (length, width, thickness), constants, turned)
+    hz, motion = calculix.modes(body, MODES + 12, body.nearest(shares * (length, width, 0.0)))
     square = np.sum(motion**2, axis=1)
     kept = np.flatnonzero((hz > 1.0) & (square[:, 2] > square[:, 0] + square[:, 1]))[:MODES]  # out of the plane
     hz, shapes = hz[kept] * (1 + NOISE * random.standard_normal(MODES)), motion[kept, :, 2]
-    points = {
-        label: (size[0] * i / (2 * nx), size[1] * (j / (2 * ny) - 0.5), 0.0)
-        for label, (i, j) in enumerate(seen, start=1)
-    }
+    points = {label: tuple(map(float, place)) for label, place in enumerate(shares * (*size[:2], 0.0), start=1)}
     covariance = np.diag(np.concatenate([(NOISE * hz) ** 2, np.full(MODES, 1e-8)]))
     dofs = tuple(Dof(label, 3) for label in points)
     modes = MeasuredModes(hz, np.full(MODES, 0.01), shapes + 0j, dofs, covariance)

@@ -51,23 +51,6 @@ def auto_mac(shapes: ArrayLike) -> FloatArray:
     return mac(shapes, shapes)
 
 
-def comac(a: ArrayLike, b: ArrayLike) -> FloatArray:
-    """Coordinate MAC over paired modes (Lieven and Ewins 1988), (p,): where, not which, two models differ.
-
-    COMAC_i = (Σ_k |a_ki b_ki|)² / (Σ_k |a_ki|² Σ_k |b_ki|²); each shape is first scaled to unit length.
-
-    Args:
-        a: (n, p) shapes.
-        b: (n, p) shapes, row k paired with row k of `a`.
-
-    Raises:
-        InputError: the two arrays have different shapes, or are not finite.
-    """
-    left, right = _pair("shapes", a, b)
-    left, right = np.abs(_unit(left)), np.abs(_unit(right))
-    return _ratio(np.sum(left * right, axis=0) ** 2, np.sum(left**2, axis=0) * np.sum(right**2, axis=0))
-
-
 def frac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
     """Frequency response assurance criterion of each FRF over its lines, (N,): |H_eᴴH_n|² / (H_eᴴH_e · H_nᴴH_n).
 
@@ -99,19 +82,6 @@ def csf(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
     return _ratio(2 * cross, np.sum(np.abs(left) ** 2 + np.abs(right) ** 2, axis=0))
 
 
-def fdac(measured: ArrayLike, predicted: ArrayLike) -> FloatArray:
-    """Frequency domain assurance criterion between lines, (L_e, L_n): MAC of the deflection at each pair of lines.
-
-    A ridge beside the diagonal says that the prediction's resonances lie at other frequencies (Pascual, Golinval and
-    Razeto 1997).
-
-    Args:
-        measured: (N, L_e) FRFs.
-        predicted: (N, L_n) FRFs between the same dofs; the lines may differ.
-    """
-    return mac(np.asarray(measured).T, np.asarray(predicted).T)
-
-
 def frequency_error(measured_hz: ArrayLike, predicted_hz: ArrayLike) -> FloatArray:
     """(predicted - measured)/measured of paired natural frequencies, a ratio.
 
@@ -124,18 +94,6 @@ def frequency_error(measured_hz: ArrayLike, predicted_hz: ArrayLike) -> FloatArr
     if np.any(left <= 0):
         raise InputError("measured_hz", "must be positive")
     return np.asarray((right - left) / left)
-
-
-def damping_error(measured_ratio: ArrayLike, predicted_ratio: ArrayLike) -> FloatArray:
-    """(predicted - measured)/measured of paired damping ratios; NaN where the measured ratio is unknown (NaN) or zero.
-
-    Raises:
-        InputError: lengths differ.
-    """
-    left, right = np.asarray(measured_ratio, dtype=float), np.asarray(predicted_ratio, dtype=float)
-    if left.shape != right.shape:
-        raise InputError("predicted_ratio", f"has shape {right.shape}, expected {left.shape}")
-    return _ratio(right - left, left)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@
 Every message says what was found, what was expected and, where there is something, what to do.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 
 class FecoreError(Exception):
@@ -32,6 +33,15 @@ class InputError(FecoreError):
     def __reduce__(self) -> tuple[type["InputError"], tuple[object, ...]]:
         """Survive pickling: the error crosses from the numerical child process to its parent."""
         return type(self), (self.field, self.message)
+
+
+@contextmanager
+def within(part: str) -> Iterator[None]:
+    """Within the block, a faulty field is named as one of a part: `highest_hz` is `tests.1.highest_hz` within `tests.1`."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{part}.{error.field}", error.message) from error
 
 
 class OffSpecimenError(InputError):

@@ -44,18 +44,9 @@ AREA = {
     "V": "various",
     "U": "unknown",
 }
-LOCATION = {
-    "B": "bottom",
-    "T": "top",
-    "L": "left",
-    "R": "right",
-    "M": "middle",
-    "V": "various",
-    "U": "unknown",
-}
+LOCATION = {"B": "bottom", "T": "top", "L": "left", "R": "right", "M": "middle", "V": "various", "U": "unknown"}
 
-AT_GRIP = frozenset("IAW")
-"""Areas that put the way in which force enters the specimen in doubt."""
+AT_GRIP = frozenset("IAW")  # areas that put the way in which force enters the specimen in doubt
 
 _CODE = re.compile(r"([A-Z])(?:\(([A-Z]+)\))?([A-Z])([A-Z])(?:\((\d)\))?")
 
@@ -91,8 +82,7 @@ def _parts(code: str) -> tuple[str, str | None, str, str]:
     return kind, modes, area, location
 
 
-FEWEST_SPECIMENS = 5
-"""D3039, 8.1: at least five specimens per condition."""
+FEWEST_SPECIMENS = 5  # D3039, 8.1: at least five specimens per condition
 
 ASSUMED_CV = 0.30
 """Scatter of a constant of which only one value is known, as a share of it: the same as of a handbook value."""
@@ -108,19 +98,13 @@ _NORMAL_MAD = 1.4826  # the standard deviation of a normal distribution over its
 
 @dataclass(frozen=True)
 class CouponResult:
-    """Reduced results of a specimen.
+    """Reduced results of a specimen."""
 
-    Attributes:
-        name: unique in its batch.
-        values: by property, SI; a property that was not measured is left out.
-        failure_code: of D3039, or None.
-        exclusion_reason: why it does not count; None where it counts. It is kept either way.
-    """
-
-    name: str
+    name: str  # unique in its batch
+    # by property, SI; a property that was not measured is left out
     values: Mapping[str, float] = field(default_factory=dict)
-    failure_code: str | None = None
-    exclusion_reason: str | None = None
+    failure_code: str | None = None  # of D3039, or None
+    exclusion_reason: str | None = None  # why it does not count; None where it counts. It is kept either way
 
     def __post_init__(self) -> None:
         if self.failure_code is not None:
@@ -134,17 +118,11 @@ class CouponResult:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Mean and scatter of a property.
+    """Mean and scatter of a property."""
 
-    Attributes:
-        n: number of values; None where a published mean does not say.
-        mean: x̄.
-        standard_deviation: s, with n − 1; None below two values.
-    """
-
-    n: int | None
-    mean: float
-    standard_deviation: float | None
+    n: int | None  # number of values; None where a published mean does not say
+    mean: float  # x̄
+    standard_deviation: float | None  # s, with n − 1; None below two values
 
     @property
     def cv_percent(self) -> float | None:
@@ -156,34 +134,21 @@ class Statistics:
 
 @dataclass(frozen=True)
 class BatchSummary:
-    """A batch in numbers.
+    """A batch in numbers."""
 
-    Attributes:
-        properties: statistics of each property over the specimens that count.
-        excluded: (name, reason) of those that do not.
-        warnings: fewer than five specimens, failures at the grips.
-    """
-
-    properties: Mapping[str, Statistics]
-    excluded: tuple[tuple[str, str], ...]
-    warnings: tuple[str, ...]
+    properties: Mapping[str, Statistics]  # statistics of each property over the specimens that count
+    excluded: tuple[tuple[str, str], ...]  # (name, reason) of those that do not
+    warnings: tuple[str, ...]  # fewer than five specimens, failures at the grips
 
 
 @dataclass(frozen=True)
 class Prior:
-    """A constant before an update.
+    """A constant before an update."""
 
-    Attributes:
-        mean: x̄.
-        standard_deviation: of the structure's constant.
-        between_specimens: s, None where it is assumed.
-        basis: in words, for the report.
-    """
-
-    mean: float
-    standard_deviation: float
-    between_specimens: float | None
-    basis: str
+    mean: float  # x̄
+    standard_deviation: float  # of the structure's constant
+    between_specimens: float | None  # s, None where it is assumed
+    basis: str  # in words, for the report
 
 
 _ROUNDING = 1e-12  # share of the mean below which a scatter is that of the arithmetic, of equal values

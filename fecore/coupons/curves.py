@@ -28,12 +28,8 @@ RESTART = 0.1
 BACKWARD = 0.02
 """Strain that runs back within a chord range by more than this share of it is a slipped gauge, not noise."""
 
-JUMP = 10.0
-"""A step of strain this many times the steps around it is a jump of the extensometer, not of the specimen."""
-
-LEAST_JUMP = 500e-6
-"""m/m; a smaller step spoils no result that is read off the curve."""
-
+JUMP = 10.0  # a step of strain this many times the steps around it is a jump of the extensometer, not of the specimen
+LEAST_JUMP = 500e-6  # m/m; a smaller step spoils no result that is read off the curve
 _STEPS_AROUND = 10  # on each side of a step that may be a jump
 _END_TOLERANCE = 0.05  # of the range's length: how far the closest point may lie from an end
 _LARGEST_STRAIN = 1.0  # m/m; above it the unit is surely another
@@ -41,21 +37,14 @@ _LARGEST_STRAIN = 1.0  # m/m; above it the unit is surely another
 
 @dataclass(frozen=True)
 class Curve:
-    """One tensile test as the machine recorded it, tension positive.
+    """One tensile test as the machine recorded it, tension positive."""
 
-    Attributes:
-        force_n: (n,) force, N.
-        strain: (n,) longitudinal strain, m/m. NaN at the end only: a gauge that was lost or taken off before failure.
-        strain_back: (n,) the same on the other face, or None.
-        transverse_strain: (n,) transverse strain, m/m, negative in tension, or None.
-        time_s: (n,) or None.
-    """
-
-    force_n: FloatArray
+    force_n: FloatArray  # (n,) force, N
+    # (n,) longitudinal strain, m/m. NaN at the end only: a gauge that was lost or taken off before failure
     strain: FloatArray
-    strain_back: FloatArray | None = None
-    transverse_strain: FloatArray | None = None
-    time_s: FloatArray | None = None
+    strain_back: FloatArray | None = None  # (n,) the same on the other face, or None
+    transverse_strain: FloatArray | None = None  # (n,) transverse strain, m/m, negative in tension, or None
+    time_s: FloatArray | None = None  # (n,) or None
 
     def __post_init__(self) -> None:
         n = self.force_n.size
@@ -184,18 +173,13 @@ def without_jump(curve: Curve, warnings: list[str]) -> Curve:
 
 @dataclass(frozen=True)
 class Chord:
-    """A chord range on a curve.
+    """A chord range on a curve."""
 
-    Attributes:
-        start, stop: abscissae that were used, measured points or the exact ends.
-        points: measured points from end to end; with interpolated ends their neighbours count.
-        weights: (2, n) that give any recorded quantity at the two ends.
-    """
-
+    # start, stop: abscissae that were used, measured points or the exact ends
     start: float
     stop: float
-    points: int
-    weights: FloatArray
+    points: int  # measured points from end to end; with interpolated ends their neighbours count
+    weights: FloatArray  # (2, n) that give any recorded quantity at the two ends
 
     def slope(self, y: FloatArray) -> float:
         """Δy / Δx between the ends."""
@@ -277,23 +261,16 @@ def _end_weights(x: FloatArray, level: float, ends: Ends, low: int, high: int) -
 
 @dataclass(frozen=True)
 class Reduced:
-    """What both standards report of a specimen, SI.
+    """What both standards report of a specimen, SI."""
 
-    Attributes:
-        width_m, thickness_m, area_m2: means of the readings, and their product.
-        modulus_pa: chord modulus.
-        regression_modulus_pa: slope of the least-squares line through all points of the chord range.
-        chord_range: strains that were used, m/m; of a shear test γ.
-        warnings: what a reader of the report must know.
-    """
-
+    # width_m, thickness_m, area_m2: means of the readings, and their product
     width_m: float
     thickness_m: float
     area_m2: float
-    modulus_pa: float
-    regression_modulus_pa: float
-    chord_range: tuple[float, float]
-    warnings: tuple[str, ...]
+    modulus_pa: float  # chord modulus
+    regression_modulus_pa: float  # slope of the least-squares line through all points of the chord range
+    chord_range: tuple[float, float]  # strains that were used, m/m; of a shear test γ
+    warnings: tuple[str, ...]  # what a reader of the report must know
 
 
 def mean_dimension(field: str, readings: Sequence[float]) -> float:

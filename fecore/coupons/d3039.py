@@ -27,9 +27,7 @@ from fecore.arrays import FloatArray
 from fecore.coupons.curves import Chord, Curve, Ends, Reduced, chord, mean_dimension, single_run, without_jump
 from fecore.errors import InputError
 
-LEAST_SLOPE_CHANGE = 0.03
-"""Relative change of slope below which there is no transition."""
-
+LEAST_SLOPE_CHANGE = 0.03  # relative change of slope below which there is no transition
 _FEWEST = 8  # points of each line
 _EVIDENCE = 10.0  # difference of n ln(misfit) between cubic and two lines: "very strong" (Kass and Raftery 1995)
 
@@ -94,37 +92,23 @@ def knee_warning(strain: FloatArray, stress: FloatArray, start: float, stop: flo
     return []
 
 
-CHORD_RANGE = (1000e-6, 3000e-6)
-"""m/m; within the lower half of the curve of a specimen that reaches 6000 µε."""
-
-SHORT_RANGE = (0.25, 0.50)
-"""Share of the ultimate strain, for a specimen that fails below `LOW_ULTIMATE`."""
-
-LOW_ULTIMATE = 6000e-6
-"""m/m."""
-
-MOST_BENDING_PERCENT = 5.0
-"""Bending above which the standard sees poor alignment (3 to 5 %)."""
+CHORD_RANGE = (1000e-6, 3000e-6)  # m/m; within the lower half of the curve of a specimen that reaches 6000 µε
+SHORT_RANGE = (0.25, 0.50)  # share of the ultimate strain, for a specimen that fails below `LOW_ULTIMATE`
+LOW_ULTIMATE = 6000e-6  # m/m
+MOST_BENDING_PERCENT = 5.0  # bending above which the standard sees poor alignment (3 to 5 %)
 
 
 @dataclass(frozen=True)
 class TensileResult(Reduced):
-    """What D3039 reports of a specimen, SI.
+    """What D3039 reports of a specimen, SI."""
 
-    Attributes:
-        maximum_force_n, strength_pa: P_max and F.
-        ultimate_strain: m/m; None where the gauge was lost before the maximum force.
-        poisson_ratio: None without a transverse strain.
-        transition_strain: None where the curve has no knee.
-        bending_percent: None where one face is gauged.
-    """
-
+    # maximum_force_n, strength_pa: P_max and F
     maximum_force_n: float
     strength_pa: float
-    ultimate_strain: float | None
-    poisson_ratio: float | None
-    transition_strain: float | None
-    bending_percent: float | None
+    ultimate_strain: float | None  # m/m; None where the gauge was lost before the maximum force
+    poisson_ratio: float | None  # None without a transverse strain
+    transition_strain: float | None  # None where the curve has no knee
+    bending_percent: float | None  # None where one face is gauged
 
 
 def reduce(

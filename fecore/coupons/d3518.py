@@ -17,37 +17,24 @@ from fecore.arrays import FloatArray
 from fecore.coupons.curves import Curve, Ends, Reduced, chord, mean_dimension, single_run, without_jump
 from fecore.errors import InputError
 
-START_RANGE = (1500e-6, 2500e-6)
-"""γ at which the chord may start."""
-
-CHORD_LENGTH = 4000e-6
-"""Length of the chord in γ."""
-
-CHORD_TOLERANCE = 200e-6
-"""How much the length between measured points may differ."""
-
-OFFSET = 0.002
-"""γ by which the modulus line is moved."""
-
-LARGEST_STRAIN = 0.05
-"""γ at which the test ends."""
+START_RANGE = (1500e-6, 2500e-6)  # γ at which the chord may start
+CHORD_LENGTH = 4000e-6  # length of the chord in γ
+CHORD_TOLERANCE = 200e-6  # how much the length between measured points may differ
+OFFSET = 0.002  # γ by which the modulus line is moved
+LARGEST_STRAIN = 0.05  # γ at which the test ends
 
 
 @dataclass(frozen=True)
 class ShearResult(Reduced):
-    """What D3518 reports of a specimen, SI.
+    """What D3518 reports of a specimen, SI."""
 
-    Attributes:
-        offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before.
-        maximum_stress_pa, maximum_stress_strain: τ_max and its γ.
-        reached_limit: whether the test was cut at γ = 5 %.
-    """
-
+    # offset_strength_pa, offset_strain: where the 0.2 % line meets the curve; None where it failed before
     offset_strength_pa: float | None
     offset_strain: float | None
+    # maximum_stress_pa, maximum_stress_strain: τ_max and its γ
     maximum_stress_pa: float
     maximum_stress_strain: float
-    reached_limit: bool
+    reached_limit: bool  # whether the test was cut at γ = 5 %
 
 
 def reduce(

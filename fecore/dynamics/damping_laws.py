@@ -50,15 +50,10 @@ class DampingLaw(Protocol):
 
 @dataclass(frozen=True)
 class CaugheySeries:
-    """C = M Σ_j a_j (M⁻¹K)^n_j (Caughey 1960; the paper's Eq. 2), so c(ω) = Σ_j a_j ω^(2 n_j).
+    """C = M Σ_j a_j (M⁻¹K)^n_j (Caughey 1960; the paper's Eq. 2), so c(ω) = Σ_j a_j ω^(2 n_j)."""
 
-    Attributes:
-        name: name in recipes and results.
-        exponents: the n_j; 0 is mass-proportional, 1 stiffness-proportional damping.
-    """
-
-    name: str
-    exponents: tuple[int, ...]
+    name: str  # name in recipes and results
+    exponents: tuple[int, ...]  # the n_j; 0 is mass-proportional, 1 stiffness-proportional damping
 
     def __post_init__(self) -> None:
         if not self.exponents or len(set(self.exponents)) != len(self.exponents):
@@ -97,12 +92,9 @@ class ModalDamping:
     """A damping ratio of its own for each of some modes; another frequency has the ratio of the nearest of them.
 
     So the ratio of a mode does not change as its frequency shifts a little.
-
-    Attributes:
-        knots: (p,) ascending circular frequencies of the modes, rad/s.
     """
 
-    knots: tuple[float, ...]
+    knots: tuple[float, ...]  # (p,) ascending circular frequencies of the modes, rad/s
 
     @property
     def name(self) -> str:
@@ -153,16 +145,11 @@ class GeneralisedProportional:
 
     The functions are `constant` (1: mass-proportional), `root` (x: the same ratio g/2ω_r at every frequency),
     `stiffness` (x²), `saturating` (1 - exp(-x²)), `logarithm` (ln(1 + x²)) and `arctangent` (arctan x), x = ω/ω_r.
-
-    Attributes:
-        functions: names of the f_j.
-        reference: ω_r, rad/s, at which the functions turn; it scales the coefficients.
-        name: name in recipes and results.
     """
 
-    functions: tuple[str, ...]
-    reference: float
-    name: str = "generalised"
+    functions: tuple[str, ...]  # names of the f_j
+    reference: float  # ω_r, rad/s, at which the functions turn; it scales the coefficients
+    name: str = "generalised"  # name in recipes and results
 
     def __post_init__(self) -> None:
         unknown = [function for function in self.functions if function not in _FUNCTIONS]
@@ -248,22 +235,6 @@ def negative_band(
     rate = np.min([damping_rate(law, coefficients, omega, each) for each in kinds], axis=0)
     negative = omega[rate < -1e-12 * np.abs(rate).max()]
     return (float(negative[0]), float(negative[-1])) if negative.size else None
-
-
-def require_dissipation(law: DampingLaw, coefficients: FloatArray, low: float, high: float) -> None:
-    """Refuse a law that would feed energy in somewhere in a band; arguments as of `negative_band`.
-
-    Raises:
-        InputError: the damping is negative in the band; it names the law and says where.
-    """
-    negative = negative_band(law, coefficients, low, high)
-    if negative is not None:
-        first, last = (omega / (2 * np.pi) for omega in negative)
-        values = ", ".join(f"{n} = {v:g}" for n, v in zip(law.coefficient_names, coefficients, strict=True))
-        raise InputError(
-            f"damping.{law.name}",
-            f"is negative from {first:.4g} to {last:.4g} Hz with {values}; it would feed energy in",
-        )
 
 
 def fit_ratios(law: DampingLaw, omega: FloatArray, ratio: FloatArray, strain: FloatArray | None = None) -> FloatArray:

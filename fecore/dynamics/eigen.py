@@ -50,21 +50,13 @@ class MechanismError(ModelError):
 
 @dataclass(frozen=True)
 class NormalModes:
-    """Undamped modes, in ascending order, rigid-body modes first.
+    """Undamped modes, in ascending order, rigid-body modes first."""
 
-    Attributes:
-        eigenvalue: (n,) λ = ω², rad²/s².
-        shapes: (dofs, n) mass-normalised shapes, φᵀMφ = 1.
-        rigid: number of rigid-body modes.
-        shift: σ of the factorisation, rad²/s².
-        factor: factorisation of K - σM, for residual terms and derivatives.
-    """
-
-    eigenvalue: FloatArray
-    shapes: FloatArray
-    rigid: int
-    shift: float
-    factor: Factor
+    eigenvalue: FloatArray  # (n,) λ = ω², rad²/s²
+    shapes: FloatArray  # (dofs, n) mass-normalised shapes, φᵀMφ = 1
+    rigid: int  # number of rigid-body modes
+    shift: float  # σ of the factorisation, rad²/s²
+    factor: Factor  # factorisation of K - σM, for residual terms and derivatives
 
     @property
     def omega(self) -> FloatArray:
@@ -85,10 +77,7 @@ def modes_below(
 
 
 def normal_modes(
-    stiffness: scipy.sparse.csc_array,
-    mass: scipy.sparse.csc_array,
-    count: int,
-    rigid_modes: FloatArray | None = None,
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, count: int, rigid_modes: FloatArray | None = None
 ) -> NormalModes:
     """The `count` lowest modes of K φ = λ M φ, rigid-body modes included.
 
@@ -234,19 +223,12 @@ def _bordered(matrix: FloatArray, rows: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Block:
-    """What orthonormalising a (b, dofs) block Y gives: Y = H V + RᵀX with V the space so far.
+    """What orthonormalising a (b, dofs) block Y gives: Y = H V + RᵀX with V the space so far."""
 
-    Attributes:
-        vectors: X, (r, dofs), M-orthonormal and M-orthogonal to V.
-        mass_images: X M.
-        inside: H, (b, s).
-        coupling: R, (r, b).
-    """
-
-    vectors: FloatArray
-    mass_images: FloatArray
-    inside: FloatArray
-    coupling: FloatArray
+    vectors: FloatArray  # X, (r, dofs), M-orthonormal and M-orthogonal to V
+    mass_images: FloatArray  # X M
+    inside: FloatArray  # H, (b, s)
+    coupling: FloatArray  # R, (r, b)
 
 
 class _Basis:

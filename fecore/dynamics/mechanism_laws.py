@@ -19,19 +19,13 @@ from fecore.errors import InputError
 
 @dataclass(frozen=True)
 class MechanismDamping:
-    """A loss factor η, or a viscous rate b, for each of some groups of mechanisms.
+    """A loss factor η, or a viscous rate b, for each of some groups of mechanisms."""
 
-    Attributes:
-        name: name in recipes and results.
-        groups: what each coefficient stands for, as a suffix of its name, and the columns of the shares that it damps.
-        viscous: the rates go with ω² and not with ω.
-        mass: whether a mass-proportional a0 comes first.
-    """
-
-    name: str
+    name: str  # name in recipes and results
+    # what each coefficient stands for, as a suffix of its name, and the columns of the shares that it damps
     groups: tuple[tuple[str, tuple[int, ...]], ...]
-    viscous: bool = False
-    mass: bool = True
+    viscous: bool = False  # the rates go with ω² and not with ω
+    mass: bool = True  # whether a mass-proportional a0 comes first
 
     @property
     def coefficient_names(self) -> tuple[str, ...]:

@@ -27,38 +27,24 @@ _ZEROS = 0.2  # share of zeros that joining a larger one to its parent may add t
 
 @dataclass(frozen=True)
 class Front:
-    """Columns that are eliminated together; all numbers are places in the order of elimination.
+    """Columns that are eliminated together; all numbers are places in the order of elimination."""
 
-    Attributes:
-        columns: the columns.
-        rows: (b,) later rows that they touch, ascending.
-        entries: which of the matrix's entries on and below the diagonal, column by column, belong to it.
-        into: (e,) where they land in the front, stored column by column.
-        children: of each front that leaves something to this one: its number, and the place here of each of its rows.
-    """
-
-    columns: slice
-    rows: IntArray
-    entries: slice
-    into: IntArray
+    columns: slice  # the columns
+    rows: IntArray  # (b,) later rows that they touch, ascending
+    entries: slice  # which of the matrix's entries on and below the diagonal, column by column, belong to it
+    into: IntArray  # (e,) where they land in the front, stored column by column
+    # of each front that leaves something to this one: its number, and the place here of each of its rows
     children: tuple[tuple[int, IntArray], ...]
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """How to eliminate any symmetric matrix of one sparsity pattern.
+    """How to eliminate any symmetric matrix of one sparsity pattern."""
 
-    Attributes:
-        pattern: row numbers and starts of the columns of the matrix in compressed columns.
-        order: (n,) the rows in the order of elimination.
-        taken: (e,) the matrix's stored entries on and below the diagonal in that order, column by column.
-        fronts: children before parents.
-    """
-
-    pattern: tuple[IntArray, IntArray]
-    order: IntArray
-    taken: IntArray
-    fronts: tuple[Front, ...]
+    pattern: tuple[IntArray, IntArray]  # row numbers and starts of the columns of the matrix in compressed columns
+    order: IntArray  # (n,) the rows in the order of elimination
+    taken: IntArray  # (e,) the matrix's stored entries on and below the diagonal in that order, column by column
+    fronts: tuple[Front, ...]  # children before parents
 
     @classmethod
     def of(cls, matrix: scipy.sparse.csc_array) -> Elimination:

@@ -49,21 +49,15 @@ _CLOSE = 0.1  # relative distance in μ below which modes are pooled
 
 @dataclass(frozen=True)
 class ReducedSystem:
-    """An affine model projected on a basis.
+    """An affine model projected on a basis."""
 
-    Attributes:
-        basis: (dofs, r) V: rigid-body modes first, the rest orthonormal in F₀.
-        rigid: number of rigid-body modes.
-        shift: σ.
-        stiffness, mass: (k, r, r) and (j, r, r) projected terms.
-        stiffness_sketch, mass_sketch: (k, s, r) and (j, s, r) products XᵀK_kV and XᵀM_jV.
-    """
-
-    basis: FloatArray
-    rigid: int
-    shift: float
+    basis: FloatArray  # (dofs, r) V: rigid-body modes first, the rest orthonormal in F₀
+    rigid: int  # number of rigid-body modes
+    shift: float  # σ
+    # stiffness, mass: (k, r, r) and (j, r, r) projected terms
     stiffness: FloatArray
     mass: FloatArray
+    # stiffness_sketch, mass_sketch: (k, s, r) and (j, s, r) products XᵀK_kV and XᵀM_jV
     stiffness_sketch: FloatArray
     mass_sketch: FloatArray
 

@@ -55,11 +55,7 @@ def eigenvalue_derivatives(modes: NormalModes, stiffness_forms: FloatArray, mass
 
 
 def mode_shape_derivatives(
-    stiffness: Matrix,
-    mass: Matrix,
-    modes: NormalModes,
-    stiffness_by: Sequence[Matrix],
-    mass_by: Sequence[Matrix],
+    stiffness: Matrix, mass: Matrix, modes: NormalModes, stiffness_by: Sequence[Matrix], mass_by: Sequence[Matrix]
 ) -> FloatArray:
     """(p, dofs, n) ∂φ, without the rotation inside a cluster of repeated roots."""
     derivative = np.empty((len(stiffness_by), *modes.shapes.shape))

@@ -33,14 +33,10 @@ class RovingMass:
     A mass m at the response point adds the force ω² m x there, so with the driving-point receptance G of that point
 
         H' = H / (1 - ω² m G)                                          (Sherman and Morrison 1950, rank one)
-
-    Attributes:
-        mass: m, kg.
-        residues: (N, n) of G, one driving point an FRF; residual: (N, t) its residual terms.
     """
 
-    mass: float
-    residues: FloatArray
+    mass: float  # m, kg
+    residues: FloatArray  # (N, n) of G, one driving point an FRF; residual: (N, t) its residual terms
     residual: FloatArray
 
     def drive(self, model: ModalFrfModel) -> ModalFrfModel:
@@ -58,21 +54,14 @@ class ModalFrfModel:
 
     where c_k = 2 ζ_k ω_k and the R_t are the exact first terms of the series of the truncated modes in
     (ω² - σ)/(λ - σ): the static one, and those that bend it towards the next resonance.
-
-    Attributes:
-        eigenvalue: (n,) λ_k = ω_k², rad²/s².
-        residues: (N, n) A_ik, signs of the directions included.
-        residual: (N, t) R_0, R_1 …
-        shift: σ, rad²/s².
-        roving: a sensor that loads each FRF at a place of its own, or None.
-        strain: (n, q) shares of strain energy by mechanism, for damping laws that look at them; None where not known.
     """
 
-    eigenvalue: FloatArray
-    residues: FloatArray
-    residual: FloatArray
-    shift: float
-    roving: RovingMass | None = None
+    eigenvalue: FloatArray  # (n,) λ_k = ω_k², rad²/s²
+    residues: FloatArray  # (N, n) A_ik, signs of the directions included
+    residual: FloatArray  # (N, t) R_0, R_1 …
+    shift: float  # σ, rad²/s²
+    roving: RovingMass | None = None  # a sensor that loads each FRF at a place of its own, or None
+    # (n, q) shares of strain energy by mechanism, for damping laws that look at them; None where not known
     strain: FloatArray | None = None
 
     @property

@@ -23,8 +23,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.growth import PRICE, gains
-from fecore.modal.refinement import Level, level_at
-from fecore.modal.residues import weights
+from fecore.modal.refinement import Level, level_at, weights
 
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
 _FINE = 0.5  # of the narrowest half bandwidth: the grid's step

@@ -9,9 +9,9 @@ damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coeff
 apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of its resonance curve with that of the larger pole
         nearest by it, σ = ζω. Where a mode moves from test to test, by temperature or the sensor's mass, or is not of a linear
         structure, the fit has several poles for it, with shapes of their own and far nearer than modes are.
-shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of that larger pole. Two modes have two shapes; a mode that
-        every test shows at several heights of the hit, or while it drifts, is several poles with one shape. Not for fewer than
-        four FRFs.
+shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a larger pole, of the one that makes q least. Two modes
+        have two shapes; a mode that every test shows at several heights of the hit, or while it drifts, is several poles with
+        one shape, between which another mode may stand. Not for fewer than four FRFs.
 reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest: a sensor or hammer that
         rings is seen in one. Not for fewer than four FRFs.
 
@@ -31,8 +31,7 @@ from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms, columns, poles
 from fecore.modal.drift import in_band
 from fecore.modal.growth import gains
-from fecore.modal.refinement import Level
-from fecore.modal.residues import weights
+from fecore.modal.refinement import Level, weights
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
@@ -57,6 +56,7 @@ class Evidence:
         phase, rise, share, damping, apart, shape, reach: (n,) see above.
         height: (n,) of its part in the FRFs at its frequency, root of the sum of squares over them.
         neighbour: (n,) number of the larger pole that it is nearest to; any where there is none.
+        twin: (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs.
         trend: (n,) ζ_t.
         tone: (n,) whether it hardly dies away within a record, as interference does.
         delay: of the channels, s; turned: whether all residues are turned by 90°.
@@ -71,6 +71,7 @@ class Evidence:
     reach: FloatArray
     height: FloatArray
     neighbour: IntArray
+    twin: IntArray
     trend: FloatArray
     tone: BoolArray
     delay: float
@@ -89,17 +90,19 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
     trend = _trend(terms, strength * np.maximum(phase, 0.1))
-    neighbour, apart = _nearest(terms, height)
+    curves = _curves(terms, height)
+    shape, twin = _shape(residues, curves)
     return Evidence(
         phase=phase,
         rise=rise,
         share=share,
         damping=np.abs(np.log(terms.damping_ratio / trend)),
-        apart=apart,
-        shape=_shape(residues, neighbour, apart),
+        apart=np.sqrt(np.maximum(1 - curves.max(axis=1, initial=0.0), _NEAREST**2)),
+        shape=shape,
         reach=_reach(residues),
         height=height,
-        neighbour=neighbour,
+        neighbour=_largest(curves),
+        twin=twin,
         trend=trend,
         tone=tone,
         delay=delay,
@@ -199,23 +202,26 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     return np.asarray(trend)
 
 
-def _nearest(terms: Terms, height: FloatArray) -> tuple[IntArray, FloatArray]:
-    """(n,) number of the larger pole that each is nearest to, and d."""
-    if not terms.pairs:
-        return np.empty(0, dtype=np.int64), np.empty(0)
+def _curves(terms: Terms, height: FloatArray) -> FloatArray:
+    """(n, n) C of the resonance curves of each pole and each larger one, 0 of others."""
     s = poles(terms.frequency_hz, terms.damping_ratio)
     alike = 4 * np.outer(s.real, s.real) / np.abs(s[:, None] + s.conj()) ** 2
-    alike = np.where(height[None, :] > height[:, None], alike, 0.0)
-    return alike.argmax(axis=1), np.sqrt(np.maximum(1 - alike.max(axis=1), _NEAREST**2))
+    return np.asarray(np.where(height[None, :] > height[:, None], alike, 0.0))
 
 
-def _shape(residues: ComplexArray, neighbour: IntArray, apart: FloatArray) -> FloatArray:
-    """(n,) q."""
-    if len(residues) < FEW:
-        return np.full(residues.shape[1], np.nan)
+def _largest(alike: FloatArray) -> IntArray:
+    """(n,) the column where each row is largest."""
+    return alike.argmax(axis=1) if alike.size else np.empty(0, dtype=np.int64)
+
+
+def _shape(residues: ComplexArray, curves: FloatArray) -> tuple[FloatArray, IntArray]:
+    """(n,) q, and the number of the larger pole that gives it."""
+    if len(residues) < FEW or not curves.size:
+        return np.full(len(curves), np.nan), _largest(curves)
     scaled = residues / np.maximum(np.linalg.norm(residues, axis=0), np.finfo(float).tiny)
-    mac = np.abs(np.sum(scaled.conj() * scaled[:, neighbour], axis=0)) ** 2
-    return np.asarray((1 - np.minimum(mac, 1.0) + _ONE_SHAPE) ** np.sqrt(1 - apart**2))
+    mac = np.minimum(np.abs(scaled.conj().T @ scaled) ** 2, 1.0)
+    distinct = (1 - mac + _ONE_SHAPE) ** np.sqrt(curves)
+    return distinct.min(axis=1), _largest(-distinct)
 
 
 def _reach(residues: ComplexArray) -> FloatArray:

@@ -28,7 +28,7 @@ from fecore.modal.growth import (
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
 from fecore.modal.probability import doubled, probability
-from fecore.modal.refinement import Fit, Level, refine
+from fecore.modal.refinement import Fit, Level, refine, spare
 
 _ALIGN = 4  # turns of drift and growth
 _STILL = 0.1  # of the whole drift: what is left below it is at rest
@@ -199,7 +199,7 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
 def _last(data: _Data, fit: Level) -> Fit:
     """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
     arrangement = data.arrangement
-    variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured)
+    variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured, spare(arrangement, fit))
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
     return replace(fit, memory=tau, sessions=session_of(arrangement), shared=shared_error(arrangement, fit))

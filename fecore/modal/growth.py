@@ -20,8 +20,7 @@ from fecore.modal.basis import DAMPING_RANGE, Terms, columns
 from fecore.modal.error_model import RELATIVE
 from fecore.modal.lscf import NARROW, clusters, linear_poles
 from fecore.modal.noise import local_variance
-from fecore.modal.refinement import Fit, Level, level_at, refine
-from fecore.modal.residues import weights
+from fecore.modal.refinement import Fit, Level, level_at, refine, weights
 
 EXPONENTS = (-3, -2, -1, 0, 1, 2)
 """Powers of iω of the receptance that stand for the modes outside the band and for rigid body motion with its damping."""

@@ -46,29 +46,6 @@ class LinearFit:
         return covariance
 
 
-def fit_linear(basis: ComplexArray, values: ComplexArray, weight: FloatArray) -> LinearFit:
-    """Least squares min Σ_l weight_il |values_il - (Φ c_i)_l|² with real c_i, for every FRF i.
-
-    The weight is 2/v for a complex noise of variance v = E|n|² (each of its two parts has v/2), so that the
-    inverse normal matrix is the covariance of c.
-
-    Args:
-        basis: (L, q) columns Φ.
-        values: (N, L) FRFs.
-        weight: (N, L) weights, 0 where nothing was measured.
-
-    Raises:
-        IdentificationError: the columns are dependent (two poles in one place), or too few lines were measured.
-    """
-    frame, turn = orthonormal(basis, weight)
-    if frame.shape[1] < basis.shape[1]:
-        raise IdentificationError(
-            "the model's terms cannot be distinguished on the measured lines: two poles coincide, or there are fewer lines"
-            " than unknowns; use fewer poles or a wider band"
-        )
-    return solve_normal(normal_matrices(frame, weight), frame, turn, values, weight)
-
-
 def orthonormal(basis: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """The basis made orthonormal under the mean weight, (L, r), and (q, r) what makes it so; null directions are left out."""
     root = mean_weight(weight)

@@ -11,7 +11,7 @@ from fecore.arrays import FloatArray
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.leakage import leakage
-from fecore.modal.noise import believable, line_scatter, rough_variance
+from fecore.modal.noise import believable, line_scatter
 from fecore.modal.screening import Refused, screen
 
 _ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
@@ -46,23 +46,31 @@ def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
         IdentificationError: none of them can be used.
     """
     screened = screen(frfs, band_hz)
-    arrangement, doubts = _doubt_variance(screened.arrangement)
-    arrangement, left_out = leakage(arrangement)
-    scatter = line_scatter(arrangement.values, arrangement.measured, _first_line(arrangement))
+    arrangement, left_out = leakage(screened.arrangement)
+    scatter = _scatter(arrangement)
+    arrangement, doubts = _doubt_variance(arrangement, scatter)
     arrangement = _of_lines(arrangement, scatter)
-    noise = np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
-    return Prepared(arrangement, noise, screened.refused, (*screened.warnings, *doubts, *left_out))
+    said = (*screened.warnings, *doubts, *left_out)
+    return Prepared(arrangement, _known_or(arrangement, scatter), screened.refused, said)
 
 
-def _first_line(arrangement: Arrangement) -> float:
-    """Number of the first line, counted from 0 Hz."""
-    return float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
+def noise_of(arrangement: Arrangement) -> FloatArray:
+    """(N, L) variance of the noise: as stated where it is, and as seen from line to line elsewhere."""
+    return _known_or(arrangement, _scatter(arrangement))
 
 
-def _doubt_variance(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
+def _known_or(arrangement: Arrangement, scatter: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
+
+
+def _scatter(arrangement: Arrangement) -> FloatArray:
+    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
+    return line_scatter(arrangement.values, arrangement.measured, first)
+
+
+def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arrangement, list[str]]:
     """Enlarge a stated noise that the records themselves contradict, and say so."""
-    rough = rough_variance(arrangement.values, arrangement.measured)
-    variance, factor = believable(arrangement.variance, rough, arrangement.measured)
+    variance, factor = believable(arrangement.variance, scatter, arrangement.measured)
     if np.all(factor == 1):
         return arrangement, []
     worst = int(np.argmax(factor))

@@ -108,7 +108,7 @@ def doubled(arrangement: Arrangement, evidence: Evidence, terms: Terms) -> Float
     alone = np.where(np.isin(np.arange(x.shape[1]), _BESIDE), 0.0, x)
     q = judged(ratio, alone, MEAN, COVARIANCE) - judged(ratio, x, MEAN, COVARIANCE)
     q = np.where(no_mode(evidence, terms.damping_ratio) | (q < 0.5), 0.0, q)
-    k, power = evidence.neighbour, evidence.height**2
+    k, power = evidence.twin, evidence.height**2
     share = power / np.maximum(power + power[k], np.finfo(float).tiny)
     off = np.stack([np.log(terms.frequency_hz / terms.frequency_hz[k]), terms.damping_ratio - terms.damping_ratio[k]])
     return np.stack([np.bincount(k, each, terms.pairs) for each in q * (share * off) ** 2])
@@ -169,7 +169,7 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
             " bandwidths away; the nearer, the likelier both are one mode that moves from test to test"
         )
     if name == "shape":
-        other = evidence.neighbour[k]
+        other = evidence.twin[k]
         return (
             f"shape and curve part it from the larger pole at {frequency_hz[other]:.2f} Hz by {evidence.shape[k]:.2f} of 1;"
             " one mode seen twice has one shape"

@@ -33,7 +33,6 @@ from fecore.modal.linear import (
     real_times,
     solve_normal,
 )
-from fecore.modal.residues import weights
 
 _ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtieth of a standard deviation
 _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
@@ -161,6 +160,11 @@ def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     return scale, value, vector, value < _VAGUE
 
 
+def weights(arrangement: Arrangement, variance: FloatArray) -> FloatArray:
+    """(N, L) weights 2/v of each complex value, 0 where nothing was measured."""
+    return np.asarray(np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0))
+
+
 def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
     """Linear coefficients, residual and Gauss-Newton matrices at given poles.
 
@@ -190,6 +194,20 @@ def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Le
         residual=residual,
         chi_squared=float(np.sum((weight * residual.conj() * residual).real)),
     )
+
+
+def spare(arrangement: Arrangement, level: Level) -> FloatArray:
+    """(L,) share of each line that a fit leaves to the errors: 1 less the leverage, in the mean over the FRFs and both parts.
+
+    The hat matrix of the coefficients has the diagonal |Q_l|² of the weighted orthonormal frame; the poles, which N FRFs share,
+    add an N-th of what the derivatives add to the frame.
+    """
+    basis = columns(arrangement.omega, level.terms, arrangement.power)
+    steep = derivatives(arrangement.omega, level.terms, arrangement.power)
+    both, _ = orthonormal(np.concatenate([basis, steep], axis=1), level.weight)
+    own, all_ = (np.sum(np.abs(frame) ** 2, axis=1) for frame in (level.linear.frame, both))
+    leverage = mean_weight(level.weight) ** 2 * (own + (all_ - own) / len(level.residual)) / 2
+    return np.asarray(np.clip(1 - leverage, 0.0, 1.0))
 
 
 def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:

@@ -1,48 +1,26 @@
 """Mode shapes at known poles: what is left to find when a user types in frequencies and damping ratios.
 
-For fixed poles the FRFs are linear in residues and residual terms; see `basis` for the series and `linear` for the
-least squares. The weights are refined with the residual twice, so a noisy FRF does not drown in its own floor.
+For fixed poles the FRFs are linear in residues and residual terms; see `basis` for the series and `linear` for the least
+squares.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.basis import Terms, columns, poles
-from fecore.modal.linear import LinearFit, fit_linear
-from fecore.modal.noise import residual_variance, rough_variance
+from fecore.modal.basis import Terms, poles
+from fecore.modal.evidence import residues_of
+from fecore.modal.growth import local_level
+from fecore.modal.preparation import noise_of
+from fecore.modal.refinement import Level
 from fecore.modal.shapes import Shapes, shapes_from_residues
 from fecore.modes import MeasuredModes
-
-_WEIGHT_PASSES = 2  # in which the noise is taken from the residual
-
-
-@dataclass(frozen=True)
-class ResidueFit:
-    """Residues of all FRFs at given poles.
-
-    Attributes:
-        terms: the poles and residual terms of the series.
-        residues: (N, n) complex receptance residues.
-        residue_variance: (N, n) their variance E|error|².
-        model: (N, L) fitted FRFs.
-        variance: (N, L) noise variance that weighted the fit.
-        linear: coefficients with their covariance, columns as in `basis.columns`.
-    """
-
-    terms: Terms
-    residues: ComplexArray
-    residue_variance: FloatArray
-    model: ComplexArray
-    variance: FloatArray
-    linear: LinearFit
 
 
 def shapes_at_poles(
@@ -86,13 +64,16 @@ def shapes_at_poles(
     arrangement = arrange(frfs, band_hz)
     dead = [r for r in range(len(arrangement.pairs)) if not np.any(arrangement.values[r])]
     arrangement = arrangement.without(dead) if dead else arrangement
-    fit = fit_residues(arrangement, Terms(frequency, zeta, exponents))
-    shapes = shapes_from_residues(arrangement, fit.residues, fit.residue_variance, poles(frequency, zeta).imag)
+    fit = _fit_at(arrangement, Terms(frequency, zeta, exponents))
+    spread = np.einsum("nii->ni", fit.linear.covariance)[:, : 2 * frequency.size]
+    shapes = shapes_from_residues(
+        arrangement, residues_of(fit), spread[:, 0::2] + spread[:, 1::2], poles(frequency, zeta).imag
+    )
     return MeasuredModes(frequency, zeta, shapes.complex, arrangement.roving), shapes
 
 
-def fit_residues(arrangement: Arrangement, terms: Terms, variance: FloatArray | None = None) -> ResidueFit:
-    """Residues of all FRFs for given poles, weighted by `variance`, or by one estimated from the residual.
+def _fit_at(arrangement: Arrangement, terms: Terms) -> Level:
+    """The series at given poles under the variance of its own misfit.
 
     Raises:
         IdentificationError: fewer lines than unknowns, or terms that cannot be separated.
@@ -103,34 +84,10 @@ def fit_residues(arrangement: Arrangement, terms: Terms, variance: FloatArray | 
             f"{terms.pairs} poles and the residual terms are {terms.columns} unknowns an FRF, but"
             f" {arrangement.label(int(lines.argmin()))} has only {lines.min()} lines; use a wider band or fewer modes"
         )
-    basis = columns(arrangement.omega, terms, arrangement.power)
-    passes = 0 if variance is not None else _WEIGHT_PASSES
-    noise = known_or(arrangement, rough_variance(arrangement.values, arrangement.measured)) if passes else variance
-    assert noise is not None
-    fit = fit_linear(basis, arrangement.values, weights(arrangement, noise))
-    for _ in range(passes):
-        model = fit.coefficients @ basis.T
-        estimate = residual_variance(arrangement.values - model, model, arrangement.measured, terms.columns)
-        noise = known_or(arrangement, estimate)
-        fit = fit_linear(basis, arrangement.values, weights(arrangement, noise))
-    n = terms.pairs
-    residues = fit.coefficients[:, 0 : 2 * n : 2] + 1j * fit.coefficients[:, 1 : 2 * n : 2]
-    spread = np.einsum("nii->ni", fit.covariance)
-    return ResidueFit(
-        terms,
-        residues,
-        spread[:, 0 : 2 * n : 2] + spread[:, 1 : 2 * n : 2],
-        fit.coefficients @ basis.T,
-        noise,
-        fit,
-    )
-
-
-def known_or(arrangement: Arrangement, estimate: FloatArray) -> FloatArray:
-    """Variance handed in where it is known, else the estimate."""
-    return np.asarray(np.where(np.isnan(arrangement.variance), estimate, arrangement.variance))
-
-
-def weights(arrangement: Arrangement, variance: FloatArray) -> FloatArray:
-    """(N, L) weights 2/v of each complex value, 0 where nothing was measured."""
-    return np.asarray(np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0))
+    fit = local_level(arrangement, terms, noise_of(arrangement))
+    if fit.own.shape[1] < terms.columns:
+        raise IdentificationError(
+            "the model's terms cannot be distinguished on the measured lines: two poles coincide, or there are fewer lines"
+            " than unknowns; use fewer poles or a wider band"
+        )
+    return fit

@@ -105,7 +105,8 @@ def of_rank_two(arrangement: Arrangement, residues: ComplexArray, variance: Floa
     """(n,) whether the residues (N, n) of each pole against several fixed dofs are two shapes: two modes at one frequency."""
     p, m = len(arrangement.roving), len(arrangement.fixed)
     two = np.zeros(residues.shape[1], dtype=bool)
-    if p * m != len(arrangement.pairs) or min(p, m) < 2:
+    measured = {tuple(row) for row in arrangement.row.tolist()}
+    if len(arrangement.pairs) != p * m or len(measured) != p * m or min(p, m) < 2:
         return two
     for k in range(two.size):
         singular = np.linalg.svd(residue_matrix(arrangement, residues[:, k]), compute_uv=False)

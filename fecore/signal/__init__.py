@@ -3,15 +3,13 @@ inspection, process.
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
-from fecore.signal.coupling import Coupling
-from fecore.signal.delay import Delay
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate, Estimator, estimate
 from fecore.signal.heights import Strip
 from fecore.signal.inspection import EachHit, Inspection, each_hit, inspect
-from fecore.signal.judgement import FALSE_DISCOVERY, Verdict, overrule
+from fecore.signal.judgement import FALSE_DISCOVERY, Verdict
 from fecore.signal.process import Shelf, process, process_in_parts
-from fecore.signal.reasons import Criterion, Finding
+from fecore.signal.reasons import Finding
 from fecore.signal.spectra import Source, by_point
 from fecore.signal.windows import Windows, remove_window
 
@@ -20,9 +18,6 @@ __all__ = [
     "Averages",
     "Block",
     "ChannelQuantity",
-    "Coupling",
-    "Criterion",
-    "Delay",
     "EachHit",
     "Estimate",
     "Estimator",
@@ -41,7 +36,6 @@ __all__ = [
     "each_hit",
     "estimate",
     "inspect",
-    "overrule",
     "process",
     "process_in_parts",
     "remove_window",

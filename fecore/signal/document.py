@@ -56,7 +56,20 @@ class Processing:
 
 
 @dataclass(frozen=True)
-class Averages:
+class Carried:
+    """The exponential window that FRFs carry.
+
+    Attributes:
+        rate_per_s: its rate, with the analyser's own; `remove_window` corrects poles.
+        rate_sd_per_s: its standard deviation, 0 where the hits state one; None where nothing shows whether there was another.
+    """
+
+    rate_per_s: float
+    rate_sd_per_s: float | None
+
+
+@dataclass(frozen=True)
+class Averages(Carried):
     """FRFs of some or all points.
 
     Attributes:
@@ -64,28 +77,21 @@ class Averages:
         coherence: (N, L) γ².
         hits: (N,) hits that each FRF is the mean of.
         used: the numbers of those hits, for each FRF.
-        rate_per_s: rate of the exponential window that the FRFs carry, with the analyser's own; `remove_window`
-            corrects poles.
-        rate_sd_per_s: its standard deviation, 0 where the hits state one; None where nothing shows whether there was another.
     """
 
     frfs: FrfSet
     coherence: FloatArray
     hits: IntArray
     used: tuple[tuple[int, ...], ...]
-    rate_per_s: float
-    rate_sd_per_s: float | None
 
 
 @dataclass(frozen=True)
-class Findings:
+class Findings(Carried):
     """What was found about the hits of a campaign and done with them.
 
     Attributes:
         verdicts: one a hit, in the order of the hits.
         processing: the choices, with those that were made here filled in.
-        rate_per_s: rate of the exponential window that the FRFs carry.
-        rate_sd_per_s: its standard deviation, 0 where the hits state one; None where nothing shows whether there was another.
         coupling: the tail of the AC coupled force channel that stands behind the force window; None for none.
         delay: how much later the response is than the force, where resonances show it.
         excited_hz: highest frequency at which the hammer still has a tenth of its amplitude.
@@ -95,8 +101,6 @@ class Findings:
 
     verdicts: tuple[Verdict, ...]
     processing: Processing
-    rate_per_s: float
-    rate_sd_per_s: float | None
     coupling: Coupling | None
     delay: Delay | None
     excited_hz: float

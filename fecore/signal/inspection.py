@@ -11,7 +11,7 @@ import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
-from fecore.signal.blocks import ChannelQuantity, Hit
+from fecore.signal.blocks import Hit
 from fecore.signal.document import Processing
 from fecore.signal.estimators import Estimate
 from fecore.signal.judgement import Verdict
@@ -54,8 +54,6 @@ class EachHit:
 
     Attributes:
         frequency_hz: (L,) lines of the FRFs.
-        responses: where the sensors stood.
-        quantity: what they measure.
         frfs: (h, r, L) FRF of each hit alone, response over force; NaN where the force has nothing.
         verdicts: of each hit, judged among the hits of the point.
         accepted: which hits are averaged.
@@ -65,8 +63,6 @@ class EachHit:
     """
 
     frequency_hz: FloatArray
-    responses: tuple[Dof, ...]
-    quantity: ChannelQuantity
     frfs: ComplexArray
     verdicts: tuple[Verdict, ...]
     accepted: tuple[bool, ...]
@@ -95,8 +91,6 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
         frfs = np.array([response / forces for response in responses]).swapaxes(0, 1)
     return EachHit(
         frequency_hz=spectra.frequency,
-        responses=point.responses,
-        quantity=spectra.quantity,
         frfs=np.where(np.isfinite(frfs), frfs, np.nan),
         verdicts=verdicts,
         accepted=chosen,

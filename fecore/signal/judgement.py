@@ -80,11 +80,6 @@ class Verdict:
         return not self.faults if self.overruled is None else self.overruled
 
 
-def overrule(verdict: Verdict, accepted: bool | None) -> Verdict:
-    """The verdict with a user's decision; None takes it back."""
-    return replace(verdict, overruled=accepted)
-
-
 @dataclass(frozen=True)
 class Features:
     """Of N hits: (N, F) numbers, their u, and usual number and step of u on their bad side, logarithms but where a row of
@@ -227,7 +222,10 @@ def parts_of(u: FloatArray) -> FloatArray:
 
 
 def judge(
-    points: Sequence[Point], level: float = FALSE_DISCOVERY, positions: Mapping[int, Position] | None = None
+    points: Sequence[Point],
+    level: float,
+    positions: Mapping[int, Position],
+    overrules: Mapping[tuple[Dof, int], bool],
 ) -> list[list[Verdict]]:
     """The verdicts of all hits of a campaign, by point.
 
@@ -235,8 +233,9 @@ def judge(
         points: their hits' numbers.
         level: a hit is refused where its probability is lower.
         positions: of the points, m, by label; hits are then located.
+        overrules: what a user has decided, by place and number.
     """
-    found = features_of(points, positions or {})
+    found = features_of(points, positions)
     parts = parts_of(found.u)
     probability = _probability(_logit(found.u, found.alone))
     slack = max(CONSTANT - float(np.log(level / (1 - level))), 0.0) if level > 0 else np.inf
@@ -247,7 +246,8 @@ def judge(
     verdicts = (
         _verdict(traits, float(probability[i]), level, found.numbers[i], limit[i], parts[i]) for i, traits in every
     )
-    return [list(islice(verdicts, len(point.traits))) for point in points]
+    ruled = (replace(v, overruled=overrules.get((v.force, v.number))) for v in verdicts)
+    return [list(islice(ruled, len(point.traits))) for point in points]
 
 
 def _verdict(

@@ -12,7 +12,7 @@ from fecore.signal.blocks import Hit
 from fecore.signal.comparison import Point, pairs
 from fecore.signal.document import Processing
 from fecore.signal.estimators import Estimate, estimate, squared
-from fecore.signal.judgement import Verdict, judge, overrule
+from fecore.signal.judgement import Verdict, judge
 from fecore.signal.spectra import Spectra
 from fecore.signal.traits import Traits, find_traits
 
@@ -38,10 +38,7 @@ class Preliminary:
 
 def judge_points(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
     """The verdicts of all hits of a campaign, with what a user has decided against them."""
-    return [
-        [overrule(v, processing.overrules.get((v.force, v.number))) for v in judged]
-        for judged in judge(points, processing.false_discovery, processing.positions)
-    ]
+    return judge(points, processing.false_discovery, processing.positions, processing.overrules)
 
 
 def numbers_of(spectra: Spectra, hits: Sequence[Hit]) -> tuple[Point, ComplexArray, list[ComplexArray]]:

@@ -21,6 +21,9 @@ SMALLEST_SECOND = 0.015
 MEAN_TO_SD = float(np.sqrt(np.pi) / 2)
 """Of the mean step between two white samples, to the standard deviation of one."""
 
+REACH = 64
+"""Samples that the ringing of a linear-phase filter may reach, weakly, beyond `ringing`."""
+
 _LEAD = 256  # samples before a pulse that its baseline is taken from
 _ALONE = 2.0  # times that a second pulse is higher than what half of the other parts of the block reach
 _SEGMENTS = 32  # noise is taken in so many parts of a block, since an undone window raises it along the block

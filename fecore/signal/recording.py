@@ -167,7 +167,7 @@ def _hops(chunks: Iterable[FloatArray], force: int, hop: int, names: Sequence[st
         parts.append((table.min(axis=2), table.max(axis=2), table.mean(axis=2), square, places))
         begin += whole
     if begin < LEAD + FEWEST_SAMPLES:
-        raise InputError("recording", f"has {begin} samples, expected {LEAD + FEWEST_SAMPLES} or more")
+        raise InputError("recording", f"has {begin + rest.shape[1]} samples, expected {LEAD + FEWEST_SAMPLES} or more")
     low, high, mean, energy, where = (np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True))
     return _Hops(low, high, mean, energy, where, hop)
 

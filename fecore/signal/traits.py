@@ -27,7 +27,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
 from fecore.signal.blocks import Block, Hit
-from fecore.signal.pulse import MEAN_TO_SD, Pulse, find_pulse, ringing
+from fecore.signal.pulse import MEAN_TO_SD, REACH, Pulse, find_pulse, ringing
 
 OWN = ("lost", "second", "swing", "turned", "flat", "beyond", "height", "early", "jump", "floor")
 """The names of the numbers, in their order."""
@@ -36,7 +36,6 @@ _CLEAR = 8.0  # standard deviations of the noise that a pulse, and a second one,
 _STOP_BAND = 0.475  # of the sampling rate: above it every anti-alias filter cuts
 _FEWEST = 16  # samples before the pulse that say something
 _ABOUT = 256  # samples about the pulse, and on either side of it, whose spectra are taken
-_REACH = 64  # samples that the ringing of a linear-phase filter may reach
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ def _channel(block: Block, pulse: Pulse, rate: float) -> _Channel:
 
 def _lead(samples: FloatArray, pulse: Pulse) -> FloatArray:
     """Samples before the pulse and the ringing of the filter."""
-    return samples[: max(pulse.start - min(_REACH + 2 * pulse.width, pulse.start // 2), 0)]
+    return samples[: max(pulse.start - min(REACH + 2 * pulse.width, pulse.start // 2), 0)]
 
 
 def _swing(force: Block, pulse: Pulse, rate: float) -> float:
@@ -189,12 +188,12 @@ def _before(lead: FloatArray, level: float) -> float:
 
 def _jump(x: FloatArray, pulse: Pulse) -> float:
     third = np.abs(np.diff(x, 3))
-    parts = third[: third.size // _REACH * _REACH].reshape(-1, _REACH)
+    parts = third[: third.size // REACH * REACH].reshape(-1, REACH)
     if not len(parts) or third.max() == 0:
         return 1.0
-    guard = ringing(pulse.start, pulse.stop) + _REACH
-    number = np.arange(len(parts)) * _REACH
-    away = (number + _REACH < pulse.start - guard) | (number > pulse.stop + guard)
+    guard = ringing(pulse.start, pulse.stop) + REACH
+    number = np.arange(len(parts)) * REACH
+    away = (number + REACH < pulse.start - guard) | (number > pulse.stop + guard)
     if not away.any():
         return 1.0
     return float((parts.max(axis=1) / (parts.mean(axis=1) + 0.01 * third.max()))[away].max())

@@ -7,7 +7,8 @@ and drift hardly reach, is taken in equal parts of a block; under exp(-r t)
 
 r is the mean of the hits' slopes, without those of double hits and the like that lie far from their median. It counts where it
 stands out of their scatter, and where ln s bends far less than it falls: what else rings in a hammer dies away into a floor,
-and a window has none. Noise that does not fall shows that there is no window, as surely as its slopes agree.
+and a window has none. Noise that does not fall shows that there is no window, as surely as its slopes agree. Noise far below
+the converter's step shows nothing: most samples are then as the one before, and s says how often drift crosses a step.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fecore.signal.blocks import Hit
-from fecore.signal.pulse import find_pulse, ringing
+from fecore.signal.pulse import REACH, find_pulse, ringing
 from fecore.signal.spectra import Source
 
 _PARTS = 12  # of a block's noise
@@ -28,6 +29,7 @@ _NEAR = 2.5  # standard deviations about the median, up to which a slope is no o
 _LOOKED_AT = 72  # hits, spread over the points
 _CERTAIN = 5.0  # standard deviations that the rate is above none
 _BENT = 0.25  # of the fall, that ln s may bend over the block
+_STILL = 0.75  # of the samples, that are as the one before where the converter's steps hide the noise
 
 
 @dataclass(frozen=True)
@@ -101,13 +103,13 @@ def seen_rate(hits: Sequence[Hit]) -> SeenRate:
 def _decay(hit: Hit) -> tuple[float, float] | None:
     """-d(ln s)/dt, 1/s, and how far ln s bends from the middle of the noise to its ends; None where there is no noise."""
     pulse = find_pulse(hit.force, hit.sample_rate_hz)
-    noise = hit.force.samples[pulse.stop + ringing(pulse.start, pulse.stop) :]
+    noise = hit.force.samples[pulse.stop + ringing(pulse.start, pulse.stop) + REACH :]
     size = noise.size // _PARTS
     if size < _FEWEST_SAMPLES:
         return None
-    steps = np.diff(noise[: size * _PARTS].astype(float).reshape(_PARTS, size), axis=1)
+    steps = np.abs(np.diff(noise[: size * _PARTS].astype(float).reshape(_PARTS, size), axis=1))
     power = (steps**2).mean(axis=1)
-    if not power.min() > 0:
+    if not power.min() > 0 or (np.quantile(steps, _STILL, axis=1) < 0.1 * np.sqrt(power)).mean() > 0.5:
         return None
     bend, slope, _ = np.polyfit(np.linspace(-1, 1, _PARTS), np.log(power) / 2, 2)
     half_s = 0.5 * (_PARTS - 1) * size / hit.sample_rate_hz

@@ -30,38 +30,26 @@ _NOTICED = 1.15  # factor of the limits from which a note says why they are wide
 
 @dataclass(frozen=True)
 class ParameterTrend:
-    """One watched parameter, judged.
+    """One watched parameter, judged."""
 
-    Attributes:
-        name, direction: as in the recipe.
-        series: all campaigns in time order.
-        baseline: None while there are too few campaigns.
-        watched: campaigns after the baseline, None where there are none.
-        scores: of the watched campaigns.
-        statistic: chart values S of the watched campaigns, by direction (`fall`, `rise`).
-        limits: h of the charts' values and c of single scores.
-        widened_by: factor by which these are wider than for independent campaigns; None without a baseline.
-        outside: (m,) whether a campaign is outside in any direction.
-        timeline: states as they followed each other.
-        change: where the change began, if any campaign is outside.
-        rate: of change over all campaigns; None below three watched ones, and where a note says why.
-        notes: what was put in order, left out, extrapolated.
-    """
-
+    # name, direction: as in the recipe
     name: str
     direction: Direction
-    series: Series
-    baseline: Baseline | None = None
-    watched: Series | None = None
-    scores: Scores | None = None
+    series: Series  # all campaigns in time order
+    baseline: Baseline | None = None  # None while there are too few campaigns
+    watched: Series | None = None  # campaigns after the baseline, None where there are none
+    scores: Scores | None = None  # of the watched campaigns
+    # chart values S of the watched campaigns, by direction (`fall`, `rise`)
     statistic: Mapping[str, FloatArray] = field(default_factory=dict)
-    limits: Limits | None = None
+    limits: Limits | None = None  # h of the charts' values and c of single scores
+    # factor by which these are wider than for independent campaigns; None without a baseline
     widened_by: float | None = None
+    # (m,) whether a campaign is outside in any direction
     outside: BoolArray = field(default_factory=lambda: np.zeros(0, bool))
-    timeline: tuple[Moment, ...] = ()
-    change: ChangePoint | None = None
-    rate: Rate | None = None
-    notes: tuple[str, ...] = ()
+    timeline: tuple[Moment, ...] = ()  # states as they followed each other
+    change: ChangePoint | None = None  # where the change began, if any campaign is outside
+    rate: Rate | None = None  # of change over all campaigns; None below three watched ones, and where a note says why
+    notes: tuple[str, ...] = ()  # what was put in order, left out, extrapolated
 
     @property
     def state(self) -> State:
@@ -211,13 +199,7 @@ def _limits(baseline: Baseline, watch: Watch) -> tuple[Limits, float]:
     shared = float(np.ceil(50 * baseline.shared) / 50)
     known = max(rounded, 1.0)
     limits = control_limits(watch.chart, watch.side_probability, watch.horizon, watch.pending, shared, known)
-    return widened(
-        limits,
-        watch.chart,
-        baseline.autocorrelation,
-        campaigns=watch.horizon,
-        pending=watch.pending,
-    )
+    return widened(limits, watch.chart, baseline.autocorrelation, campaigns=watch.horizon, pending=watch.pending)
 
 
 def _change(begin: datetime, watched: Series, scores: Scores, baseline: Baseline) -> ChangePoint:

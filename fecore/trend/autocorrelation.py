@@ -53,9 +53,7 @@ def _table(degrees_of_freedom: float) -> FloatArray:
     return normal_score(_NODES, degrees_of_freedom)
 
 
-GRID = np.arange(10) / 10
-"""φ for which series are simulated."""
-
+GRID = np.arange(10) / 10  # φ for which series are simulated
 _NONE = 0.2  # weight of φ = 0 before the data
 _SERIES = 4000  # simulated ones: a probability of 10 % is known to 0.5 %
 _SEED = 20_261_122  # of the simulated series: limits are the same whenever they are found
@@ -66,19 +64,12 @@ _PHASE = 0.4  # of the first wave, so that none is taken where it is zero
 
 @dataclass(frozen=True)
 class Autocorrelation:
-    """What a baseline says of φ.
+    """What a baseline says of φ."""
 
-    Attributes:
-        weights: (10,) probability of each φ of `GRID`.
-        interval_days: Δ, to which φ belongs.
-        campaigns: n, in the baseline.
-        covariates: lag-1 correlation of each covariate along the baseline, to a quarter.
-    """
-
-    weights: FloatArray
-    interval_days: float
-    campaigns: int
-    covariates: tuple[float, ...]
+    weights: FloatArray  # (10,) probability of each φ of `GRID`
+    interval_days: float  # Δ, to which φ belongs
+    campaigns: int  # n, in the baseline
+    covariates: tuple[float, ...]  # lag-1 correlation of each covariate along the baseline, to a quarter
 
     @property
     def mean(self) -> float:

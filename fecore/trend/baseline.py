@@ -52,23 +52,15 @@ _NORMAL = 1000.0  # more degrees of freedom than this are taken as a normal dist
 
 @dataclass(frozen=True)
 class RegressionFit:
-    """A regression and what it does not know.
+    """A regression and what it does not know."""
 
-    Attributes:
-        coefficients: (p,) β.
-        covariance: (p, p) of β, the scatter τ included.
-        between_sd: τ, standard deviation between campaigns.
-        total_variance: v = τ² + s̄².
-        degrees_of_freedom: ν of the t distribution that stands for the uncertainty of v.
-        excess: p-value of Σ (residual / s_i)² being as small as it is if the s_i were all the scatter there is; near 0
-            where the stated standard deviations are larger than the scatter that is seen.
-    """
-
-    coefficients: FloatArray
-    covariance: FloatArray
-    between_sd: float
-    total_variance: float
-    degrees_of_freedom: float
+    coefficients: FloatArray  # (p,) β
+    covariance: FloatArray  # (p, p) of β, the scatter τ included
+    between_sd: float  # τ, standard deviation between campaigns
+    total_variance: float  # v = τ² + s̄²
+    degrees_of_freedom: float  # ν of the t distribution that stands for the uncertainty of v
+    # p-value of Σ (residual / s_i)² being as small as it is if the s_i were all the scatter there is; near 0 where the
+    # stated standard deviations are larger than the scatter that is seen
     excess: float
 
 
@@ -135,27 +127,20 @@ _CONSISTENT = 0.01  # p-value below which the stated standard deviations are cal
 
 @dataclass(frozen=True)
 class Baseline:
-    """What is known of a parameter before it is watched.
+    """What is known of a parameter before it is watched."""
 
-    Attributes:
-        labels: campaigns that make the baseline.
-        covariates: names of the covariates that are regressed out.
-        centre, low, high, variance: (k,) mean, range and variance of each covariate in the baseline.
-        fit: β (value at the mean covariates, then the slopes), its covariance, τ and ν.
-        leverage_mean, leverage_max: of the baseline's own campaigns, xᵀ V_β x.
-        autocorrelation: how much its campaigns resemble their neighbours.
-    """
-
-    labels: tuple[str, ...]
-    covariates: tuple[str, ...]
+    labels: tuple[str, ...]  # campaigns that make the baseline
+    covariates: tuple[str, ...]  # names of the covariates that are regressed out
+    # centre, low, high, variance: (k,) mean, range and variance of each covariate in the baseline
     centre: FloatArray
     low: FloatArray
     high: FloatArray
     variance: FloatArray
-    fit: RegressionFit
+    fit: RegressionFit  # β (value at the mean covariates, then the slopes), its covariance, τ and ν
+    # leverage_mean, leverage_max: of the baseline's own campaigns, xᵀ V_β x
     leverage_mean: float
     leverage_max: float
-    autocorrelation: Autocorrelation
+    autocorrelation: Autocorrelation  # how much its campaigns resemble their neighbours
 
     @property
     def mean(self) -> float:
@@ -175,25 +160,15 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Scores:
-    """Campaigns judged against a baseline.
+    """Campaigns judged against a baseline."""
 
-    Attributes:
-        corrected: (n,) estimates brought to the baseline's mean covariates.
-        residual: (n,) estimate less what the baseline expects at the campaign's covariates.
-        residual_sd: (n,) its standard deviation, extrapolation and missing covariates included.
-        score: (n,) normal deviate of the residual.
-        extrapolated: (n,) whether a covariate lies beyond the baseline's.
-        missing: (n,) whether a covariate was not measured.
-        covariance: (n, n) of the residuals; off the diagonal, the baseline's error that campaigns share.
-    """
-
-    corrected: FloatArray
-    residual: FloatArray
-    residual_sd: FloatArray
-    score: FloatArray
-    extrapolated: BoolArray
-    missing: BoolArray
-    covariance: FloatArray
+    corrected: FloatArray  # (n,) estimates brought to the baseline's mean covariates
+    residual: FloatArray  # (n,) estimate less what the baseline expects at the campaign's covariates
+    residual_sd: FloatArray  # (n,) its standard deviation, extrapolation and missing covariates included
+    score: FloatArray  # (n,) normal deviate of the residual
+    extrapolated: BoolArray  # (n,) whether a covariate lies beyond the baseline's
+    missing: BoolArray  # (n,) whether a covariate was not measured
+    covariance: FloatArray  # (n, n) of the residuals; off the diagonal, the baseline's error that campaigns share
 
 
 def complete_campaigns(series: Series, covariates: Sequence[str]) -> IntArray:

@@ -41,31 +41,22 @@ DAYS_A_YEAR = 365.25  # Julian year
 
 @dataclass(frozen=True)
 class ChangePoint:
-    """Where a change began.
+    """Where a change began."""
 
-    Attributes:
-        pattern: what fits better: a `step`, or a `ramp` that still goes on.
-        index: of the first changed campaign, counted from the first one after the baseline; the most probable.
-        interval: (first, last) index of the 95 % interval.
-        date, date_interval: the same as dates. A change lies between the campaign before and the first changed one, so
-            the interval begins at the date of the campaign before; the baseline's end where there is none.
-        size: step: change of the parameter; ramp: change a year. In the parameter's unit.
-        size_sd: its standard deviation, given the index.
-        mean, mean_sd: of the size over all indices by their probability, so that not knowing the onset is in it:
-            mean = Σ p_τ Δ_τ, variance Σ p_τ (s_τ² + Δ_τ²) − mean².
-        degrees_of_freedom: of both standard deviations.
-    """
-
-    pattern: Pattern
-    index: int
-    interval: tuple[int, int]
+    pattern: Pattern  # what fits better: a `step`, or a `ramp` that still goes on
+    index: int  # of the first changed campaign, counted from the first one after the baseline; the most probable
+    interval: tuple[int, int]  # (first, last) index of the 95 % interval
+    # date, date_interval: the same as dates. A change lies between the campaign before and the first changed one, so
+    # the interval begins at the date of the campaign before; the baseline's end where there is none
     date: datetime
     date_interval: tuple[datetime, datetime]
-    size: float
-    size_sd: float
+    size: float  # step: change of the parameter; ramp: change a year. In the parameter's unit
+    size_sd: float  # its standard deviation, given the index
+    # mean, mean_sd: of the size over all indices by their probability, so that not knowing the onset is in it: mean = Σ
+    # p_τ Δ_τ, variance Σ p_τ (s_τ² + Δ_τ²) − mean²
     mean: float
     mean_sd: float
-    degrees_of_freedom: float
+    degrees_of_freedom: float  # of both standard deviations
 
 
 def change_point(
@@ -137,42 +128,26 @@ def _patterns(kind: Pattern, days: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Rate:
-    """Rate of change of a parameter.
+    """Rate of change of a parameter."""
 
-    Attributes:
-        per_year: ρ, the parameter's unit a year; a stiffness loss is negative, a damping rise positive.
-        standard_deviation: of `per_year`.
-        interval_95: from Student's t.
-        relative_per_year: ρ over the baseline's mean, 1/year.
-        relative_interval_95: the same for the interval.
-        since: the date from which the parameter changes so; None: over all campaigns.
-    """
-
-    per_year: float
-    standard_deviation: float
-    interval_95: tuple[float, float]
-    relative_per_year: float
-    relative_interval_95: tuple[float, float]
-    since: datetime | None = None
+    per_year: float  # ρ, the parameter's unit a year; a stiffness loss is negative, a damping rise positive
+    standard_deviation: float  # of `per_year`
+    interval_95: tuple[float, float]  # from Student's t
+    relative_per_year: float  # ρ over the baseline's mean, 1/year
+    relative_interval_95: tuple[float, float]  # the same for the interval
+    since: datetime | None = None  # the date from which the parameter changes so; None: over all campaigns
 
 
 @dataclass(frozen=True)
 class Line:
-    """A straight line in time through a series, and what covariates do beside it.
+    """A straight line in time through a series, and what covariates do beside it."""
 
-    Attributes:
-        rate: of change.
-        effects: by covariate, the change of the parameter by one unit of it, and its standard deviation.
-        corrected: (n,) estimates at the covariates' means; NaN where one was not measured.
-        ends: the line at the first and at the last campaign of the series.
-        used: campaigns whose covariates are all known.
-    """
-
-    rate: Rate
+    rate: Rate  # of change
+    # by covariate, the change of the parameter by one unit of it, and its standard deviation
     effects: Mapping[str, tuple[float, float]]
-    corrected: FloatArray
-    ends: tuple[float, float]
-    used: int
+    corrected: FloatArray  # (n,) estimates at the covariates' means; NaN where one was not measured
+    ends: tuple[float, float]  # the line at the first and at the last campaign of the series
+    used: int  # campaigns whose covariates are all known
 
 
 def rate(series: Series, covariates: Sequence[str], baseline_mean: float) -> Rate:

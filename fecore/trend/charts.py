@@ -39,40 +39,27 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
 
-CAP = 2.0
-"""Highest value of a chart, in units of its limit."""
+CAP = 2.0  # highest value of a chart, in units of its limit
 
 Kind = Literal["ewma", "cusum", "shewhart"]
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Where a campaign is outside.
+    """Where a campaign is outside."""
 
-    Attributes:
-        chart: h, for the chart's value.
-        score: c, for the campaign's own score; infinite where there is none.
-    """
-
-    chart: float
-    score: float = float("inf")
+    chart: float  # h, for the chart's value
+    score: float = float("inf")  # c, for the campaign's own score; infinite where there is none
 
 
 @dataclass(frozen=True)
 class Chart:
-    """A kind of chart.
+    """A kind of chart."""
 
-    Attributes:
-        kind: `ewma`, `cusum` or `shewhart`.
-        weight: λ of an EWMA, 0 < λ ≤ 1. Small for slow and small changes, large for sudden ones.
-        reference: k of a CUSUM, half the change to be found, in standard deviations.
-        jump_share: share of the false alarms that the limit on single scores may take; 0 for none.
-    """
-
-    kind: Kind = "ewma"
-    weight: float = 0.3
-    reference: float = 0.5
-    jump_share: float = 0.5
+    kind: Kind = "ewma"  # `ewma`, `cusum` or `shewhart`
+    weight: float = 0.3  # λ of an EWMA, 0 < λ ≤ 1. Small for slow and small changes, large for sudden ones
+    reference: float = 0.5  # k of a CUSUM, half the change to be found, in standard deviations
+    jump_share: float = 0.5  # share of the false alarms that the limit on single scores may take; 0 for none
 
     def __post_init__(self) -> None:
         if self.kind not in ("ewma", "cusum", "shewhart"):
@@ -108,12 +95,8 @@ class Chart:
         return values, (values > limits.chart) | (scores > limits.score)
 
 
-CELLS = 60
-"""Cells between 0 and the limit; 60 hold the average run length of usual charts to 0.5 %."""
-
-KNOWN = 1000.0
-"""Degrees of freedom from which the scatter counts as known."""
-
+CELLS = 60  # cells between 0 and the limit; 60 hold the average run length of usual charts to 0.5 %
+KNOWN = 1000.0  # degrees of freedom from which the scatter counts as known
 _MEMORYLESS = 2  # cells of a Shewhart chart, which goes anywhere from anywhere: exact
 _SHIFTS = 7  # quadrature nodes of e; with twice as many, limits move by less than 0.5 % (ν ≥ 5)
 _RATIOS = 6  # quadrature nodes of q

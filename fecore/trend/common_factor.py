@@ -24,23 +24,16 @@ from fecore.arrays import FloatArray
 from fecore.trend.baseline import Baseline
 from fecore.trend.series import Series, select
 
-FALSE_ALARMS = 0.05
-"""Probability that residuals are said to move together where each parameter scatters by itself."""
+FALSE_ALARMS = 0.05  # probability that residuals are said to move together where each parameter scatters by itself
 
 
 @dataclass(frozen=True)
 class CommonFactor:
-    """One direction in which the residuals of the baselines move together.
+    """One direction in which the residuals of the baselines move together."""
 
-    Attributes:
-        share: of the residuals' variance, each parameter in units of its own scatter.
-        weights: (q,) the direction, of length 1, its largest component positive.
-        p: probability of residuals that are correlated as strongly by chance.
-    """
-
-    share: float
-    weights: FloatArray
-    p: float
+    share: float  # of the residuals' variance, each parameter in units of its own scatter
+    weights: FloatArray  # (q,) the direction, of length 1, its largest component positive
+    p: float  # probability of residuals that are correlated as strongly by chance
 
 
 def common_factor(baselines: Sequence[tuple[Series, Baseline]]) -> CommonFactor | None:

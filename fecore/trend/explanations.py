@@ -27,76 +27,53 @@ from fecore.errors import InputError
 SENSOR = 0.01
 """Standard deviation of a mass that was added or taken away, kg: accelerometers of hammer tests weigh 0.5 to 30 g."""
 
-LOSS = 0.05
-"""Standard deviation of a relative change of a stiffness: what monitors are there for."""
+LOSS = 0.05  # standard deviation of a relative change of a stiffness: what monitors are there for
 
 CLIMATE = {"temperature_c": 0.02, "humidity_percent": 0.005}
 """Standard deviations of a relative change of all stiffness over a season by what was not given: 0.1 % for each
 kelvin of 20, and 2.5 % for each per cent of water, of which a laminate indoors takes up 0.2 %."""
 
-CALIBRATION = 0.1
-"""Standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip."""
+CALIBRATION = 0.1  # standard deviation of a relative change of the FRFs' scale: another sensor, gain or hammer tip
 
 MISSED = 0.05
 """ρ, relative standard deviation of a sensitivity: the updated model's, and what is beyond first order in some per cent."""
 
-RIVAL = float(np.log(20.0))
-"""Log evidence by which another explanation must be behind to be ruled out."""
-
+RIVAL = float(np.log(20.0))  # log evidence by which another explanation must be behind to be ruled out
 _QUANTILES = (np.arange(21) + 0.5) / 21  # of u
-
 _NEIGHBOURS = 4  # of a site on a surface
 
 
 @dataclass(frozen=True)
 class _Candidate:
-    """Causes that act together.
+    """Causes that act together."""
 
-    Attributes:
-        causes: by name, (f,) sensitivity and standard deviation of the size.
-        unsure: (q, f) independent errors of the sensitivities, by what size is.
-    """
-
-    causes: Mapping[str, tuple[FloatArray, float]]
+    causes: Mapping[str, tuple[FloatArray, float]]  # by name, (f,) sensitivity and standard deviation of the size
+    # (q, f) independent errors of the sensitivities, by what size is
     unsure: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What moves f natural frequencies.
+    """What moves f natural frequencies."""
 
-    Attributes:
-        stiffness: (f,) by name, change of the logarithms by the relative change of a stiffness.
-        support: (f,) by name, change by one standard deviation of an input of the support.
-        sites: (P, 3) where a mass may be, m, as evenly spread as a mesh.
-        mass: (f, P) change by a mass at each of them, 1/kg.
-        covariates: (f,) by name, slopes by a covariate that is regressed out.
-        not_given: covariates that are not, of those that `CLIMATE` knows.
-    """
-
-    stiffness: Mapping[str, FloatArray]
-    support: Mapping[str, FloatArray]
-    sites: FloatArray
-    mass: FloatArray
-    covariates: Mapping[str, FloatArray]
-    not_given: tuple[str, ...]
+    stiffness: Mapping[str, FloatArray]  # (f,) by name, change of the logarithms by the relative change of a stiffness
+    support: Mapping[str, FloatArray]  # (f,) by name, change by one standard deviation of an input of the support
+    sites: FloatArray  # (P, 3) where a mass may be, m, as evenly spread as a mesh
+    mass: FloatArray  # (f, P) change by a mass at each of them, 1/kg
+    covariates: Mapping[str, FloatArray]  # (f,) by name, slopes by a covariate that is regressed out
+    not_given: tuple[str, ...]  # covariates that are not, of those that `CLIMATE` knows
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """One explanation of a change.
+    """One explanation of a change."""
 
-    Attributes:
-        kind: `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor scale changed.
-        probability: among all explanations.
-        evidence: logarithm of how much likelier it makes what was measured than no change does.
-        sizes: by name, estimate and standard deviation: a mass in kg by its point, relative changes, an input of the support
-            in standard deviations.
-    """
-
+    # `mass`, `calibration`, `support`, `climate`, `stiffness`, or `none`: neither frequencies nor scale changed
     kind: str
-    probability: float
-    evidence: float
+    probability: float  # among all explanations
+    evidence: float  # logarithm of how much likelier it makes what was measured than no change does
+    # by name, estimate and standard deviation: a mass in kg by its point, relative changes, an input of the support in
+    # standard deviations
     sizes: Mapping[str, tuple[float, float]]
 
 

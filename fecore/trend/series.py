@@ -24,27 +24,17 @@ SIDES: dict[Direction, dict[str, int]] = {"fall": {"fall": -1}, "rise": {"rise":
 
 @dataclass(frozen=True)
 class Watch:
-    """All choices of a monitor.
+    """All choices of a monitor."""
 
-    Attributes:
-        directions: watched parameters and where they must not go: `fall` (stiffness), `rise` (damping) or `both`.
-        baseline: campaigns that make the baseline.
-        covariates: names of the covariates to regress out.
-        false_alarm_rate: α, false alarms a campaign of the whole family.
-        horizon: H, campaigns after the baseline over which α is held: P(false alarm) = 1 − (1 − α)^H.
-        pending: consecutive campaigns outside that make an alarm; the limits know of it.
-        chart: kind of chart.
-        expected_interval_days: between campaigns; None where nothing is expected.
-    """
-
+    # watched parameters and where they must not go: `fall` (stiffness), `rise` (damping) or `both`
     directions: Mapping[str, Direction]
-    baseline: int = 12
-    covariates: tuple[str, ...] = ()
-    false_alarm_rate: float = 0.01
-    horizon: int = 24
-    pending: int = 1
-    chart: Chart = field(default_factory=Chart)
-    expected_interval_days: float | None = None
+    baseline: int = 12  # campaigns that make the baseline
+    covariates: tuple[str, ...] = ()  # names of the covariates to regress out
+    false_alarm_rate: float = 0.01  # α, false alarms a campaign of the whole family
+    horizon: int = 24  # H, campaigns after the baseline over which α is held: P(false alarm) = 1 − (1 − α)^H
+    pending: int = 1  # consecutive campaigns outside that make an alarm; the limits know of it
+    chart: Chart = field(default_factory=Chart)  # kind of chart
+    expected_interval_days: float | None = None  # between campaigns; None where nothing is expected
 
     def __post_init__(self) -> None:
         if not self.directions:
@@ -73,24 +63,17 @@ SECONDS_A_DAY = 86400.0  # by definition
 
 @dataclass(frozen=True)
 class Series:
-    """Estimates θ(t) of one watched parameter.
+    """Estimates θ(t) of one watched parameter."""
 
-    Attributes:
-        name: of the parameter, such as `Ex` or `damping_ratio_1`.
-        dates: when each campaign was performed; all with a time zone, or all without.
-        estimate: (n,) in the parameter's unit.
-        standard_deviation: (n,) of each estimate, the part that differs from one campaign to the next: the noise-only
-            posterior. A model error that all campaigns share moves the whole series and hides no change.
-        covariates: by name (`temperature_c`, `humidity_percent`), (n,) each; NaN where it was not measured.
-        labels: of the campaigns, such as their ids; "1", "2" … by default.
-    """
-
-    name: str
-    dates: Sequence[datetime]
-    estimate: FloatArray
+    name: str  # of the parameter, such as `Ex` or `damping_ratio_1`
+    dates: Sequence[datetime]  # when each campaign was performed; all with a time zone, or all without
+    estimate: FloatArray  # (n,) in the parameter's unit
+    # (n,) of each estimate, the part that differs from one campaign to the next: the noise-only posterior. A model
+    # error that all campaigns share moves the whole series and hides no change
     standard_deviation: FloatArray
+    # by name (`temperature_c`, `humidity_percent`), (n,) each; NaN where it was not measured
     covariates: Mapping[str, FloatArray] = field(default_factory=dict)
-    labels: Sequence[str] = ()
+    labels: Sequence[str] = ()  # of the campaigns, such as their ids; "1", "2" … by default
 
     def __post_init__(self) -> None:
         n = len(self.dates)

@@ -51,17 +51,11 @@ WORST_FIRST = (State.ALARM, State.PENDING, State.NO_DATA, State.ACKNOWLEDGED, St
 
 @dataclass(frozen=True)
 class Condition:
-    """A state with what it remembers.
+    """A state with what it remembers."""
 
-    Attributes:
-        state: what is shown.
-        outside: campaigns outside in a row, missing ones passed over.
-        acknowledged: somebody has seen the alarm that these campaigns raised.
-    """
-
-    state: State = State.NO_DATA
-    outside: int = 0
-    acknowledged: bool = False
+    state: State = State.NO_DATA  # what is shown
+    outside: int = 0  # campaigns outside in a row, missing ones passed over
+    acknowledged: bool = False  # somebody has seen the alarm that these campaigns raised
 
 
 def step(condition: Condition, event: Event, pending: int = 1) -> Condition:
@@ -104,38 +98,25 @@ def worst(states: tuple[State, ...]) -> State:
     return min(states, key=WORST_FIRST.index)
 
 
-GRACE = 0.5
-"""Share of the expected interval by which a campaign may be late before it is missing."""
+GRACE = 0.5  # share of the expected interval by which a campaign may be late before it is missing
 
 
 @dataclass(frozen=True)
 class Acknowledgement:
-    """Somebody has seen an alarm.
+    """Somebody has seen an alarm."""
 
-    Attributes:
-        parameter: whose alarm.
-        date: when.
-    """
-
-    parameter: str
-    date: datetime
+    parameter: str  # whose alarm
+    date: datetime  # when
 
 
 @dataclass(frozen=True)
 class Moment:
-    """A state on the time axis.
+    """A state on the time axis."""
 
-    Attributes:
-        date: when it began to hold.
-        event: what brought it.
-        label: campaign, or None where one was missing or an alarm was acknowledged.
-        state: from then on.
-    """
-
-    date: datetime
-    event: Event
-    label: str | None
-    state: State
+    date: datetime  # when it began to hold
+    event: Event  # what brought it
+    label: str | None  # campaign, or None where one was missing or an alarm was acknowledged
+    state: State  # from then on
 
 
 def timeline(

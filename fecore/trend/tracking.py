@@ -18,25 +18,18 @@ from fecore.correlation import pair_modes
 Shape = Mapping[tuple[int, int], complex]
 """(grid point, axis 1 to 6) to the value of a mode shape along the positive axis."""
 
-SAME_MODE = 0.15
-"""Relative change of frequency from one campaign to the next up to which two modes may be the same."""
-LEAST_MAC = 0.5
-"""MAC below which two modes are others, as of pairs with a model."""
+SAME_MODE = 0.15  # relative change of frequency from one campaign to the next up to which two modes may be the same
+LEAST_MAC = 0.5  # MAC below which two modes are others, as of pairs with a model
 FEWEST_DOFS = 3
 """Shared degrees of freedom from which on shapes are compared: any two shapes at one of them have a MAC of 1."""
 
 
 @dataclass(frozen=True)
 class TrackedMode:
-    """A mode of a campaign.
+    """A mode of a campaign."""
 
-    Attributes:
-        frequency_hz: natural frequency, above 0.
-        shape: empty where it is not known.
-    """
-
-    frequency_hz: float
-    shape: Shape = field(default_factory=dict)
+    frequency_hz: float  # natural frequency, above 0
+    shape: Shape = field(default_factory=dict)  # empty where it is not known
 
 
 def track(campaigns: Sequence[Sequence[TrackedMode]]) -> list[list[int]]:

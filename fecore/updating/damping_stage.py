@@ -22,7 +22,7 @@ from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, convert
 from fecore.modal.error_model import memory
-from fecore.modal.noise import line_scatter, residual_variance
+from fecore.modal.noise import line_scatter
 from fecore.updating.damping_data import DampingData
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
@@ -36,6 +36,7 @@ from fecore.updating.measured_ratios import (
 )
 from fecore.updating.misfit import FrfMisfit
 from fecore.updating.posterior import root
+from fecore.updating.residual_noise import residual_variance
 
 DAMPING_DISCREPANCY = 0.02
 """Prior standard deviation of a damping ratio about its law, as a share of it: root mean square of the prior of s."""
@@ -249,7 +250,7 @@ def _noise_variance(data: DampingData) -> FloatArray:
     even = data.misfit(data.frfs, "linear", np.ones(measured.shape))
     first = fit_law(even, data.modal_law, data.start(data.modal_law), data.nuisance(0), _unit(even))
     predicted = even.predict(first.eigenvalue, first.rate)
-    variance = residual_variance(data.frfs.values - predicted, predicted, measured, 0)
+    variance = residual_variance(data.frfs.values - predicted, predicted, measured)
     return variance if stated is None else np.where(np.isnan(stated), variance, stated)
 
 

@@ -25,7 +25,6 @@ from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
 from fecore.frf import FrfSet
-from fecore.modal.noise import residual_variance
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import update_elastic
 from fecore.updating.elastic_result import ElasticResult
@@ -37,6 +36,7 @@ from fecore.updating.law_problem import Nuisance
 from fecore.updating.measured_ratios import nearest_positive
 from fecore.updating.misfit import FrfMisfit, Weighting
 from fecore.updating.parameters import by_name
+from fecore.updating.residual_noise import residual_variance
 
 _DRAWS = 512  # of the search
 _DRAWN_SD = 1.0  # draws cover so many of the prior's standard deviations to either side
@@ -174,7 +174,7 @@ def _take_turns(
         elastic = update_elastic(forward, modes)
         predicted = misfit.predict(fit.eigenvalue, fit.rate)
         residual = np.where(measured, frfs.values - predicted, 0)
-        variance = residual_variance(residual, predicted, measured, 0)
+        variance = residual_variance(residual, predicted, measured)
         moved = np.abs(elastic.theta - theta) / np.sqrt(np.diag(elastic.covariance))
         settled = weighting == "noise" and moved.max() < _STILL
         theta, start, weighting = elastic.theta, fit.coefficients, "noise"

@@ -29,7 +29,7 @@ from fecore.arrays import FloatArray
 from fecore.body.specimen import OrientedSpecimen, carrying
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
-from fecore.errors import InputError
+from fecore.errors import InputError, within
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out, yielding
@@ -159,13 +159,17 @@ def plan_tests(
         raise InputError("tests", "is empty, expected at least one that could be made")
     fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
-    simulated = [_Simulated.of(test, parameters, theta) for test in tests]
+    simulated = []
+    for number, test in enumerate(tests):
+        with within(f"tests.{number}"):
+            simulated.append(_Simulated.of(test, parameters, theta))
     known = _Known(tuple(campaigns), tuple(parameters), fitted)
     scatter = SCATTER if len({campaign.specimen for campaign in campaigns}) > 1 else 0.0
     now = known.standard_deviations(lay_out([*campaigns, simulated[0].campaign], parameters, scatter))
     prior = simulated[0].prior
     slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
-    for field_name, names in [("about", (about,) if about else ())] + [("coupons", c.constants) for c in coupons]:
+    named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
+    for field_name, names in {"about": (about,) if about else (), **named}.items():
         if unknown := set(names) - set(prior.reported):
             raise InputError(
                 field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(prior.reported)}"

@@ -16,6 +16,9 @@ def import_archive(
         Path, typer.Argument(exists=True, dir_okay=False, help="Archive, as `find --out FILE.zip` writes it")
     ],
     project: Annotated[str, typer.Argument(help="Project to read it into; made where there is none of that name")],
+    again: Annotated[
+        bool, typer.Option("--again", help="Read it though one of the same content was read before")
+    ] = False,
     as_json: AsJson = False,
     url: Url = None,
 ) -> None:
@@ -23,7 +26,7 @@ def import_archive(
     from modalbase.objects.laboratory import Laboratory  # it reads files, which no other command needs
 
     with service_at(url) as service:
-        done = Laboratory(service).project(project, create=True).import_archive(file)
+        done = Laboratory(service).project(project, create=True).import_archive(file, again=again)
     if as_json:
         print_json({"ids": done.ids, "results": done.results})
         return

@@ -87,11 +87,11 @@ class Connection:
         self._check(answer)
         return answer
 
-    def get(self, path: str, **params: Any) -> Any:
-        """The JSON at a path."""
+    def get(self, path: str, **params: Any) -> dict[str, Any]:
+        """The JSON object at a path."""
         return self._json(self.request("GET", path, params=_given(params)))
 
-    def post(self, path: str, body: Any, headers: dict[str, str] | None = None, **params: Any) -> Any:
+    def post(self, path: str, body: Any, headers: dict[str, str] | None = None, **params: Any) -> dict[str, Any]:
         """Send a JSON body, with headers such as `Idempotency-Key` beside the key; returns the JSON that answers it."""
         return self._json(self.request("POST", path, json=body, headers=headers, params=_given(params)))
 
@@ -137,7 +137,7 @@ class Connection:
             if cursor is None:
                 return
 
-    def upload(self, path: str, file: Path, watch: Watch, **params: Any) -> Any:
+    def upload(self, path: str, file: Path, watch: Watch, **params: Any) -> dict[str, Any]:
         """Send a file as raw body, block by block, so that it may be larger than the memory.
 
         Args:
@@ -162,7 +162,7 @@ class Connection:
         headers = {"Content-Type": "application/octet-stream", "Content-Length": str(size)}
         return self._json(self.request("POST", path, params=_given(params), content=blocks(), headers=headers))
 
-    def submit(self, path: str, file: Path, fields: dict[str, str], **params: Any) -> Any:
+    def submit(self, path: str, file: Path, fields: dict[str, str], **params: Any) -> dict[str, Any]:
         """Send a multipart form whose field `file` is a file, beside other fields; returns the JSON that answers it."""
         with file.open("rb") as stream:
             form = {"data": fields, "files": {"file": (file.name, stream)}}
@@ -212,13 +212,14 @@ class Connection:
         code = Exit.UNREACHABLE if answer.status_code in (502, 503, 504) else Exit.REFUSED
         raise ClientError(f"{text} ({answer.status_code})", code, status=answer.status_code, problem=problem)
 
-    def _json(self, answer: httpx.Response) -> Any:
+    def _json(self, answer: httpx.Response) -> dict[str, Any]:
         try:
-            return answer.json()
+            found: dict[str, Any] = answer.json()  # each call of the contract answers by an object
         except ValueError:
             raise ClientError(
                 f"{self.url} does not answer in JSON; is it modalbase's address?", Exit.UNREACHABLE
             ) from None
+        return found
 
     def _unreachable(self, error: httpx.HTTPError) -> ClientError:
         reason = str(error) or type(error).__name__

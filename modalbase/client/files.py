@@ -21,6 +21,7 @@ FRF_FORMATS = {
 }  # fmt: skip
 FIGURES = {".svg": "svg", ".png": "png", ".pdf": "pdf", ".json": "plotly"}
 REPORTS = {".html": "html", ".htm": "html", ".pdf": "pdf"}
+_LONG = 10_000  # characters of a mapping that an address still has room for, escaped
 SOLVERS = {".inp": "calculix", ".bdf": "nastran", ".dat": "nastran", ".nas": "nastran"}
 """The program whose deck a file's name says."""
 
@@ -50,14 +51,38 @@ def send_file(
     sections: Mapping[str, Any] | None = None,
     **query: Any,
 ) -> dict[str, Any]:
-    """Send a file, with a mapping that says which variable is what, or sections of a mesh; returns the JSON that answers it."""
+    """Send a file, with a mapping that says which variable is what, or sections of a mesh; returns the JSON that answers it.
+
+    What an address may have no room for, sections or the order of many points, goes in a form.
+    """
     stated = None if mapping is None else json.dumps(mapping)
-    if sections is not None:  # in a form, since an address has no room for plies of many sets
-        found: dict[str, Any] = service.submit(path, file, {"sections": json.dumps(sections)}, **query)
-        return found
+    form = {"sections": json.dumps(sections)} if sections is not None else {}
+    if stated is not None and len(stated) > _LONG:
+        form["mapping"] = stated
+    if form:
+        return service.submit(path, file, form, **query)
     with transfer(file.name) as watch:
-        sent: dict[str, Any] = service.upload(path, file, watch, filename=file.name, mapping=stated, **query)
-    return sent
+        return service.upload(path, file, watch, filename=file.name, mapping=stated, **query)
+
+
+def save_file(
+    service: Connection,
+    path: str,
+    file: str | Path,
+    formats: Mapping[str, str] | None = None,
+    advice: str = "",
+    **query: Any,
+) -> Path:
+    """Write what is at a path to a file, in the format that its name says where there are several; returns its path.
+
+    Raises:
+        ClientError: the name says no format, or the service refuses.
+    """
+    target = Path(file)
+    if formats is not None and query.get("format") is None:
+        query["format"] = format_of(target, formats, advice)
+    fetch_file(service, path, target, **query)
+    return target
 
 
 def fetch_file(service: Connection, path: str, file: Path, **query: Any) -> int:

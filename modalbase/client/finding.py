@@ -61,8 +61,7 @@ def find(service: Connection, kind: Kind, text: str, within: str | None = None) 
         ClientError: nothing has that name, or several things have; the message lists what there is.
     """
     if (id_ := uuid_of(text)) is not None:
-        found: dict[str, Any] = service.get(kind.path.format(id_))
-        return found
+        return service.get(kind.path.format(id_))
     there = list(all_of(service, kind) if within is None else service.pages(kind.below.format(within)))
     if text == LATEST and there:
         return max(there, key=lambda one: str(one["created_at"]))

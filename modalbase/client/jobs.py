@@ -39,7 +39,7 @@ def wait_for(service: Connection, path: str, what: str, watch: Watch | None = No
     pause = FIRST_PAUSE
     with stages(what) as show:
         while True:
-            job: dict[str, Any] = service.get(path)
+            job = service.get(path)
             show(job)
             if watch is not None:
                 watch(job["stage"] or job["status"], job["progress"] or 0.0)

@@ -294,8 +294,7 @@ def _decided(keep: list[float], drop: list[float], why: str | None) -> list[dict
 
 def _edited(service: Connection, found: dict[str, Any], decisions: list[dict[str, Any]]) -> dict[str, Any]:
     body = {"name": f"{found['name']}, edited", "decisions": decisions}
-    edited: dict[str, Any] = service.post(f"mode-sets/{found['id']}/edits", body)
-    return edited
+    return service.post(f"mode-sets/{found['id']}/edits", body)
 
 
 def _identified(service: Connection, campaign: str, band: str | None, threshold: float | None) -> dict[str, Any]:
@@ -305,8 +304,7 @@ def _identified(service: Connection, campaign: str, band: str | None, threshold:
     job = service.post(f"campaigns/{campaign}/identifications", options)
     ended = wait_for(service, f"identifications/{job['id']}", "identification")
     require_success(ended, f"identification {job['id']}")
-    found: dict[str, Any] = service.get(f"mode-sets/{ended['mode_set']}")
-    return found
+    return service.get(f"mode-sets/{ended['mode_set']}")
 
 
 def _band(text: str) -> list[float]:

@@ -1,9 +1,10 @@
-"""One array of an npz archive, read no further than its entry says."""
+"""The arrays of an npz archive, each read no further than its entry says."""
 
 from __future__ import annotations
 
 import zipfile
 import zlib
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,18 @@ from modalbase.formats.errors import FormatError
 Array = np.ndarray[Any, Any]
 
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def members_of(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    """The members of an archive.
+
+    Raises:
+        FormatError: two have one name, of which a reader by name would lose one.
+    """
+    members = archive.infolist()
+    if len(names := Counter(member.filename for member in members)) < len(members):
+        raise FormatError(names.most_common(1)[0][0].removesuffix(".npy"), "is in the file twice")
+    return members
 
 
 def read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Array:

@@ -27,9 +27,8 @@ _DELIMITER = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*-1[ \t]*\r?(?:\n|\Z)")
 def recognise(path: Path, name: str = "") -> Format:
     """Return the format of a file.
 
-    A .mat of version 4 has no mark and is known by its name alone. Text that opens with a UFF delimiter is UFF; other text
-    is CSV where its name says so, or where its first lines are columns and its name does not say UFF. What nothing
-    recognises is UFF, whose reader says what is wrong with it.
+    Text that opens with a UFF delimiter is UFF. What has no mark, such as a .mat of version 4, is what its name says, and the
+    reader says what is wrong with it; of other names it is CSV where its first lines are columns, and else UFF.
 
     Args:
         path: of the file.
@@ -41,11 +40,10 @@ def recognise(path: Path, name: str = "") -> Format:
     for magic, found in _MAGIC.items():
         if head.startswith(magic):
             return found
-    if suffix == ".mat":
-        return "mat"
     if _DELIMITER.match(head) or suffix in _UFF_NAMES:
         return "uff"
-    return "csv" if suffix == ".csv" or _is_table(head) else "uff"
+    named: dict[str, Format] = {f".{form}": form for form in FORMATS}
+    return named.get(suffix, "csv" if _is_table(head) else "uff")
 
 
 def _is_table(head: bytes) -> bool:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
-from modalbase.archive import FORMAT, MANIFEST
+from modalbase.archive import CRATE, FORMAT, MANIFEST
 from modalbase.client.errors import ClientError, Exit
 
 MOST_MANIFEST, MOST_WHOLE = 64 * 1024 * 1024, 512 * 1024 * 1024
@@ -77,6 +77,12 @@ class ArchiveFile:
 
     def __exit__(self, *_: object) -> None:
         self._zip.close()
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what is in it: archives of the same content have the same, whenever they were written."""
+        content = {name: sha for name, sha in self._digests.items() if name != CRATE}
+        return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
     def names(self, folder: str, end: str) -> list[str]:
         """Paths of members in a folder that end so."""

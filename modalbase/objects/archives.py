@@ -11,6 +11,7 @@ from uuid import UUID
 
 from modalbase.client.errors import ClientError
 from modalbase.objects.archive_files import ArchiveFile, broken
+from modalbase.objects.found import Found
 from modalbase.objects.jobs import Import
 
 if TYPE_CHECKING:
@@ -18,15 +19,8 @@ if TYPE_CHECKING:
     from modalbase.objects.projects import Project, Structure
 
 _OF_THE_SERVICE = {
-    "id",
-    "project_id",
-    "structure_id",
-    "version",
-    "model",
-    "replaced",
-    "created_at",
-    "updated_at",
-    "deleted_at",
+    *("id", "project_id", "structure_id", "version", "model", "replaced"),
+    *("created_at", "updated_at", "deleted_at"),
 }
 """Members of a thing that another service gives it anew."""
 _MODE = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd", "shape")
@@ -56,18 +50,22 @@ class Imported:
     results: list[str]
 
 
-def import_archive(project: Project, path: Path) -> Imported:
+def import_archive(project: Project, path: Path, *, again: bool = False) -> Imported:
     """Read an archive into a project; everything gets ids of the service, and says in `meta.archive` where it came from.
+
+    What came from an archive of the same content, in any project that one may see, is not brought in twice but with `again`.
 
     Where a part of it cannot be read, the structures that were made are deleted, and with them all that is theirs; instruments
     stay.
 
     Raises:
-        ClientError: the archive is not what was written, which is known before anything is sent; or a part of it is none of an
-            archive, or refused by the service.
+        ClientError: the archive is not what was written, or its content is there already, which is known before anything is
+            sent; or a part of it is none of an archive, or refused by the service.
     """
     with ArchiveFile(path) as archive:
         archive.check()
+        if not again:
+            _require_new(project, archive)
         reading = _Import(project, archive)
         try:
             return reading.whole()
@@ -77,6 +75,16 @@ def import_archive(project: Project, path: Path) -> Imported:
             raise broken(
                 f"{archive.last} of {path.name} is not as an archive is: {said}; what was made is deleted"
             ) from error
+
+
+def _require_new(project: Project, archive: ArchiveFile) -> None:
+    """Refuse an archive whose content is in a project already."""
+    same = Found(project.lab, "structures", {"filter": f"meta.archive.sha256 = '{archive.digest}'"})
+    for there in same:
+        name, key, day = there["project.name"], there["project.id"], there["created_at"][:10]
+        raise ClientError(
+            f"the project {name} ({key}) has what is in this archive since {day}; `again=True`, `--again`: have it twice"
+        )
 
 
 class _Import:
@@ -124,7 +132,7 @@ class _Import:
     def structure(self, was: Mapping[str, Any]) -> Structure:
         """A structure with its deck and its coupons."""
         archive, folder = self.archive, f"structures/{_id(was)}"
-        made = self.project.new_structure(**_stated(was), confirm=True)
+        made = self.project.new_structure(**self.stated(was), confirm=True)
         self.made.append(made)
         self.ids[_id(was)] = made.id
         if archive.has(f"{folder}/deck"):
@@ -136,6 +144,12 @@ class _Import:
             for one in archive.json(f"{folder}/coupon-batches.json"):
                 self.coupons(made, folder, one["batch"], one["coupons"])
         return made
+
+    def stated(self, was: Mapping[str, Any]) -> dict[str, Any]:
+        """What a client states of a thing, with where it came from."""
+        stated = {name: value for name, value in was.items() if name not in _OF_THE_SERVICE and value is not None}
+        origin = {"id": _id(was), "created_at": was.get("created_at"), "sha256": self.archive.digest}
+        return {**stated, "meta": {**stated.get("meta", {}), "archive": origin}}
 
     def coupons(self, structure: Structure, folder: str, was: Mapping[str, Any], coupons: list[dict[str, Any]]) -> None:
         """A batch; a raw curve is reduced anew from the testing machine's file."""
@@ -156,7 +170,7 @@ class _Import:
 
     def campaign(self, structure: Structure, was: Mapping[str, Any]) -> None:
         """A campaign with its points, hits, FRFs with their labels, and mode sets."""
-        archive, folder, stated = self.archive, f"campaigns/{_id(was)}", _stated(was)
+        archive, folder, stated = self.archive, f"campaigns/{_id(was)}", self.stated(was)
         rates = {row["window_rate_per_s"] for row in archive.rows(f"{folder}/frfs.csv")}
         if (stated.get("inputs") or {}).get("window_rate_per_s") is None and len(rates) == 1 and (rate := rates.pop()):
             stated["inputs"] = {**(stated.get("inputs") or {}), "window_rate_per_s": float(rate)}
@@ -220,13 +234,6 @@ def _label(campaign: Campaign, rows: list[dict[str, str]], import_id: str) -> No
             which = {"point": row["response_point"], "direction": row["response_direction"]}
             which |= {"reference": row["reference_point"], "quantity": row["quantity"], "import_id": import_id}
             campaign.label_frfs(tags=tags, meta=meta, **which)
-
-
-def _stated(was: Mapping[str, Any]) -> dict[str, Any]:
-    """What a client states of a thing, with where it came from."""
-    stated = {name: value for name, value in was.items() if name not in _OF_THE_SERVICE and value is not None}
-    origin = {"id": _id(was), "created_at": was.get("created_at")}
-    return {**stated, "meta": {**stated.get("meta", {}), "archive": origin}}
 
 
 def _id(was: Any) -> str:

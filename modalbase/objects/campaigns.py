@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import FRF_FORMATS, fetch_file, format_of, send_file
+from modalbase.client.files import FRF_FORMATS, save_file, send_file
 from modalbase.client.finding import CAMPAIGN, Kind
 from modalbase.client.rest import require_known
 from modalbase.objects.jobs import Identification, Import, ModeSet, Processing, UpdateJob, update_jobs
@@ -159,8 +159,7 @@ class Campaign(Editable):
 
     def archive(self, file: str | Path) -> Path:
         """Write it, with its structure and instruments, to a zip that others read without this service."""
-        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
-        return Path(file)
+        return save_file(self.lab.connection, f"{self.address}/archive", file)
 
     def label_frfs(self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None, **which: Any) -> int:
         """Give a set of FRFs tags and metadata in place of theirs, by which a search finds them; the number of FRFs.
@@ -249,8 +248,7 @@ class Campaign(Editable):
         if "items" in answer:
             return answer
         sent = Import(self.lab, answer).wait().check()
-        judged: dict[str, Any] = self.lab.connection.get(f"{sent.address}/records")
-        return judged
+        return self.lab.connection.get(f"{sent.address}/records")
 
     def records(self, **wanted: Any) -> list[Record]:
         """Its time blocks, without their samples.
@@ -369,10 +367,9 @@ class Campaign(Editable):
             ClientError: the name says none of these, nothing matches, or there is no such filter.
         """
         require_known("get_campaign_data", wanted)
-        target = Path(file)
-        chosen = file_format or format_of(target, FRF_FORMATS)
-        fetch_file(self.lab.connection, f"{self.address}/frfs/data", target, format=chosen, **wanted)
-        return target
+        return save_file(
+            self.lab.connection, f"{self.address}/frfs/data", file, FRF_FORMATS, format=file_format, **wanted
+        )
 
 
 def _npz(wanted: Mapping[str, Any]) -> dict[str, Any]:

@@ -50,8 +50,7 @@ class CouponBatch(Thing):
 
     def summary(self) -> dict[str, Any]:
         """Statistics of the batch, the priors that follow, and warnings."""
-        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/summary")
-        return found
+        return self.lab.connection.get(f"{self.address}/summary")
 
     @property
     def statistics(self) -> Table:

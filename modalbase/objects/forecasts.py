@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
-from modalbase.client.files import FRF_FORMATS, MESH_FORMATS, fetch_file, format_of
+from modalbase.client.files import FRF_FORMATS, MESH_FORMATS, format_of, save_file
 from modalbase.client.finding import Kind
-from modalbase.objects.jobs import Job
+from modalbase.objects.jobs import Stoppable
 from modalbase.objects.thing import Table
 
 if TYPE_CHECKING:
     from modalbase.objects.frfs import Frfs
 
 
-class Forecast(Job):
+class Forecast(Stoppable):
     """The solving of a structure's nominal model."""
 
     noun = Kind("forecast", "forecasts/{}", "structures/{}/forecasts")
@@ -51,7 +51,7 @@ class Forecast(Job):
         Raises:
             ClientError: the name says no format, or no `damping_ratio` was stated.
         """
-        return self._written("frfs/data", Path(file), FRF_FORMATS)
+        return self._written("frfs/data", file, FRF_FORMATS)
 
     def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
         """Write the mesh with the mode shapes: `.vtu` for viewers, or `.uff` with sets 2411, 2412 and 55.
@@ -63,18 +63,12 @@ class Forecast(Job):
         Raises:
             ClientError: the name says no format.
         """
-        return self._written("mesh", Path(file), MESH_FORMATS, at=at)
+        return self._written("mesh", file, MESH_FORMATS, at=at)
 
-    def _written(self, part: str, target: Path, formats: dict[str, str], **query: Any) -> Path:
-        chosen = format_of(target, formats)
+    def _written(self, part: str, file: str | Path, formats: dict[str, str], **query: Any) -> Path:
+        format_of(Path(file), formats)  # before one waits
         self.wait().check()
-        fetch_file(self.lab.connection, f"{self.address}/{part}", target, format=chosen, **query)
-        return target
-
-    def cancel(self) -> Self:
-        """Ask for its end."""
-        self.fields = self.lab.rest.cancel_forecast(self.fields["id"])
-        return self
+        return save_file(self.lab.connection, f"{self.address}/{part}", file, formats, **query)
 
     def summary(self) -> str:
         """Where to hit, and the modes; or why there are none."""

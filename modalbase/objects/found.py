@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.files import fetch_file
+from modalbase.client.files import save_file
 from modalbase.client.searching import rate_rows
 from modalbase.objects.thing import Access, Figure, Table, library
 
@@ -88,8 +88,7 @@ class Found:
         """
         if self.noun != "campaigns":
             raise ClientError(f"an archive is of campaigns; search for those whose {self.noun} are meant", Exit.USAGE)
-        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file), **self._what())
-        return Path(file)
+        return save_file(self.lab.connection, f"{self.address}/archive", file, **self._what())
 
     def arrays(self, **cut: Any) -> dict[str, Any]:
         """The spectra of all FRFs found, as arrays by name, in one stream: `values` is (N, lines), `frequency_hz` (lines,).
@@ -102,8 +101,7 @@ class Found:
         """
         import numpy as np
 
-        if self.noun != "frfs":
-            raise ClientError(f"{self.noun} have no spectra; search for frfs", Exit.USAGE)
+        self._require("spectra", "frfs")
         query = {**self._what(), **cut, "format": "npz"}
         content = self.lab.connection.call("GET", "search/frfs/data", params=query)
         with np.load(io.BytesIO(content)) as archive:
@@ -126,8 +124,7 @@ class Found:
         Raises:
             ClientError: it is no search for results or modes, or nothing found has such a value.
         """
-        if self.noun not in ("results", "modes"):
-            raise ClientError(f"{self.noun} have no trend; search for results or modes", Exit.USAGE)
+        self._require("trend", "results", "modes")
         query = {**self._what(), "value": value, "covariates": covariates}
         return Trend(self.lab, f"{self.address}/trend", {k: v for k, v in query.items() if v is not None})
 
@@ -137,10 +134,13 @@ class Found:
         Raises:
             ClientError: it is no search for results.
         """
-        if self.noun != "results":
-            raise ClientError(f"{self.noun} have no figure; search for results", Exit.USAGE)
+        self._require("figure", "results")
         sort = {"sort": self.query["sort"]} if "sort" in self.query else {}
         return Figure(self.lab, f"{self.address}/figure", {**self._what(), **sort})
+
+    def _require(self, what: str, *nouns: str) -> None:
+        if self.noun not in nouns:
+            raise ClientError(f"{self.noun} have no {what}; search for {' or '.join(nouns)}", Exit.USAGE)
 
     def _what(self) -> dict[str, Any]:
         """What is searched for, whatever is shown of it."""

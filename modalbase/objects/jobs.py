@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from modalbase.client.files import MESH_FORMATS, REPORTS, SOLVERS, fetch_file, format_of
+from modalbase.client.files import MESH_FORMATS, REPORTS, SOLVERS, save_file
 from modalbase.client.finding import MODE_SET, Kind
 from modalbase.client.jobs import ENDED, Watch, reason_of, require_success, wait_for
 from modalbase.client.results import beside_lines, mode_cells, mode_set_cells, parameter_cells, verdict_lines
@@ -154,9 +154,7 @@ class Result:
         Raises:
             ClientError: the structure is no model that was sent, or the result has no elastic constants.
         """
-        target = Path(file)
-        fetch_file(self.lab.connection, f"update-jobs/{self.job}/deck", target)
-        return target
+        return save_file(self.lab.connection, f"update-jobs/{self.job}/deck", file)
 
     def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
         """Write the mesh with the mode shapes of the updated model and the measured ones, for other programs.
@@ -168,10 +166,7 @@ class Result:
         Raises:
             ClientError: the name says no format, or the result keeps no shapes.
         """
-        target = Path(file)
-        chosen = format_of(target, MESH_FORMATS)
-        fetch_file(self.lab.connection, f"update-jobs/{self.job}/mesh", target, format=chosen, at=at)
-        return target
+        return save_file(self.lab.connection, f"update-jobs/{self.job}/mesh", file, MESH_FORMATS, at=at)
 
     def figure(self, name: str, **options: Any) -> Figure:
         """A figure, shown in a notebook; `figures()` lists the names.
@@ -256,7 +251,16 @@ class Processing(Job):
     noun = Kind("processing", "processings/{}", "campaigns/{}/processings")
 
 
-class Identification(Job):
+class Stoppable(Job):
+    """A job that can be asked to end."""
+
+    def cancel(self) -> Self:
+        """Ask for its end."""
+        self.fields = self.lab.connection.call("POST", f"{self.address}/cancel")
+        return self
+
+
+class Identification(Stoppable):
     """From FRFs to modes."""
 
     noun = Kind("identification", "identifications/{}", "campaigns/{}/identifications")
@@ -270,13 +274,8 @@ class Identification(Job):
         found = self.wait().check().fields["mode_set"]
         return ModeSet(self.lab, self.lab.connection.get(ModeSet.noun.path.format(found)))
 
-    def cancel(self) -> Self:
-        """Ask for its end."""
-        self.fields = self.lab.rest.cancel_identification(self.fields["id"])
-        return self
 
-
-class UpdateJob(Job):
+class UpdateJob(Stoppable):
     """The updating of a structure's model to a campaign."""
 
     noun = Kind("update", "update-jobs/{}", "campaigns/{}/update-jobs")
@@ -299,18 +298,11 @@ class UpdateJob(Job):
         Raises:
             ClientError: the name says neither, or the job has no result.
         """
-        target = Path(file)
-        fetch_file(self.lab.connection, f"{self.address}/report", target, format=format_of(target, REPORTS))
-        return target
+        return save_file(self.lab.connection, f"{self.address}/report", file, REPORTS)
 
     def summary(self) -> str:
         """Verdict, warnings and parameters of a job that has succeeded, the reason of one that failed, else its stage."""
         return str(self.result()) if self.succeeded else super().summary()
-
-    def cancel(self) -> Self:
-        """Ask for its end."""
-        self.fields = self.lab.rest.cancel_update_job(self.fields["id"])
-        return self
 
     def retry(self) -> Self:
         """Queue it again, where it failed or was cancelled."""
@@ -324,8 +316,7 @@ class UpdateJob(Job):
         Raises:
             ClientError: there is no result.
         """
-        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/labels")
-        return found
+        return self.lab.connection.get(f"{self.address}/labels")
 
     def label(self, *, tags: Sequence[str] = (), meta: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Give its result tags and metadata in place of its own, by which a search finds it.
@@ -365,10 +356,8 @@ class UpdateJob(Job):
         Raises:
             ClientError: the name does not say which, or the job has no result.
         """
-        target = Path(file)
-        chosen = solver or format_of(target, SOLVERS, "state the program: ")
-        fetch_file(self.lab.connection, f"{self.address}/cards", target, format=chosen)
-        return target
+        advice = "state the program: "
+        return save_file(self.lab.connection, f"{self.address}/cards", file, SOLVERS, advice, format=solver)
 
 
 def update_jobs(lab: Access, most: int | None = None, **narrowed: Any) -> list[UpdateJob]:

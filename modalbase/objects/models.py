@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from modalbase.client.files import fetch_file
+from modalbase.client.files import save_file
 from modalbase.client.finding import Kind
 from modalbase.objects.jobs import Job
 from modalbase.objects.thing import Table
@@ -43,9 +43,7 @@ class Model(Job):
 
     def save(self, file: str | Path) -> Path:
         """Write the deck as it was sent."""
-        target = Path(file)
-        fetch_file(self.lab.connection, f"structures/{self.fields['structure_id']}/model/original", target)
-        return target
+        return save_file(self.lab.connection, f"structures/{self.fields['structure_id']}/model/original", file)
 
     def summary(self) -> str:
         """What was read, or why it was not."""

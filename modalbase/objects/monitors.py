@@ -30,8 +30,7 @@ class Monitor(Editable):
 
     def series(self, number: int | None = None) -> dict[str, Any]:
         """Values with their uncertainty, baseline, limits, alarms and campaigns."""
-        found: dict[str, Any] = self.lab.connection.get(f"{self.address}/series", series=number)
-        return found
+        return self.lab.connection.get(f"{self.address}/series", series=number)
 
     def figure(self, parameter: str | None = None) -> Figure:
         """The control chart of a parameter; by default of the first one that is watched."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from modalbase.client.files import MESH_FORMATS, fetch_file, format_of, send_file
+from modalbase.client.files import MESH_FORMATS, save_file, send_file
 from modalbase.client.finding import PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
@@ -84,20 +84,23 @@ class Project(Editable):
 
     def archive(self, file: str | Path) -> Path:
         """Write all of it, instruments, structures and campaigns, to a zip that others read without this service."""
-        fetch_file(self.lab.connection, f"{self.address}/archive", Path(file))
-        return Path(file)
+        return save_file(self.lab.connection, f"{self.address}/archive", file)
 
-    def import_archive(self, file: str | Path) -> Imported:
+    def import_archive(self, file: str | Path, *, again: bool = False) -> Imported:
         """Read an archive that a service wrote, with new ids: all but results, which stay in it, and monitors at rest.
 
-        Each structure and campaign says in `meta.archive` which one it was.
+        Each structure and campaign says in `meta.archive` which one it was, and in `sha256` of what archive.
+
+        Args:
+            file: the archive.
+            again: read it though one of the same content was read before.
 
         Raises:
-            ClientError: the archive is broken or no longer what was written, in which case nothing is sent; or the service
-                refuses a part of it.
+            ClientError: the archive is broken or no longer what was written, or its content is in a project already, in which
+                case nothing is sent; or the service refuses a part of it.
             JobFailed: the service cannot read its FRFs.
         """
-        return import_archive(self, Path(file))
+        return import_archive(self, Path(file), again=again)
 
     def instruments(self) -> Table:
         """Its hammers, sensors and analysers with their calibrations; campaigns name them by kind and serial number."""
@@ -116,8 +119,7 @@ class Project(Editable):
             ClientError: the project has it already, or the service refuses it.
         """
         body = {"kind": kind, "serial": serial, **fields}
-        made: dict[str, Any] = self.lab.connection.post(f"{self.address}/instruments", body)
-        return made
+        return self.lab.connection.post(f"{self.address}/instruments", body)
 
     def change_instrument(self, instrument_id: str, **fields: Any) -> dict[str, Any]:
         """Change an instrument's `serial`, `model`, `notes`, or with `calibrations` its whole history.
@@ -192,10 +194,7 @@ class Structure(Editable):
         Raises:
             ClientError: the name says no format, or nothing is said of the structure that has a mesh.
         """
-        target = Path(file)
-        chosen = format_of(target, MESH_FORMATS)
-        fetch_file(self.lab.connection, f"{self.address}/model/mesh", target, format=chosen)
-        return target
+        return save_file(self.lab.connection, f"{self.address}/model/mesh", file, MESH_FORMATS)
 
     def forecast(self, **asked: Any) -> Forecast:
         """Solve its nominal model, before anything is measured: modes, where to hit, and FRFs where damping is stated.

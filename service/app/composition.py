@@ -44,34 +44,10 @@ from service.store.updating.alignment import router as alignment
 from service.store.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
-    access,
-    storage,
-    structures,
-    models,
-    campaigns,
-    instruments,
-    imports,
-    purging,
-    grid_points,
-    alignment,
-    scripts,
-    frfs,
-    records,
-    mode_sets,
-    identifications,
-    coupons,
-    forecasts,
-    updating,
-    plans,
-    search,
-    saved_searches,
-    archives,
-    results,
-    forecasts_shown,
-    measured_figures,
-    monitoring,
-    webhooks,
-)
+    access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
+    frfs, records, mode_sets, identifications, coupons, forecasts, updating, plans, search, saved_searches,
+    archives, results, forecasts_shown, measured_figures, monitoring, webhooks,
+)  # fmt: skip
 """Everything under `/api/v1`, in the order of the documentation page."""
 
 FINDERS: dict[str, Finder] = {

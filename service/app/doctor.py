@@ -27,17 +27,11 @@ Level = Literal["ok", "warning", "fault"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """One thing that was looked at."""
 
-    Attributes:
-        level: `fault` keeps the service from working, or has harmed data.
-        subject: what was looked at.
-        words: what was found, and for a warning or a fault what to do.
-    """
-
-    level: Level
-    subject: str
-    words: str
+    level: Level  # `fault` keeps the service from working, or has harmed data
+    subject: str  # what was looked at
+    words: str  # what was found, and for a warning or a fault what to do
 
 
 def examine(settings: Settings, *, stored: bool = True) -> Iterator[Finding]:

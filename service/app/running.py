@@ -23,19 +23,12 @@ CLOCK_SECONDS = 2.0
 
 @dataclass(frozen=True)
 class RunningService:
-    """A `modalbase up` that runs.
+    """A `modalbase up` that runs."""
 
-    Attributes:
-        pid: its process.
-        began: when that started, seconds since 1970; a later process with the same id has another.
-        url: where its API is.
-        data: its data folder; None where its database is a server of its own.
-    """
-
-    pid: int
-    began: float
-    url: str
-    data: str | None
+    pid: int  # its process
+    began: float  # when that started, seconds since 1970; a later process with the same id has another
+    url: str  # where its API is
+    data: str | None  # its data folder; None where its database is a server of its own
 
 
 @contextmanager

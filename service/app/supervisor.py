@@ -35,8 +35,7 @@ if TYPE_CHECKING:
 
 PAUSES = (0.5, 1.0, 2.0, 5.0, 10.0, 30.0)
 """Seconds before each start; a part that ends once more after the last is given up."""
-STEADY_SECONDS = 60.0
-"""What has run for so long has started well: its next end counts as the first."""
+STEADY_SECONDS = 60.0  # what has run for so long has started well: its next end counts as the first
 
 
 class GivenUpError(Exception):

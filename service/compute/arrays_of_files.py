@@ -46,31 +46,20 @@ FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
 """A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or its own size: what is
 measured does not compress better."""
 
-MOST_VARIABLES = 1000
-"""Arrays of a file that are listed."""
+MOST_VARIABLES = 1000  # arrays of a file that are listed
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a file is.
+    """What a file is."""
 
-    Attributes:
-        format: by its content.
-        kind: whether its arrays are hits or FRFs; None of UFF, which may hold both.
-        variables: type and shape of its arrays, with their extremes.
-        mapping: one that suggests itself; empty where none is needed.
-        blocks: time blocks that the stated mapping makes.
-        counted: hit numbers were only counted in the file.
-        notes: what the reader noticed.
-    """
-
-    format: Format
-    kind: Kind | None = None
-    variables: dict[str, str] = field(default_factory=dict)
-    mapping: dict[str, Any] = field(default_factory=dict)
-    blocks: int | None = None
-    counted: bool = False
-    notes: list[str] = field(default_factory=list)
+    format: Format  # by its content
+    kind: Kind | None = None  # whether its arrays are hits or FRFs; None of UFF, which may hold both
+    variables: dict[str, str] = field(default_factory=dict)  # type and shape of its arrays, with their extremes
+    mapping: dict[str, Any] = field(default_factory=dict)  # one that suggests itself; empty where none is needed
+    blocks: int | None = None  # time blocks that the stated mapping makes
+    counted: bool = False  # hit numbers were only counted in the file
+    notes: list[str] = field(default_factory=list)  # what the reader noticed
 
 
 def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlock | EncodedFrf]:
@@ -107,10 +96,9 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
 
 
 def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
-    """The hits of a wav or TDMS that goes on over many."""
-    if form not in ("wav", "tdms"):
-        raise Invalid(_dotted("mapping.recording"), f"is for a wav or TDMS; the file is a {form}")
-    channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename))
+    """The hits of a recording that goes on over many."""
+    limit = limit_of(inputs.path)
+    channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit))
     try:
         found = _faults_as(_dotted, channels.survey)
     except InputError as error:

@@ -16,22 +16,16 @@ from service.compute.result_arrays import on_mesh
 if TYPE_CHECKING:
     from service.jobs.kinds import Report
 
-HARDLY = 0.05
-"""Share of a mode's largest displacement below which a point hardly shows it."""
+HARDLY = 0.05  # share of a mode's largest displacement below which a point hardly shows it
 
 
 @dataclass(frozen=True)
 class ForecastInputs:
-    """What to solve.
+    """What to solve."""
 
-    Attributes:
-        body: nominal.
-        order: what is asked.
-        labels: of the points among which to choose, or of the mesh's nodes; None where these have no numbers of their own.
-    """
-
-    body: Body
-    order: ForecastOrder
+    body: Body  # nominal
+    order: ForecastOrder  # what is asked
+    # of the points among which to choose, or of the mesh's nodes; None where these have no numbers of their own
     labels: tuple[int, ...] | None
 
 

@@ -18,25 +18,18 @@ from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.frf import Dof
 
-ORTHONORMAL_TOLERANCE = 1e-3
-"""Axes typed with four digits pass; what is left of the error is removed by Gram-Schmidt."""
+ORTHONORMAL_TOLERANCE = 1e-3  # axes typed with four digits pass; what is left of the error is removed by Gram-Schmidt
 
 
-SQUARE = 1e-6
-"""Within which a direction cosine is 1."""
+SQUARE = 1e-6  # within which a direction cosine is 1
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Where a file's coordinates put the specimen.
+    """Where a file's coordinates put the specimen."""
 
-    Attributes:
-        origin_m: (3,) origin of the specimen's frame, in the file's coordinates, m.
-        axes: (3, 3) right-handed orthonormal; columns are the specimen's x, y, z in the file's coordinates.
-    """
-
-    origin_m: FloatArray
-    axes: FloatArray
+    origin_m: FloatArray  # (3,) origin of the specimen's frame, in the file's coordinates, m
+    axes: FloatArray  # (3, 3) right-handed orthonormal; columns are the specimen's x, y, z in the file's coordinates
 
     def points(self, file_m: FloatArray) -> FloatArray:
         """Points of the file in the specimen's frame.
@@ -53,17 +46,6 @@ class Frame:
     def is_askew(self) -> bool:
         """Whether the file's axes lie along none of the specimen's."""
         return bool(np.abs(self.axes).max(axis=0).min() < 1 - SQUARE)
-
-    def require_square(self) -> None:
-        """Refuse a frame that lies askew, where every direction must be one of the specimen's axes.
-
-        Raises:
-            InputError: it does.
-        """
-        if self.is_askew:
-            raise InputError(
-                "frame", "lies askew, and what is asked for takes directions along the specimen's axes alone"
-            )
 
     def point_axes(self, labels: Iterable[int]) -> dict[int, FloatArray]:
         """(3, 3) directions 1, 2 and 3 at points, as rows in the specimen's frame, where they are not its axes."""

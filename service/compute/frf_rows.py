@@ -19,8 +19,7 @@ from modalbase.formats.frfs.table import DOFS
 from service.compute.spectra import Axis, Spectrum, encode, encode_axis
 from service.errors import Invalid
 
-MOST_FRFS = 10_000
-"""Of one body: each is a row of the answer."""
+MOST_FRFS = 10_000  # of one body: each is a row of the answer
 
 COLUMNS = {
     "label": "text",
@@ -43,30 +42,20 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class EncodedFrf:
-    """An FRF of a file as it is stored; encoded in the child, where is a processor to spare.
+    """An FRF of a file as it is stored; encoded in the child, where is a processor to spare."""
 
-    Attributes:
-        dataset: number of the dataset of a UFF file.
-        label: free text, the first ID line of a UFF file.
-        response_point, response_direction, reference_point, reference_direction: its degrees of freedom.
-        quantity: accelerance, mobility or receptance.
-        axis: frequency lines.
-        spectrum: SI values with their SHA-256.
-        averages: number of averages, None where it is not known.
-        coherence: γ² where it came with the FRF.
-    """
-
-    dataset: int | None
-    label: str
+    dataset: int | None  # number of the dataset of a UFF file
+    label: str  # free text, the first ID line of a UFF file
+    # response_point, response_direction, reference_point, reference_direction: its degrees of freedom
     response_point: int
     response_direction: int
     reference_point: int
     reference_direction: int
-    quantity: Quantity
-    axis: Axis
-    spectrum: Spectrum
-    averages: int | None = None
-    coherence: Spectrum | None = None
+    quantity: Quantity  # accelerance, mobility or receptance
+    axis: Axis  # frequency lines
+    spectrum: Spectrum  # SI values with their SHA-256
+    averages: int | None = None  # number of averages, None where it is not known
+    coherence: Spectrum | None = None  # γ² where it came with the FRF
 
     @property
     def size(self) -> int:
@@ -76,12 +65,7 @@ class EncodedFrf:
 
     def columns(self) -> dict[str, Any]:
         """The values of `COLUMNS`, and `dataset`."""
-        return {
-            **vars(self),
-            **self.axis.columns(),
-            **self.spectrum.columns(),
-            **coherence_columns(self.coherence),
-        }
+        return {**vars(self), **self.axis.columns(), **self.spectrum.columns(), **coherence_columns(self.coherence)}
 
 
 def encoded(frfs: Frfs) -> Iterator[EncodedFrf]:
@@ -112,11 +96,7 @@ def coherence_columns(coherence: Spectrum | FloatArray | None) -> dict[str, Any]
     if coherence is None:
         return {"coherence": None, "coherence_dtype": None, "coherence_sha256": None}
     spectrum = coherence if isinstance(coherence, Spectrum) else encode(coherence)
-    return {
-        "coherence": spectrum.data,
-        "coherence_dtype": spectrum.dtype,
-        "coherence_sha256": spectrum.sha256,
-    }
+    return {"coherence": spectrum.data, "coherence_dtype": spectrum.dtype, "coherence_sha256": spectrum.sha256}
 
 
 def _require_consistent(frfs: Frfs) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
+from fecore.arrays import FloatArray
 from fecore.frf import FrfSet
-from fecore.modal import Options, identify
+from fecore.modal import Found, Identification, Options, Stabilisation, identify
 from fecore.modes import MeasuredModes
-from service.compute.identification_document import describe_identification
 from service.jobs.kinds import Report
 
 
@@ -37,3 +39,75 @@ def find_modes(inputs: IdentificationInputs, report: Report) -> Iterator[Identif
     document = describe_identification(found)
     document["warnings"] = [*inputs.warnings, *document["warnings"]]
     yield IdentificationOutput(found.chosen(include_doubtful=inputs.include_doubtful).modes, document)
+
+
+def describe_identification(found: Identification) -> dict[str, Any]:
+    """Modes and uncertain poles (`doubtful`) with their quality and probability, refused ones, what was left out, warnings, and
+    the stabilisation diagram.
+    """
+    chosen = list(zip(_rows(found.found), found.found.doubt, strict=True))
+    return {
+        "modes": [{"number": k, **row} for k, row in enumerate((row for row, why in chosen if why is None), start=1)],
+        "doubtful": [{**row, "reason": why} for row, why in chosen if why is not None],
+        "used": list(found.used),
+        "refused": [asdict(frf) for frf in found.refused],
+        "refused_poles": [asdict(pole) for pole in found.refused_poles],
+        "noise_ratio": found.noise_ratio,
+        "model_error": found.model_error,
+        "drift": found.drift,
+        "delay_s": found.delay,
+        "memory_lines": found.memory_lines,
+        "stabilisation": _stabilisation(found.stabilisation),
+        "warnings": list(found.warnings),
+        "durations_s": found.seconds,
+    }
+
+
+def _rows(found: Found) -> list[dict[str, Any]]:
+    modes = found.modes
+    sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
+    return [
+        {
+            "frequency_hz": float(modes.frequency_hz[k]),
+            "frequency_sd_hz": _number(sd_f, k),
+            "damping_ratio": float(modes.damping_ratio[k]),
+            "damping_sd": _number(sd_z, k),
+            "phase_collinearity": float(found.shapes.collinearity[k]),
+            "significance": float(found.significance[k]),
+            "probability": float(found.probability[k]),
+            "features": [asdict(one) for one in found.features[k]],
+        }
+        for k in range(len(modes))
+    ]
+
+
+def _stabilisation(diagram: Stabilisation) -> dict[str, Any]:
+    return {
+        "order": diagram.order.tolist(),
+        "frequency_hz": diagram.frequency_hz.tolist(),
+        "damping_ratio": diagram.damping_ratio.tolist(),
+        "frequency_stable": diagram.frequency_stable.tolist(),
+        "damping_stable": diagram.damping_stable.tolist(),
+        "indicator": {
+            "frequency_hz": diagram.line_hz.tolist(),
+            "rms": diagram.indicator.tolist(),
+            "cmif": diagram.cmif.tolist(),
+        },
+    }
+
+
+def _number(values: FloatArray | None, k: int) -> float | None:
+    return float(values[k]) if values is not None and np.isfinite(values[k]) else None
+
+
+def up_to_date(document: dict[str, Any]) -> dict[str, Any]:
+    """A stored document as the present version writes it; the given one stays.
+
+    One of 0.1.0 has no class of doubtful modes, none up to 0.2.0 a probability.
+    """
+    none = dict.fromkeys(("model_error", "drift", "delay_s", "memory_lines"))
+    said: dict[str, Any] = {"doubtful": [], "refused_poles": [], **none}
+    document = {**said, **document}
+    unknown: dict[str, Any] = {"probability": None, "features": []}
+    poles = ("modes", "doubtful", "refused_poles")
+    return {**document, **{part: [{**unknown, **row} for row in document.get(part, [])] for part in poles}}

@@ -14,52 +14,37 @@ from typing import Any
 
 import numpy as np
 
+from fecore.arrays import BoolArray, FloatArray
 from fecore.trend import Acknowledgement, Assessment, Moment, ParameterTrend, Series, State, Watch, assess, worst
 from fecore.trend.document import describe_change, describe_judged, describe_rate, describe_trend
-from service.compute.explaining import Moves, explained
-from service.compute.observations import Observation, same_mode
+from fecore.trend.explanations import Effects, Explanation, change_of, explanations, in_words
+from fecore.trend.tracking import SAME_MODE
 from service.jobs.kinds import Report
 
-EXACT = 1e-6
-"""Relative standard deviation where none is stated: the scatter between campaigns then is all there is."""
+EXACT = 1e-6  # relative standard deviation where none is stated: the scatter between campaigns then is all there is
 
 
 @dataclass(frozen=True)
 class JudgementInputs:
-    """A series as it is to be judged.
+    """A series as it is to be judged."""
 
-    Attributes:
-        observations: in the order in which they came in, so that late ones can be recognised.
-        watch: what is watched, and how.
-        as_of: now.
-        acknowledged: parameter and time of acknowledgements, by time.
-        notes: what is already known to be worth saying.
-        moves: what would move the frequencies, of one campaign of the baseline; None where no result says it.
-    """
-
-    observations: tuple[Observation, ...]
-    watch: Watch
-    as_of: datetime
-    acknowledged: tuple[Acknowledgement, ...]
-    notes: tuple[str, ...]
+    observations: tuple[Observation, ...]  # in the order in which they came in, so that late ones can be recognised
+    watch: Watch  # what is watched, and how
+    as_of: datetime  # now
+    acknowledged: tuple[Acknowledgement, ...]  # parameter and time of acknowledgements, by time
+    notes: tuple[str, ...]  # what is already known to be worth saying
+    # what would move the frequencies, of one campaign of the baseline; None where no result says it
     moves: Moves | None = None
 
 
 @dataclass(frozen=True)
 class Episode:
-    """An alarm of a parameter, from the campaign that raised it.
+    """An alarm of a parameter, from the campaign that raised it."""
 
-    Attributes:
-        parameter: which.
-        campaign: id of the campaign that raised it.
-        state: `alarm`, `acknowledged`, or `cleared` where the parameter came back.
-        details: for whoever gets the alarm.
-    """
-
-    parameter: str
-    campaign: str
-    state: str
-    details: dict[str, Any]
+    parameter: str  # which
+    campaign: str  # id of the campaign that raised it
+    state: str  # `alarm`, `acknowledged`, or `cleared` where the parameter came back
+    details: dict[str, Any]  # for whoever gets the alarm
 
 
 @dataclass(frozen=True)
@@ -182,4 +167,150 @@ def _explained(trend: ParameterTrend, raised: int, state: str, inputs: Judgement
     first = raised if trend.change is None else min(raised, trend.change.index)
     return explained(
         inputs.observations, inputs.moves, trend.baseline.labels, trend.watched.labels[first:], inputs.watch.covariates
+    )
+
+
+@dataclass(frozen=True)
+class Observation:
+    """One campaign of the series."""
+
+    campaign: str  # its id
+    performed_at: datetime  # when it was measured
+    values: Mapping[str, Any]  # of `service.monitoring.runs`
+    covariates: Mapping[str, float]  # by name; NaN where not measured
+
+
+def same_mode(number: int, observation: Observation, everyone: Sequence[Observation]) -> int | None:
+    """Which mode of this campaign, from 0, is the n-th of the earliest one: the nearest in frequency, not further than 15 %.
+
+    Modes of another kind of motion, where the results say it, are others, so that bending may pass torsion.
+    """
+    first = min(everyone, key=lambda o: o.performed_at)
+    if number > len(first.values["modes"]):
+        return None
+    kind, wanted = _kind(first, number - 1), first.values["modes"][number - 1][0]
+    hz, there = _alike(observation, kind), _alike(first, kind)
+    if not hz:
+        return None
+    nearest = min(hz, key=lambda i: abs(hz[i] - wanted))
+    rival = min(there.values(), key=lambda f: abs(f - hz[nearest]))
+    return nearest if rival == wanted and abs(hz[nearest] / wanted - 1) <= SAME_MODE else None
+
+
+def _alike(observation: Observation, kind: str | None) -> dict[int, float]:
+    """Frequencies of a campaign's modes that may be of a kind, by their numbers from 0."""
+    rows = enumerate(observation.values["modes"])
+    return {i: row[0] for i, row in rows if kind is None or _kind(observation, i) in (None, kind)}
+
+
+def _kind(observation: Observation, mode: int) -> str | None:
+    """Kind of motion of a mode; None where the run is of a version that kept none, or the mode has no partner."""
+    kinds = observation.values.get("kinds")
+    return None if kinds is None else kinds[mode]
+
+
+_CLIMATE = ("temperature_c", "humidity_percent")
+_FEWEST_MODES = 3  # of which a change has a pattern
+
+
+@dataclass(frozen=True)
+class Moves:
+    """What would move the frequencies of one campaign's m modes (`fecore.updating.effects.FrequencyEffects`)."""
+
+    campaign: str  # its id
+    # stiffness, support: (m,) by name
+    stiffness: Mapping[str, FloatArray]
+    support: Mapping[str, FloatArray]
+    sites: FloatArray  # (P, 3), m
+    mass: FloatArray  # (m, P)
+
+
+def explained(
+    observations: Sequence[Observation],
+    moves: Moves,
+    baseline: Sequence[str],
+    later: Sequence[str],
+    covariates: Sequence[str],
+) -> dict[str, Any] | None:
+    """Explanations of a change, ranked, and in words; None where too few modes or campaigns say something.
+
+    Args:
+        observations: of the series.
+        moves: at a campaign of the baseline.
+        baseline: campaigns of the baseline.
+        later: campaigns since the change.
+        covariates: that are regressed out.
+    """
+    by = {o.campaign: o for o in observations}
+    row = _rows(by[moves.campaign], observations)
+    paired = np.array([at >= 0 and np.isfinite(moves.mass[at]).all() for at in row])
+    table = {name: _numbers(by[name], observations) for name in (*baseline, *later)}
+    modes = paired & np.all([np.isfinite(table[name][:-1]) for name in later], axis=0)
+    based = [name for name in baseline if np.isfinite(table[name][:-1][modes]).all()]
+    if modes.sum() < _FEWEST_MODES or len(based) < len(covariates) + 3:
+        return None
+    scaled = all(np.isfinite(table[name][-1]) for name in (*based, *later))
+    first, last = (
+        np.array([table[name][np.append(modes, scaled)] for name in names]).reshape(len(names), -1)
+        for names in (based, later)
+    )
+    at = _regressors([by[name] for name in based], [by[name] for name in later], covariates)
+    change, slopes = change_of(first, last, *at)
+    not_given = tuple(name for name in _CLIMATE if name not in covariates)
+    ranked = explanations(change, _effects(moves, row[modes], covariates, slopes[1:, : modes.sum()], not_given))
+    return {"ranked": [_described(each, ranked[0].evidence) for each in ranked], "text": in_words(ranked, not_given)}
+
+
+def _described(each: Explanation, most: float) -> dict[str, Any]:
+    """An explanation to the digits that mean something, its evidence over that of the likeliest."""
+    return {
+        "kind": each.kind,
+        "probability": round(each.probability, 3),
+        "evidence": _three_digits(each.evidence - most),
+        "sizes": {name: [*map(_three_digits, size)] for name, size in each.sizes.items()},
+    }
+
+
+def _three_digits(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def _rows(observation: Observation, everyone: Sequence[Observation]) -> Any:
+    """(k,) the campaign's mode, from 0, that is each of the earliest campaign's; -1 where it has none."""
+    count = len(min(everyone, key=lambda o: o.performed_at).values["modes"])
+    found = (same_mode(number, observation, everyone) for number in range(1, count + 1))
+    return np.array([-1 if at is None else at for at in found], dtype=int)
+
+
+def _numbers(observation: Observation, everyone: Sequence[Observation]) -> FloatArray:
+    """(k + 1,) logarithms of the frequencies of the earliest campaign's modes, and of the FRFs' scale; NaN where unknown."""
+    hz = np.array([*(row[0] for row in observation.values["modes"]), np.nan])
+    scale = observation.values.get("frf_scale")
+    found: FloatArray = np.log(np.append(hz[_rows(observation, everyone)], np.nan if scale is None else scale))
+    return found
+
+
+def _regressors(
+    based: Sequence[Observation], later: Sequence[Observation], covariates: Sequence[str]
+) -> tuple[FloatArray, FloatArray]:
+    """Ones and covariates about the baseline's mean, which stands for what was not measured."""
+    measured = [
+        np.array([[o.covariates.get(name, np.nan) for name in covariates] for o in group]).reshape(len(group), -1)
+        for group in (based, later)
+    ]
+    centre = measured[0].mean(axis=0)
+    first, last = (np.column_stack([np.ones(len(c)), np.nan_to_num(c - centre)]) for c in measured)
+    return first, last
+
+
+def _effects(
+    moves: Moves, rows: BoolArray, covariates: Sequence[str], slopes: FloatArray, not_given: tuple[str, ...]
+) -> Effects:
+    return Effects(
+        stiffness={name: each[rows] for name, each in moves.stiffness.items()},
+        support={name: each[rows] for name, each in moves.support.items()},
+        sites=moves.sites,
+        mass=moves.mass[rows],
+        covariates=dict(zip(covariates, slopes, strict=True)),
+        not_given=not_given,
     )

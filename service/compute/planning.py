@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any
 
+from fecore.errors import within
 from fecore.updating.campaigns import Campaign
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
@@ -14,19 +15,14 @@ from fecore.updating.recipe import Recipe
 
 @dataclass(frozen=True)
 class PlanOrder:
-    """Everything that a plan needs.
+    """Everything that a plan needs."""
 
-    Attributes:
-        tests, coupons: that could be made.
-        sent: each of them, as it was asked for.
-        made: with the modes as they were stored.
-        parameters, count, about: as of `plan_tests`.
-    """
-
+    # tests, coupons: that could be made
     tests: tuple[PlannedTest, ...]
     coupons: tuple[PlannedCoupons, ...]
-    sent: tuple[dict[str, Any], ...]
-    made: tuple[Campaign, ...]
+    sent: tuple[dict[str, Any], ...]  # each of them, as it was asked for
+    made: tuple[Campaign, ...]  # with the modes as they were stored
+    # parameters, count, about: as of `plan_tests`
     parameters: tuple[Parameter, ...]
     count: int | None
     about: str | None
@@ -40,8 +36,9 @@ def compute_plan(order: PlanOrder) -> dict[str, Any]:
         UpdatingError: the campaigns so far have no common estimate.
     """
     campaigns = []
-    for each in order.made:
-        modes = prepare(Measurement(None, each.points, each.modes, axes=each.axes), each.body, Recipe()).modes
+    for number, each in enumerate(order.made):
+        with within(f"made.{number}"):
+            modes = prepare(Measurement(None, each.points, each.modes, axes=each.axes), each.body, Recipe()).modes
         assert modes is not None, "they were handed in"
         campaigns.append(replace(each, modes=modes))
     plan = plan_tests(order.tests, campaigns, order.parameters, order.count, order.coupons, order.about)

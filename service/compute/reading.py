@@ -52,25 +52,15 @@ Kept = (
 
 @dataclass(frozen=True)
 class ReadingInputs:
-    """A file to read.
+    """A file to read."""
 
-    Attributes:
-        path: where it lies.
-        quantity: what an FRF is whose file states neither data type nor unit.
-        filename: what its sender calls it.
-        form: its format where that is known.
-        kind: what an npz, .mat or CSV holds, where its sender says so.
-        mapping: which of its variables is what.
-        dry_run: nothing will be stored.
-    """
-
-    path: Path
-    quantity: Quantity | None
-    filename: str = ""
-    form: Format | None = None
-    kind: Kind | None = None
-    mapping: Any = None
-    dry_run: bool = False
+    path: Path  # where it lies
+    quantity: Quantity | None  # what an FRF is whose file states neither data type nor unit
+    filename: str = ""  # what its sender calls it
+    form: Format | None = None  # its format where that is known
+    kind: Kind | None = None  # what an npz, .mat or CSV holds, where its sender says so
+    mapping: Any = None  # which of its variables is what
+    dry_run: bool = False  # nothing will be stored
 
 
 def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
@@ -82,7 +72,8 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
     """
     report("checking the file", 0.0)
     form = inputs.form or recognise(inputs.path, inputs.filename)
-    if form == "uff":
+    recording = isinstance(inputs.mapping, dict) and "recording" in inputs.mapping
+    if form == "uff" and not recording:
         yield from _read_uff(inputs, report)
         return
     report("reading arrays", 0.0)

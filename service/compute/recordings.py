@@ -1,4 +1,4 @@
-"""A long wav or TDMS with many hits, in the child process: the hits are found and their blocks cut, one at a time.
+"""A long recording of many hits, in the child process: the hits are found and their blocks cut, one at a time.
 
 This module imports no database and no web, since the child imports it.
 """
@@ -17,11 +17,12 @@ from fecore.arrays import FloatArray
 from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import recognise
-from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping
-from modalbase.formats.records.mapping import LARGEST
-from modalbase.formats.records.recording import Recording, Wav, read_recording, read_wav_head
+from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping, read_variables
+from modalbase.formats.records.mapping import LARGEST, MOST_POINT
+from modalbase.formats.records.recording import Arrays, Recording, Wav, read_recording, read_wav_head
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
-from modalbase.formats.records.variables import SAMPLE_RATE
+from modalbase.formats.records.variables import SAMPLE_RATE, Variables
+from modalbase.formats.uff import Limits, TimeResponse, UffError, read_file
 
 Place = tuple[int, int]
 _MOST_NAMED = 60
@@ -38,7 +39,7 @@ class Channels:
         stated: the order of the hits; where it is empty, all are at the force's point.
     """
 
-    file: Wav | Tdms
+    file: Wav | Tdms | Arrays
     sample_rate_hz: float
     mapped: tuple[ChannelMapping, ...]
     stated: Recording
@@ -156,16 +157,23 @@ class Channels:
                 )
 
 
-def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels:
+def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes: int | None = None) -> Channels:
     """A recording and what a mapping with the member `recording` says of it.
+
+    Args:
+        path: of the file.
+        document: the mapping.
+        filename: as its sender calls the file, which may name the point.
+        limit_bytes: the most that arrays of a file may take.
 
     Raises:
         FormatError: the file cannot be read, or the mapping does not fit; names the field.
     """
-    file = recording_of(path)
+    file = recording_of(path, filename, limit_bytes)
     stated = read_recording(document["recording"], filename)
     rest = {name: value for name, value in document.items() if name != "recording"}
-    rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
+    if not isinstance(file, Arrays) or SAMPLE_RATE in file.variables:
+        rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
     if stated.order and isinstance(rest.get("channels"), list):  # the order says where the hammer hits
         rest["channels"] = [_placed(channel, stated.order[0][0]) for channel in rest["channels"]]
     mapping = read_mapping(rest)
@@ -176,31 +184,52 @@ def channels_of(path: Path, document: dict[str, Any], filename: str) -> Channels
             raise FormatError(
                 f"mapping.channels.{number}.variable", f"is {c.variable!r}; the file has {', '.join(file.names)}"
             )
-        for name in ("point", "direction"):
+        for name, least, most in (("point", 1, MOST_POINT), ("direction", -6, 6)):
             value = getattr(c, name)
-            if (
-                not isinstance(value, float)
-                or value != int(value)
-                or not (value >= 1 or (name == "direction" and 1 <= -value <= 6))
-            ):
-                raise FormatError(f"mapping.channels.{number}.{name}", f"is {value!r}, expected a whole number")
+            if not (isinstance(value, float) and value == int(value) and least <= value <= most and value):
+                expected = "±1 to ±6" if name == "direction" else f"a whole number from 1 to {most}"
+                raise FormatError(f"mapping.channels.{number}.{name}", f"is {value!r}, expected {expected}")
         if c.window_rate_per_s:
             raise FormatError(f"mapping.channels.{number}.window_rate_per_s", "is of blocks; a recording has no window")
     mapped = tuple(sorted(mapping.channels, key=lambda c: c.quantity != "force"))
-    own = file.rate_of([c.variable for c in mapped])
-    return Channels(file, _rate(mapping.sample_rate_hz, own), mapped, stated)
+    return Channels(file, file.rate_of([c.variable for c in mapped], mapping.sample_rate_hz), mapped, stated)
 
 
-def recording_of(path: Path) -> Wav | Tdms:
-    """What a recording says of itself, by its first bytes.
+def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None) -> Wav | Tdms | Arrays:
+    """What a recording says of itself, by its first bytes or its name.
 
     Raises:
         FormatError: it cannot be read.
     """
-    return read_tdms_head(path) if recognise(path) == "tdms" else read_wav_head(path)
+    form = recognise(path, filename)
+    if form == "tdms":
+        return read_tdms_head(path)
+    if form == "wav":
+        return read_wav_head(path)
+    return Arrays(_blocks_of_uff(path) if form == "uff" else read_variables(path, f".{form}", limit_bytes))
 
 
-def looked_at(file: Wav | Tdms) -> dict[str, str]:
+def _blocks_of_uff(path: Path) -> Variables:
+    """The time blocks of a UFF file by `acceleration_33_3`, what a channel measures, its point and direction; and their rate.
+
+    Raises:
+        FormatError: it cannot be read, or has several blocks of one channel.
+    """
+    found: Variables = {}
+    try:
+        for item in read_file(path, Limits()):
+            if isinstance(item, TimeResponse):
+                name = f"{item.quantity}_{item.response_point}_{item.response_direction}"
+                if found.setdefault(name, item.samples) is not item.samples:
+                    raise FormatError(name, "is in the file several times: as single hits, which need no mapping")
+                if found.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz)) != item.sample_rate_hz:
+                    raise FormatError(name, "differs in rate from another channel; those of a hit are on one clock")
+    except UffError as error:
+        raise FormatError("", f"{error.reason} (byte {error.offset})") from error
+    return found
+
+
+def looked_at(file: Wav | Tdms | Arrays) -> dict[str, str]:
     """Type and shape of each channel, and its least and greatest sample, by which a person knows the hammer's.
 
     Raises:
@@ -214,21 +243,6 @@ def looked_at(file: Wav | Tdms) -> dict[str, str]:
         for name, low, high in zip(names, extremes[:, 0].min(axis=0), extremes[:, 1].max(axis=0), strict=True):
             shapes[name] += f", {low:.3g} to {high:.3g}"
     return shapes
-
-
-def _rate(stated: float | str, own: float | None) -> float:
-    """The rate of a recording that states its own, or of which it is stated.
-
-    Raises:
-        FormatError: they differ, or there is none.
-    """
-    if own is None:
-        if isinstance(stated, str):
-            raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
-        return stated
-    if stated not in (SAMPLE_RATE, own):
-        raise FormatError("mapping.sample_rate_hz", f"is {stated}, and the file says {own:g}; leave it out")
-    return own
 
 
 def _place(channel: ChannelMapping) -> Place:

@@ -20,19 +20,12 @@ AXIS_TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class Spectrum:
-    """An array as it lies in the database.
+    """An array as it lies in the database."""
 
-    Attributes:
-        dtype: numpy's name of the little-endian type.
-        count: number of values.
-        data: the bytes.
-        sha256: of the bytes.
-    """
-
-    dtype: Stored
-    count: int
-    data: bytes
-    sha256: bytes
+    dtype: Stored  # numpy's name of the little-endian type
+    count: int  # number of values
+    data: bytes  # the bytes
+    sha256: bytes  # of the bytes
 
     def columns(self) -> dict[str, Any]:
         """The spectrum's columns of an FRF's row."""
@@ -66,19 +59,12 @@ def decode(spectrum: Spectrum) -> NDArray[np.complexfloating] | NDArray[np.float
 
 @dataclass(frozen=True)
 class Axis:
-    """A frequency axis: even (start, step, count) or, where it is uneven, its lines.
+    """A frequency axis: even (start, step, count) or, where it is uneven, its lines."""
 
-    Attributes:
-        start_hz: first line.
-        step_hz: spacing; None where it is uneven.
-        count: number of lines.
-        lines: float64 bytes, little-endian, of an uneven axis.
-    """
-
-    start_hz: float
-    step_hz: float | None
-    count: int
-    lines: bytes | None = None
+    start_hz: float  # first line
+    step_hz: float | None  # spacing; None where it is uneven
+    count: int  # number of lines
+    lines: bytes | None = None  # float64 bytes, little-endian, of an uneven axis
 
     def columns(self) -> dict[str, Any]:
         """The axis' columns of an FRF's row."""

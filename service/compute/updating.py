@@ -23,7 +23,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from service.compute.frame import Frame
-from service.compute.identification_document import describe_identification
+from service.compute.identifying import describe_identification
 from service.compute.origin import origin
 from service.compute.processing import ProcessingInputs, ProcessingOutput, process_whole
 from service.compute.result_arrays import as_npz
@@ -37,63 +37,40 @@ _OF_HITS = 0.05  # share of an update's progress that its hits take
 
 @dataclass(frozen=True)
 class Hits:
-    """Time blocks that become the measurement on the way.
+    """Time blocks that become the measurement on the way."""
 
-    Attributes:
-        records: the hits, and how to process them.
-        points: label to coordinates in the specimen's frame, m.
-        frame: of the file in which the hits' directions are.
-        roving_mass: of a sensor that moved with the response, kg.
-        inputs: how well the laboratory knows what else it hands in.
-    """
-
-    records: ProcessingInputs
-    points: Mapping[int, tuple[float, float, float]]
-    frame: Frame
-    roving_mass: float
-    inputs: Inputs
+    records: ProcessingInputs  # the hits, and how to process them
+    points: Mapping[int, tuple[float, float, float]]  # label to coordinates in the specimen's frame, m
+    frame: Frame  # of the file in which the hits' directions are
+    roving_mass: float  # of a sensor that moved with the response, kg
+    inputs: Inputs  # how well the laboratory knows what else it hands in
 
 
 @dataclass(frozen=True)
 class UpdateInputs:
-    """Everything that an update needs, and where it came from.
+    """Everything that an update needs, and where it came from."""
 
-    Attributes:
-        measurement, specimen, recipe: for the core; the measurement is None where hits become it.
-        hits: time blocks of a campaign that has no FRFs yet, or None.
-        warnings: what was left out while loading.
-        provenance: ids and digests of the inputs, and the recipe as sent.
-    """
-
+    # measurement, specimen, recipe: for the core; the measurement is None where hits become it
     measurement: Measurement | None
     specimen: Body
     recipe: Recipe
-    warnings: tuple[str, ...]
-    provenance: dict[str, Any]
-    hits: Hits | None = None
+    warnings: tuple[str, ...]  # what was left out while loading
+    provenance: dict[str, Any]  # ids and digests of the inputs, and the recipe as sent
+    hits: Hits | None = None  # time blocks of a campaign that has no FRFs yet, or None
 
 
 @dataclass(frozen=True)
 class UpdateOutput:
-    """A result ready to be stored.
+    """A result ready to be stored."""
 
-    Attributes:
-        result: of the core, without what is in the arrays.
-        prediction: arrays as npz: predicted FRFs, shapes, samples.
-        warnings: what was left out while loading, and of the hits.
-        provenance: where all of it came from.
-        identified: modes that the job found itself, in the specimen's frame; None where it was given a mode set.
-        identification: how they were found, as JSON.
-        processing: what became of the hits, where there were hits.
-    """
-
-    result: UpdateResult
-    prediction: bytes
-    warnings: tuple[str, ...]
-    provenance: dict[str, Any]
+    result: UpdateResult  # of the core, without what is in the arrays
+    prediction: bytes  # arrays as npz: predicted FRFs, shapes, samples
+    warnings: tuple[str, ...]  # what was left out while loading, and of the hits
+    provenance: dict[str, Any]  # where all of it came from
+    # modes that the job found itself, in the specimen's frame; None where it was given a mode set
     identified: MeasuredModes | None = None
-    identification: dict[str, Any] | None = None
-    processing: ProcessingOutput | None = None
+    identification: dict[str, Any] | None = None  # how they were found, as JSON
+    processing: ProcessingOutput | None = None  # what became of the hits, where there were hits
 
 
 def compute_update(inputs: UpdateInputs, report: Report) -> Iterator[UpdateOutput]:
@@ -146,23 +123,17 @@ def _measured(hits: Hits, processed: Processed) -> Measurement:
 
 @dataclass(frozen=True)
 class JointCampaign:
-    """One campaign as it was loaded.
+    """One campaign as it was loaded."""
 
-    Attributes:
-        name, specimen: in the result.
-        body: with the material of all campaigns, in its own axes; or a body in space.
-        measurement, recipe: for identification where there is no mode set.
-        provenance: ids of what it was made of.
-        warnings: what was left out while loading.
-    """
-
+    # name, specimen: in the result
     name: str
     specimen: str
-    body: JointBody
+    body: JointBody  # with the material of all campaigns, in its own axes; or a body in space
+    # measurement, recipe: for identification where there is no mode set
     measurement: Measurement
     recipe: Recipe
-    provenance: dict[str, Any]
-    warnings: tuple[str, ...]
+    provenance: dict[str, Any]  # ids of what it was made of
+    warnings: tuple[str, ...]  # what was left out while loading
 
 
 @dataclass(frozen=True)
@@ -213,10 +184,7 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
         )
         warnings += [f"campaign {each.name}: {text}" for text in (*each.warnings, *data.warnings)]
     result = update_campaigns(
-        campaigns,
-        inputs.recipe,
-        inputs.coupons,
-        lambda stage, share: report(stage, 0.5 + 0.5 * share),
+        campaigns, inputs.recipe, inputs.coupons, lambda stage, share: report(stage, 0.5 + 0.5 * share)
     )
     sources = tuple(each.provenance for each in inputs.campaigns)
     yield JointOutput(result, tuple(warnings), sources, {**inputs.provenance, **origin()})

@@ -21,8 +21,7 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
-from service.compute.judging import Judgement, JudgementInputs, judge
-from service.compute.observations import Observation
+from service.compute.judging import Judgement, JudgementInputs, Observation, judge
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job

@@ -27,7 +27,7 @@ from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
 from service.access import Lookup, User
-from service.compute.explaining import Moves
+from service.compute.judging import Moves
 from service.errors import ServiceError
 from service.jobs.tables import Job
 from service.monitoring.campaigns import Seen, seen_campaigns

@@ -22,8 +22,7 @@ from service.store.records.schemas import HitOut
 if TYPE_CHECKING:
     from service.store.records.processings import Processing
 
-MOST_HITS = 40
-"""Hits that one figure draws; of more, the latest."""
+MOST_HITS = 40  # hits that one figure draws; of more, the latest
 AXES = ("", "x", "y", "z", "rx", "ry", "rz")
 
 
@@ -88,12 +87,12 @@ def point_shown(session: Session, blocks: PointBlocks) -> PointShown:
     known = _known(blocks.judged, drawn)
     found = each_hit(drawn, None if known is None else [verdict.accepted for verdict in known])
     verdicts = known or [HitOut.model_validate(describe_verdict(verdict)) for verdict in found.verdicts]
-    response = found.responses[channel]
+    response = drawn[0].responses[channel]
     many = f", the latest {len(drawn)} of {len(hits)}" if len(drawn) < len(hits) else ""
     return PointShown(
-        title=f"Hits at {_name(drawn[0].force.dof)}, measured at {_name(response)}{many}",
-        quantity=found.quantity,
-        frf_quantity=FRF_QUANTITY[found.quantity],
+        title=f"Hits at {_name(drawn[0].force.dof)}, measured at {_name(response.dof)}{many}",
+        quantity=response.quantity,
+        frf_quantity=FRF_QUANTITY[response.quantity],
         sample_rate_hz=drawn[0].sample_rate_hz,
         frequency_hz=found.frequency_hz,
         pulse_s=found.pulse_s,

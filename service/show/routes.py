@@ -11,7 +11,7 @@ from uuid import UUID
 from fastapi import Query, Response
 
 from service.access import CurrentUser, SessionDep
-from service.compute.identification_document import up_to_date
+from service.compute.identifying import up_to_date
 from service.errors import Invalid
 from service.monitoring.monitors import series_for
 from service.monitoring.presentation import series_document
@@ -25,8 +25,7 @@ from service.show.figures.series import series_figure
 from service.show.figures.stabilisation import stabilisation_figure
 from service.show.figures.trend import MOST_RESULTS, results_figure, trend_figure
 from service.show.hits import Chosen, point_blocks, point_shown
-from service.show.likeness import likeness_figure
-from service.show.measured import measured_frf_figure, measured_shapes_figure
+from service.show.measured import likeness_figure, measured_frf_figure, measured_shapes_figure
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
@@ -82,11 +81,7 @@ def get_campaign_figure(
     tags=["identifications"],
 )
 def get_identification_figure(
-    identification_id: UUID,
-    name: FigureName,
-    session: SessionDep,
-    user: CurrentUser,
-    asked: Asked,
+    identification_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
     """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed."""
     row = identification_for(session, user, identification_id)
@@ -119,11 +114,7 @@ def get_mode_set_figure(
 
 @router.get("/coupons/{coupon_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["coupons"])
 def get_coupon_figure(
-    coupon_id: UUID,
-    name: FigureName,
-    session: SessionDep,
-    user: CurrentUser,
-    asked: Asked,
+    coupon_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
     """The figure `curve`: raw curve, chord, bounds, strength; of D3518 the 0.2 % offset, of D3039 the transverse strain."""
     coupon = coupon_for(session, user, coupon_id)

@@ -48,19 +48,22 @@ Int64 = Annotated[int, Field(ge=-INT64_MAX - 1, le=INT64_MAX)]
 """An integer that fits a bigint."""
 
 
-def _only_numbers(schema: Any, model: Any) -> None:
-    """Have every number in a schema of pydantic's core refuse text and truth values; 3.0 may stand for the integer 3.
+def _as_written(schema: Any, model: Any) -> None:
+    """Have every number in a schema of pydantic's core refuse text and truth values, and every truth value all but true and
+    false: "no" and "off" are texts. 3.0 may stand for the integer 3.
 
     A list that may be long stops at its first wrong item. Strict models within this one have been through here already.
     """
     if isinstance(schema, list | tuple):
         for part in schema:
-            _only_numbers(part, model)
+            _as_written(part, model)
     elif isinstance(schema, dict) and not _has_check(schema) and not _is_another(schema, model):
         for part in schema.values():
-            _only_numbers(part, model)
+            _as_written(part, model)
         if schema.get("type") == "list" and schema.get("max_length", LONG + 1) > LONG:
             schema["fail_fast"] = True  # the first wrong item says enough, and a million faults would fill the memory
+        if schema.get("type") == "bool":
+            schema["strict"] = True
         if schema.get("type") in ("float", "int"):
             inner = core_schema.with_info_before_validator_function(_number, dict(schema))
             schema.clear()
@@ -86,8 +89,8 @@ def _number(value: object, info: ValidationInfo) -> object:
 
 
 class StrictModel(BaseModel):
-    """A body of a request. Unknown fields, NaN, infinity, and numbers given as text or as true and false are refused,
-    each with its pointer, so that a misspelt field is not ignored.
+    """A body of a request. Unknown fields, NaN, infinity, numbers given as text or as true and false, and truth values given
+    as text or numbers are refused, each with its pointer, so that a misspelt field is not ignored.
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, str_strip_whitespace=False)
@@ -96,7 +99,7 @@ class StrictModel(BaseModel):
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler, /) -> CoreSchema:
         """Pydantic's own strictness would also refuse what JSON cannot say otherwise, such as dates."""
         schema = handler(source)
-        _only_numbers(schema, cls)
+        _as_written(schema, cls)
         return schema
 
 

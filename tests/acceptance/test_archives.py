@@ -192,12 +192,19 @@ def test_another_service_has_what_was_measured_under_new_ids(
         assert decision["why"].startswith("a cable was touched (")
         (monitor,) = structure.monitors()
         assert (monitor.active, monitor.runs()[:]) == (False, [])
+        with modalbase.connect(service.url, key_of(api)) as before_lab:
+            later = before_lab.project(measured["project"]).archive(tmp_path / "later.zip")
+        with pytest.raises(ClientError, match=r"the project heirloom .*again=True"):
+            lab.new_project("another").import_archive(later)  # written later, of the same content
         again = campaign.archive(tmp_path / "again.zip")
         assert frequencies(again) == frequencies(file)
         older = {"performed_on": "2024-01-15"}
         lab.new_project("by command").add_instrument("sensor", "30517", model="own", calibrations=[older])
         place = {"MODALBASE_URL": other.url, "MODALBASE_API_KEY": key}
-        said = modalbase_here("import-archive", str(file), "by command", **place)
+        refused = modalbase_here("import-archive", str(file), "by command", **place)
+        assert f"the project heirloom ({project.id}) has what is in this archive since 20" in refused.stderr
+        assert lab.project("by command").structures() == []
+        said = modalbase_here("import-archive", str(file), "by command", "--again", **place)
         assert "1 results stay in project.zip" in said.stdout, said.stderr
         (structure,) = lab.project("by command").structures()
         assert f"{measured['structure']} is {structure.id}" in said.stdout

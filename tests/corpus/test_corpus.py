@@ -5,14 +5,16 @@ import pickle
 import pytest
 
 from fecore.errors import FecoreError, UpdatingError
+from modalbase.formats.errors import FormatError
 from tests.corpus.frfs import FRFS
 from tests.corpus.outcomes import Case
 from tests.corpus.refused_bodies import BODIES
+from tests.corpus.refused_files import FILES
 from tests.corpus.refused_measurements import MEASUREMENTS
 from tests.corpus.refused_series import SERIES_AND_COUPONS
 from tests.corpus.updates import UPDATES
 
-REFUSED = dict(enumerate([*MEASUREMENTS, *BODIES, *SERIES_AND_COUPONS]))
+REFUSED = dict(enumerate([*MEASUREMENTS, *BODIES, *SERIES_AND_COUPONS, *FILES]))
 CORPUS: dict[str, Case] = {**{f"{number} {row[1]}": row for number, row in REFUSED.items()}, **FRFS, **UPDATES}
 
 
@@ -22,7 +24,7 @@ def test_each_input_has_its_outcome(name: str) -> None:
     if callable(outcome):
         outcome(run())
         return
-    with pytest.raises(FecoreError) as refused:
+    with pytest.raises((FecoreError, FormatError)) as refused:
         run()
     assert str(refused.value).startswith(outcome)
     again = pickle.loads(pickle.dumps(refused.value))  # on the way from a worker

@@ -160,6 +160,9 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"variables": {"a": [[1], [1, 2]]}}, "/variables/a", "is not a number or a regular array of numbers"),
         ({"variables": {"a": [1]}}, "mapping", "?dry_run=true proposes one"),
     ],
+    "POST campaigns/{campaign}/hit-decisions": [
+        ({"point": 1, "hit": 1, "good": good, "why": "x"}, "/good", "a valid boolean") for good in ("no", "off", 0, "true")
+    ],
     "POST structures/{structure}/coupon-batches": [
         ({**BATCH, "constants": []}, "/constants", ""),
         ({**BATCH, "constants": ["Ez"]}, "/constants/0", ""),
@@ -247,7 +250,8 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"tests": [{"boundary": "glued"}]}, "/tests/0/boundary", ""),
         ({"tests": [{"boundary": "free", "sensor": 33}]}, "/tests/0/sensor", ""),
         ({"tests": [{"boundary": "free", "structure_id": UNKNOWN}]}, "/tests/0/structure_id", ""),
-        ({"tests": [{"boundary": "free", "highest_hz": 3.0}]}, "/highest_hz", ""),
+        ({"tests": [{"boundary": "free", "highest_hz": 3.0}]}, "/tests/0/highest_hz", "below the first mode"),
+        ({"tests": [{"boundary": "free"}, {"boundary": "as_modelled"}]}, "/tests/1/boundary", ""),
     ],
     "POST structures/{structure}/monitors": [
         ({"name": "m", "recipe": {"inputs": SOFT}}, "/inputs/clamp_compliance_sd", ""),

@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.support.furnished import frfs
+from tests.support.furnished import frfs, record
 from tests.support.laboratory import BEAM
 from tests.support.rest import ok, pointers
 
@@ -83,6 +83,13 @@ def test_each_frf_has_the_sensor_that_stood_at_its_point(api: httpx.Client, test
         ("instrument.serial = 'old' AND instrument.calibration_expired = TRUE", [2]),
     ):
         assert found(api, "frfs", mine + text, "response_point") == points, text
+    ok(api.post(f"projects/{project}/instruments", json={"kind": "sensor", "serial": "352"}), 201)
+    for point in (2, 4):
+        body = record(point)
+        body["mapping"]["channels"][1]["point"] = point
+        ok(api.post(f"campaigns/{late}/records", json=body), 201)
+    for serial, points in (("old", [2]), ("352", [4])):  # the hammer's blocks are of no sensor
+        assert found(api, "records", mine + f"instrument.serial = '{serial}'", "point") == points, serial
     for text, names in (
         ("frf.sensor = '4507'", ["late"]),
         ("frf.sensor_serial = 'new' AND frf.response_point = 2", []),
@@ -116,6 +123,10 @@ def test_an_instrument_is_refused_and_hidden_in_words(api: httpx.Client, tested:
         (
             {"kind": "hammer", "serial": "1", "calibrations": [{"performed_on": "2026-02-30"}]},
             "/calibrations/0/performed_on",
+        ),
+        (
+            {"kind": "hammer", "serial": "1", "calibrations": [{"performed_on": "2026-02-03", "sensitivity": 0}]},
+            "/calibrations/0/sensitivity",
         ),
         (
             {

@@ -103,6 +103,11 @@ def test_a_deck_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: st
         assert b"*INCLUDE, INPUT=mat/gfrp.inp" in archive.read("job/angle.inp")
     two = sent(api, bare, zipped(**{"a.inp": whole, "b.inp": whole}), units="m-N-kg", filename="two.zip")
     assert "a.inp, b.inp, expected one deck" in two["message"]
+    buffer, again = io.BytesIO(zipped(**{"a.inp": whole})), pytest.warns(UserWarning, match="Duplicate")
+    with zipfile.ZipFile(buffer, "a") as archive, again:
+        archive.writestr("a.inp", whole)
+    twice = sent(api, bare, buffer.getvalue(), units="m-N-kg", filename="twice.zip")
+    assert "a.inp: is in the file twice" in twice["message"]
     assert "no zip" in sent(api, bare, whole, units="m-N-kg", filename="no.zip")["message"]
 
 

@@ -16,9 +16,7 @@ from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedPro
 from fecore.trend import Acknowledgement, Watch
 from service.access import Member, Project
 from service.access.keys import user_named
-from service.compute.explaining import Moves
-from service.compute.judging import Episode, Judgement, JudgementInputs, judge
-from service.compute.observations import Observation
+from service.compute.judging import Episode, Judgement, JudgementInputs, Moves, Observation, judge
 from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue

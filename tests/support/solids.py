@@ -6,12 +6,12 @@ import io
 import subprocess
 import tempfile
 import zipfile
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.calculix import ccx, displacements, frequencies
+from benchmarks.calculix import Solid, solid
+from benchmarks.calculix import modes as modes_of
 from modalbase.formats.uff import Frf, GridPoint
 from modalbase.formats.uff.content import Axis
 from modalbase.formats.uff.write import encode
@@ -20,37 +20,30 @@ from tests.support.beams import add_noise
 MODULI = {"plate": 25e3, "rib": 20e3}
 """N/mm², nominal; lengths are mm, masses t."""
 
-_X, _Y, _Z = np.linspace(0, 300, 11), [-30.0, -4.0, 4.0, 30.0], [-30.0, -15.0, 0.0, 8.0]
-_FACES = ((0, 0), (2, 0), (2, 2), (0, 2)), ((1, 0), (2, 1), (1, 2), (0, 1))
-_PLACES = [(x, y, z) for face, z in ((0, 0), (0, 2), (1, 0), (1, 2), (0, 1)) for x, y in _FACES[face]]
-"""Of the nodes of C3D20R, in half elements."""
-
-Places = dict[int, tuple[float, float, float]]
+_GRID = np.linspace(0, 300, 11), (-30.0, -4.0, 4.0, 30.0), (-30.0, -15.0, 0.0, 8.0)
 
 
-def _mesh() -> tuple[Places, dict[str, list[list[int]]]]:
-    """Places of nodes by number, mm, and nodes of the elements of each part."""
-    halves = [np.interp(np.arange(2 * len(grid) - 1) / 2, np.arange(len(grid)), grid) for grid in (_X, _Y, _Z)]
-    numbers: dict[tuple[int, int, int], int] = {}
-    parts: dict[str, list[list[int]]] = {"plate": [], "rib": []}
-    for i, j, k in product(*(range(len(grid) - 1) for grid in (_X, _Y, _Z))):
-        if k == 2 or j == 1:
-            at = [(2 * i + a, 2 * j + b, 2 * k + c) for a, b, c in _PLACES]
-            parts["plate" if k == 2 else "rib"].append([numbers.setdefault(each, len(numbers) + 1) for each in at])
-    places = {n: (float(halves[0][i]), float(halves[1][j]), float(halves[2][k])) for (i, j, k), n in numbers.items()}
-    return places, parts
+def _part(y: float, z: float) -> str | None:
+    return "plate" if z > 0 else "rib" if abs(y) < 4 else None
 
 
-def _deck(moduli: dict[str, float]) -> list[str]:
-    places, parts = _mesh()
-    lines = ["*NODE, NSET=ALL", *(f"{n},{x:.9g},{y:.9g},{z:.9g}" for n, (x, y, z) in places.items())]
-    for name, elements in parts.items():
-        lines.append(f"*ELEMENT, TYPE=C3D20R, ELSET={name}")
-        for row in elements:
-            lines += [f"{len(lines)}," + ",".join(map(str, row[:15])) + ",", ",".join(map(str, row[15:]))]
-        lines += [f"*MATERIAL, NAME={name}", "*ELASTIC", f"{moduli[name]:g},0.3", "*DENSITY", "1.85E-9"]
-        lines.append(f"*SOLID SECTION, ELSET={name}, MATERIAL={name}")
-    return lines
+def _solid(moduli: dict[str, float]) -> Solid:
+    return solid(
+        _GRID,
+        _part,
+        {
+            name: [
+                *(f"*MATERIAL, NAME={name}", "*ELASTIC", f"{E:g},0.3", "*DENSITY", "1.85E-9"),
+                f"*SOLID SECTION, ELSET={name}, MATERIAL={name}",
+            ]
+            for name, E in moduli.items()
+        },
+    )
+
+
+def _places() -> dict[int, tuple[float, float, float]]:
+    """Of nodes by number, mm."""
+    return {n: (float(x), float(y), float(z)) for n, (x, y, z) in enumerate(_solid(MODULI).places, start=1)}
 
 
 def stored_matrices() -> bytes:
@@ -60,11 +53,11 @@ def stored_matrices() -> bytes:
         step = ["*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "*END STEP", ""]
         alone = {name: E * (1 if name == part else 1e-6) for name, E in MODULI.items()}
         with tempfile.TemporaryDirectory() as folder:
-            Path(folder, "t.inp").write_text("\n".join([*_deck(alone), *step]))
+            Path(folder, "t.inp").write_text("\n".join([*_solid(alone).deck, *step]))
             subprocess.run(["ccx", "-i", "t"], cwd=folder, check=True, capture_output=True)
             files |= {f"K_{part}.sti": Path(folder, "t.sti").read_bytes()}
             files |= {f"t.{end}": Path(folder, f"t.{end}").read_bytes() for end in ("mas", "dof")}
-    rows = [",".join(map(str, (n, *xyz))) for n, xyz in _mesh()[0].items()]
+    rows = [",".join(map(str, (n, *xyz))) for n, xyz in _places().items()]
     files["nodes.csv"] = "\n".join(["node,x,y,z", *rows, ""]).encode()
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -76,14 +69,13 @@ def stored_matrices() -> bytes:
 def solved(factors: dict[str, float], nodes: list[int], modes: int = 20) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies in Hz and (n, p, 3) mass-normalised shapes, SI, of the free body with these factors of its moduli."""
     moduli = {name: E * factors[name] for name, E in MODULI.items()}
-    step = ["*NSET, NSET=SEEN", ",\n".join(map(str, nodes)), "*STEP", "*FREQUENCY", str(modes)]
-    table = ccx([*_deck(moduli), *step, "*NODE PRINT, NSET=SEEN", "U", "*END STEP"])
-    return frequencies(table), displacements(table, nodes) / np.sqrt(1e3)  # a mode of 1 t mm² is of 1000 kg
+    hz, shapes = modes_of(_solid(moduli), modes, nodes)
+    return hz, shapes / np.sqrt(1e3)  # a mode of 1 t mm² is of 1000 kg
 
 
 def measured(factors: dict[str, float]) -> bytes:
     """A UFF file of the body: hits down on the plate and across the rib, two sensors, 1 % noise, 1 % damping."""
-    places, _ = _mesh()
+    places = _places()
     seen = {n: 3 if xyz[2] > 0 else 2 for n, xyz in places.items() if xyz[0] % 60 == 30 and xyz[1:] in _WHERE}
     hz, shapes = solved(factors, list(seen))
     hz[:6] = 0.0

@@ -97,32 +97,30 @@ SIDES = ((1, 0), (2, 1), (1, 2), (0, 1))
 
 def shells(deck: Deck) -> Mesh:
     """Quadratic shells of eight nodes on the middle surface."""
-    x, y = deck.lines()
-    i, j = np.indices((x.size, y.size))
-    real = (i % 2) + (j % 2) < 2  # corners and sides
-    number = np.where(real, np.cumsum(real.ravel()).reshape(real.shape), 0)
-    nodes = np.column_stack([x[i[real]], y[j[real]], np.zeros(int(real.sum()))])
-    corner = 2 * np.indices(((x.size - 1) // 2, (y.size - 1) // 2)).reshape(2, -1).T
-    at = corner[:, None] + np.array((*CORNERS, *SIDES))
-    return Mesh(nodes, number[at[..., 0], at[..., 1]])
+    return _quadratic((*deck.lines(), np.zeros(1)), [(*one, 0) for one in (*CORNERS, *SIDES)])
 
 
 def solids(deck: Deck) -> Mesh:
     """Quadratic bricks of twenty nodes, with nodes on the middle surface."""
-    x, y = deck.lines()
     z = np.linspace(-deck.thickness / 2, deck.thickness / 2, 2 * THROUGH + 1)
-    i, j, k = np.indices((x.size, y.size, z.size))
-    real = (i % 2) + (j % 2) + (k % 2) < 2
+    rings = ((CORNERS, 0), (CORNERS, 2), (SIDES, 0), (SIDES, 2), (CORNERS, 1))
+    return _quadratic((*deck.lines(), z), [(*one, level) for ring, level in rings for one in ring])
+
+
+def _quadratic(lines: tuple[FloatArray, FloatArray, FloatArray], places: list[tuple[int, int, int]]) -> Mesh:
+    """Elements on a grid of lines, of which every second one passes through their corners.
+
+    Args:
+        lines: along x, y and z.
+        places: of an element's nodes, in lines from its first corner.
+    """
+    at = np.indices([line.size for line in lines])
+    real = (at % 2).sum(axis=0) < 2  # corners and the middles of sides
     number = np.where(real, np.cumsum(real.ravel()).reshape(real.shape), 0)
-    nodes = np.column_stack([x[i[real]], y[j[real]], z[k[real]]])
-    corner = 2 * np.indices(((x.size - 1) // 2, (y.size - 1) // 2, THROUGH)).reshape(3, -1).T
-    places = [
-        (*one, level)
-        for ring, level in ((CORNERS, 0), (CORNERS, 2), (SIDES, 0), (SIDES, 2), (CORNERS, 1))
-        for one in ring
-    ]
-    at = corner[:, None] + np.array(places)
-    return Mesh(nodes, number[at[..., 0], at[..., 1], at[..., 2]])
+    nodes = np.column_stack([line[own[real]] for line, own in zip(lines, at, strict=True)])
+    corners = 2 * np.indices([max(line.size // 2, 1) for line in lines]).reshape(3, -1).T
+    i, j, k = np.moveaxis(corners[:, None] + np.array(places), -1, 0)
+    return Mesh(nodes, number[i, j, k])
 
 
 def _through(lines: FloatArray, places: list[float]) -> FloatArray:

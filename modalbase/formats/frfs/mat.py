@@ -74,18 +74,8 @@ def frfs_of(variables: Variables, document: Any, quantity: Quantity) -> Frfs:
 
 def propose_frfs(variables: Variables) -> dict[str, Any]:
     """A mapping that names, types and shapes suggest; points and directions are the user's."""
-    vectors = {
-        n: np.ravel(a) for n, a in variables.items() if a.dtype.kind in "fiu" and a.size == max(a.shape or (0,)) > 1
-    }
-    lines = next(
-        (
-            n
-            for n, a in vectors.items()
-            if np.all(np.diff(a) > 0) and a[0] >= 0 and n.lower().rpartition(".")[2][:1] in "fx"
-        ),
-        None,
-    )
-    found: dict[str, Any] = {"frequency_hz": {"variable": lines or "?"}, "response_point": 1, "reference_point": 1}
+    lines = [name for name, array in variables.items() if name.lower().rpartition(".")[2][:1] in "fx" and _rises(array)]
+    found: dict[str, Any] = {"frequency_hz": {"variable": [*lines, "?"][0]}, "response_point": 1, "reference_point": 1}
     complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
     frf = min(complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None)
     found["frf"] = {"variable": frf or "?"}
@@ -94,6 +84,13 @@ def propose_frfs(variables: Variables) -> dict[str, Any]:
     if coherence := [n for n in alike if "coh" in n.lower()] or shares:
         found["coherence"] = {"variable": coherence[0]}
     return found
+
+
+def _rises(array: np.ndarray[Any, Any]) -> bool:
+    """Whether an array is a vector of real numbers that rise from 0 or more."""
+    values = np.ravel(array)
+    is_vector = array.dtype.kind in "fiu" and array.size == max(array.shape or (0,)) > 1
+    return is_vector and bool(np.all(np.diff(values) > 0) and values[0] >= 0)
 
 
 def _named(variables: Variables, document: dict[str, Any], field: str) -> np.ndarray[Any, Any]:

@@ -12,7 +12,7 @@ from numpy.lib import format as npy
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
-from modalbase.formats.npy import Array, read_array
+from modalbase.formats.npy import Array, members_of, read_array
 
 REQUIRED = ("frequency_hz", "values", *DOFS)
 OPTIONAL = ("quantity", "averages", "coherence", "label", "id")
@@ -83,7 +83,7 @@ def read_npz(path: Path, limit_bytes: int | None = None) -> Frfs:
 def _read_arrays(path: Path, limit_bytes: int | None) -> dict[str, Array]:
     try:
         with zipfile.ZipFile(path) as archive:
-            members = archive.infolist()
+            members = members_of(archive)
             if limit_bytes is not None and sum(member.file_size for member in members) > limit_bytes:
                 raise FormatError("", f"the npz unpacks to more than the {limit_bytes} bytes that the operator allows")
             known = {f"{name}.npy": name for name in (*REQUIRED, *OPTIONAL)}

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from modalbase.formats.errors import FormatError
 
-_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE][+-]?\d+)?")
+_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE](-\d{1,3}|\+?0?\d{1,2}))?")
 _GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{mark}\d{{3}})+") for mark in ".,"}
 _OTHER = {".": ",", ",": "."}
 
@@ -15,8 +15,8 @@ _OTHER = {".": ",", ",": "."}
 def is_number(cell: str) -> bool:
     """Whether a cell is written as a number, whatever its decimal sign.
 
-    >>> is_number("1,25e-3"), is_number("12 kN")
-    (True, False)
+    >>> is_number("1,25e-3"), is_number("2.5E+003"), is_number("12 kN"), is_number("1e999")
+    (True, True, False, False)
     """
     return _NUMBER.fullmatch(cell) is not None
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.measures import sizes, worst_corner
-from modalbase.formats.models.model import Elements, FiniteElementModel, Integers, Link
+from modalbase.formats.models.model import Elements, FiniteElementModel, Integers, Link, ShellSection
 
 NAMED = 5
 """At most so many elements, nodes or parts are named in a message."""
@@ -19,16 +19,33 @@ def check(model: FiniteElementModel) -> None:
     """Look for faults that no single line shows.
 
     Raises:
-        FormatError: there is no element; elements have no size or fold over; a node is led twice, or by itself in a circle;
-            masses or springs hang on nothing; the model falls into parts, of which one is free.
+        FormatError: there is no element; elements have no size or fold over; a section weighs less than nothing; a node is
+            led twice, or by itself in a circle; masses or springs hang on nothing; the model falls into parts, of which one
+            is free.
     """
     if not model.elements:
         raise FormatError("", "the model has no shell or beam element; nothing would vibrate")
     faults = [fault for block in model.elements for fault in _shapes(model, block)]
     if faults:
         raise FormatError(faults[:NAMED])
+    _weigh(model)
     _led_once(model)
     _hangs_together(model)
+
+
+def _weigh(model: FiniteElementModel) -> None:
+    """Non-structural mass may be negative, to correct a density, but no more than that."""
+    for name, section in model.sections.items():
+        density = {each: model.materials[each].constants.get("density", 0.0) for each in section.materials}
+        if isinstance(section, ShellSection):
+            mass = section.extra_mass + sum(ply.thickness * density[ply.material] for ply in section.plies)
+        else:
+            mass = section.extra_mass + section.area * density[section.material]
+        if mass < 0:
+            raise FormatError(
+                f"{section.file} line {section.line}".strip(),
+                f"the set {name} weighs {mass:.4g} with its non-structural mass, expected not below 0",
+            )
 
 
 def _led_once(model: FiniteElementModel) -> None:

@@ -26,6 +26,21 @@ def normals_of(x: Floats) -> Floats:
     return np.asarray(np.cross(first, second))
 
 
+ALONG_NORMAL = np.cos(np.radians(0.1))
+"""An axis lies along a normal from here on (Abaqus and CalculiX)."""
+
+
+def unit(x: Floats) -> Floats:
+    """(e, 3) vectors of length 1 along others; those of no length stay."""
+    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300))
+
+
+def axis_without_system(normals: Floats) -> Floats:
+    """(e, 3) axis 1 of shells that have none of their own, not projected: x, or z where x is their normal."""
+    along = np.abs(normals[:, 0]) > ALONG_NORMAL
+    return np.where(along[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+
+
 def worst_corner(block: Elements, places: Floats) -> Floats:
     """(e,) the least Jacobian at the corners of shells by that of their mean, ≤ 0 where an element folds over.
 

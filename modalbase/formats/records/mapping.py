@@ -36,6 +36,7 @@ FEWEST_SAMPLES = 64
 _UNEVEN = 1e-3
 _OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
 _FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
+MOST_POINT = 9_999_999_999  # label of a grid point, as in UFF
 LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
 
 
@@ -183,7 +184,7 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
         listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
         raise FormatError("mapping.channels", f"are not alike: {listed}")
     count, samples = next(iter(shapes.values()))
-    rate = _rate(variables, mapping.sample_rate_hz, samples)
+    rate = sampling_rate(variables, mapping.sample_rate_hz, samples)
     force = next(c for c in mapping.channels if c.quantity == "force")
     ordered = [force, *(c for c in mapping.channels if c is not force)]
     points = {c.variable: _integers(variables, c.point, count, "point", 1) for c in ordered}
@@ -282,11 +283,16 @@ def _labels(channel: ChannelMapping, count: int) -> tuple[str, ...]:
     return labels
 
 
-def _rate(variables: Variables, given: Value, samples: int) -> float:
+def sampling_rate(variables: Variables, given: Value, samples: int) -> float:
+    """Samples a second: a number, or the name of the variable that holds it or the time axis of so many samples.
+
+    Raises:
+        FormatError: it is no rate, the axis is uneven or of another length, or the file says another.
+    """
     if not isinstance(given, str):
         rate = float(given)
         own = variables.get(SAMPLE_RATE, np.array(rate))
-        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * rate:
+        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * abs(rate):
             raise FormatError(
                 "mapping.sample_rate_hz",
                 f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable": "{SAMPLE_RATE}"}}',
@@ -325,7 +331,7 @@ def _integers(variables: Variables, given: Values, count: int, name: str, least:
     if values.size != count:
         raise FormatError(place, f"has {values.size} values, expected one for each of the {count} blocks")
     whole = [int(v) if np.isfinite(v) else 0 for v in values]
-    most = 6 if name == "direction" else 9_999_999_999
+    most = 6 if name == "direction" else MOST_POINT
     if any(
         w != v or not least <= w <= most or (name == "direction" and w == 0) for w, v in zip(whole, values, strict=True)
     ):

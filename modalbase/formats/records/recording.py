@@ -1,4 +1,4 @@
-"""A wav of any length, chunk by chunk, and what a mapping says of the hits of a recording.
+"""A recording of many hits, chunk by chunk: a wav of any length, arrays of a file; and what a mapping says of its hits.
 
     {"recording": {"order": [{"point": 4, "hits": 3}, {"point": 5, "direction": -3, "hits": 3}]}, "channels": [...]}
 
@@ -17,7 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.variables import UNKNOWN_LENGTH, are_chunks
+from modalbase.formats.records.mapping import MOST_POINT, sampling_rate
+from modalbase.formats.records.variables import SAMPLE_RATE, UNKNOWN_LENGTH, Variables, are_chunks, described
 from modalbase.formats.types import FloatArray
 
 _FRAMES = 1 << 17
@@ -63,9 +64,13 @@ class Wav:
         """Type and shape of each channel."""
         return dict.fromkeys(self.names, f"float32 [{self.frames}]")
 
-    def rate_of(self, _: Sequence[str]) -> float:
-        """Rate of all channels."""
-        return self.sample_rate_hz
+    def rate_of(self, _: Sequence[str], stated: float | str) -> float:
+        """Rate of all channels.
+
+        Raises:
+            FormatError: another is stated.
+        """
+        return sampling_rate({SAMPLE_RATE: np.array(self.sample_rate_hz)}, stated, self.frames)
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, from -1 to 1 where the samples are integers."""
@@ -76,6 +81,48 @@ class Wav:
             for first in range(0, self.frames, _FRAMES):
                 raw = file.read(min(_FRAMES, self.frames - first) * size)
                 yield np.ascontiguousarray(_decoded(raw, self.kind).reshape(-1, self.channels).T[rows])
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """A recording whose channels are arrays of one dimension, of an npz, a .mat or a CSV.
+
+    Attributes:
+        variables: all arrays of the file.
+    """
+
+    variables: Variables
+    full_scale, declared = None, True
+
+    @property
+    def names(self) -> list[str]:
+        """Of the channels."""
+        return [name for name, array in self.variables.items() if array.size > 1 and np.squeeze(array).ndim == 1]
+
+    def shapes(self) -> dict[str, str]:
+        """Type, shape and extremes of each channel."""
+        return {name: described(self.variables[name]) for name in self.names}
+
+    def rate_of(self, names: Sequence[str], stated: float | str) -> float:
+        """Rate of these channels: a number, or the variable or time axis that states it.
+
+        Raises:
+            FormatError: they differ in length, or it is no rate.
+        """
+        length = self.variables[names[0]].size
+        for name in names:
+            if self.variables[name].size != length or self.variables[name].dtype.kind == "c":
+                raise FormatError(
+                    name, f"is {described(self.variables[name])}, expected {length} real numbers as {names[0]}"
+                )
+        return sampling_rate(self.variables, stated, length)
+
+    def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
+        """(channels, n) parts of these channels in order, in the unit of the file."""
+        rows = [np.ravel(self.variables[name]) for name in names]
+        kind = np.result_type(np.float32, *rows)
+        for first in range(0, rows[0].size, _FRAMES):
+            yield np.array([row[first : first + _FRAMES] for row in rows], dtype=kind)
 
 
 def _decoded(raw: bytes, kind: str) -> FloatArray:
@@ -135,8 +182,10 @@ def _head(path: Path, form: bytes, order: Literal["little", "big"], begin: int, 
         (_FLOAT, 64): "f8",
     }
     kind = kinds.get((tag, bits))
-    if kind is None or not channels or not rate:
+    if kind is None:
         raise FormatError("", f"has samples of {bits} bits in format {tag}, expected PCM or floating point")
+    if not channels or not rate:
+        raise FormatError("", f"has {channels} channels at {rate} Hz")
     return Wav(
         path, channels, float(rate), ("<" if order == "little" else ">") + kind, begin, length // (bits // 8 * channels)
     )
@@ -187,7 +236,7 @@ def _entry(number: int, entry: Any, direction: int) -> tuple[int, int, int]:
     found = entry["point"], entry.get("direction", direction), entry["hits"]
     if any(isinstance(n, bool) or not isinstance(n, int) for n in found):
         raise FormatError(place, "has a point, direction or number of hits that is no whole number")
-    if not (1 <= found[0] <= 9_999_999_999 and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS):
+    if not (1 <= found[0] <= MOST_POINT and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS):
         raise FormatError(
             place, f"is no place to hit: expected point and hits from 1 (to {_MOST_HITS}), direction ±1 to ±6"
         )

@@ -1,24 +1,27 @@
-"""A recording in TDMS, NI's format of LabVIEW and FlexLogger, chunk by chunk: npTDMS reads it, which the extra `tdms` brings.
+"""A recording in TDMS, NI's format of LabVIEW and FlexLogger, part by part, with npTDMS, which the extra `tdms` brings.
 
-A channel is named `group/channel`. What the recorder wrote at a stroke is a chunk, and one of each channel is in memory.
+A channel is named `group/channel`. npTDMS says where the samples of each channel lie and how they are scaled; it would read all
+that the recorder wrote at a stroke, which may be the whole file, so the samples are read here.
 """
 
 from __future__ import annotations
 
-import struct
+import logging
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.records.mapping import sampling_rate
+from modalbase.formats.records.variables import SAMPLE_RATE
 from modalbase.formats.types import FloatArray
 
 _FRAMES = 1 << 17
-_BROKEN = (ValueError, KeyError, OSError, EOFError, IndexError, struct.error)  # what npTDMS raises of a broken file
+_MOST_AT_A_STROKE = 1 << 26  # bytes of DAQmx's own layout, which npTDMS has to read at once
 
 
 @dataclass(frozen=True)
@@ -48,11 +51,11 @@ class Tdms:
         """Type and shape of each channel."""
         return {name: f"float32 [{length}]" for name, length in self.lengths.items()}
 
-    def rate_of(self, names: Sequence[str]) -> float | None:
-        """Rate of these channels; None where the file states none.
+    def rate_of(self, names: Sequence[str], stated: float | str) -> float:
+        """Rate of these channels.
 
         Raises:
-            FormatError: they differ in rate or length.
+            FormatError: they differ in rate or length, another is stated, or none is.
         """
         for name in names[1:]:
             if self.lengths[name] != self.lengths[names[0]] or not np.isclose(
@@ -61,16 +64,20 @@ class Tdms:
                 raise FormatError(
                     name, f"differs in rate or length from {names[0]}; the channels of a hit are on one clock"
                 )
-        rate = self.rates[names[0]]
-        return rate if np.isfinite(rate) else None
+        own = self.rates[names[0]]
+        if np.isnan(own) and isinstance(stated, str):
+            raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
+        return sampling_rate({} if np.isnan(own) else {SAMPLE_RATE: np.array(own)}, stated, self.lengths[names[0]])
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
-        """(channels, n) float32 parts of these channels in order, in the unit of the file."""
-        with ExitStack() as opened:
-            # npTDMS goes on from where its file stands, so each channel has one of its own.
-            files = [opened.enter_context(_opened(self.path)) for _ in names]
-            parts = [_even(_channels(file)[name]) for file, name in zip(files, names, strict=True)]
-            for rows in zip(*parts, strict=True):
+        """(channels, n) float32 parts of these channels in order, in the unit of the file.
+
+        Raises:
+            FormatError: the samples cannot be read.
+        """
+        with _opened(self.path) as file, self.path.open("rb") as raw, _broken():
+            channels = _channels(file)
+            for rows in zip(*(_even(_samples(file, channels[name], raw)) for name in names), strict=True):
                 yield np.array(rows)
 
 
@@ -80,7 +87,7 @@ def read_tdms_head(path: Path) -> Tdms:
     Raises:
         FormatError: it is broken, or npTDMS is not installed.
     """
-    with _opened(path) as file:
+    with _opened(path) as file, _broken():
         channels = _channels(file)
         if not channels:
             raise FormatError("", "is a TDMS without a channel of numbers, or was cut off before them")
@@ -95,11 +102,23 @@ def read_tdms_head(path: Path) -> Tdms:
 def _opened(path: Path) -> Any:
     try:
         from nptdms import TdmsFile
+        from nptdms.log import log_manager
     except ImportError:
         raise FormatError("", "is a TDMS file, which npTDMS reads: pip install 'modalbase[tdms]'") from None
-    try:
+    log_manager.set_level(
+        logging.ERROR
+    )  # it would print all bytes of a damaged name, which may be the rest of the file
+    with _broken():
         return TdmsFile.open(path)
-    except _BROKEN as error:
+
+
+@contextmanager
+def _broken() -> Iterator[None]:
+    try:
+        yield
+    except FormatError:
+        raise
+    except Exception as error:  # noqa: BLE001 - of damaged files npTDMS raises errors of many kinds
         raise FormatError("", f"cannot be read as TDMS: {error}") from None
 
 
@@ -113,16 +132,67 @@ def _rate(increment_s: float | None) -> float:
     return float(np.round(1 / increment_s, 6)) if increment_s else np.nan
 
 
-def _even(channel: Any) -> Iterator[FloatArray]:
-    """The samples of a channel in parts of one length, the last one shorter."""
+def _even(parts: Iterator[FloatArray]) -> Iterator[FloatArray]:
+    """The same samples in parts of one length, the last one shorter."""
     held = np.empty(0, dtype=np.float32)
-    try:
-        for chunk in channel.data_chunks():
-            held = np.concatenate((held, np.asarray(chunk[:], dtype=np.float32)))
-            while held.size >= _FRAMES:
-                yield held[:_FRAMES]
-                held = held[_FRAMES:]
-    except _BROKEN as error:
-        raise FormatError("", f"cannot be read as TDMS: {error}") from None
+    for part in parts:
+        held = np.concatenate((held, part))
+        while held.size >= _FRAMES:
+            yield held[:_FRAMES]
+            held = held[_FRAMES:]
     if held.size:
         yield held
+
+
+def _samples(file: Any, channel: Any, raw: BinaryIO) -> Iterator[FloatArray]:
+    """The samples of a channel, scaled, in parts that fit into memory."""
+    for segment in file._reader._segments:
+        own = next((o for o in segment._get_data_objects() if o.path == channel.path), None)
+        if own is not None:
+            parts = _of_daqmx if segment._have_daqmx_objects() else _of_segment
+            for part in parts(segment, own, raw):
+                yield np.asarray(channel._scale_data(part), dtype=np.float32)
+
+
+def _of_daqmx(segment: Any, own: Any, raw: BinaryIO) -> Iterator[Any]:
+    """What npTDMS reads of a segment that DAQmx wrote, stroke by stroke."""
+    if (size := segment._get_chunk_size()) > _MOST_AT_A_STROKE:
+        raise FormatError(
+            own.path,
+            f"was written by DAQmx at strokes of {size / 1e6:.0f} MB, of which {_MOST_AT_A_STROKE / 1e6:.0f} MB can be read; "
+            "let the recorder write more often, or export the recording as wav",
+        )
+    for stroke in range(segment.num_chunks):
+        yield from segment.read_raw_data_for_channel(raw, own.path, stroke, 1)
+
+
+def _of_segment(segment: Any, own: Any, raw: BinaryIO) -> Iterator[Any]:
+    """The same of any other segment, some samples at a time."""
+    from nptdms.base_segment import RawChannelDataChunk
+
+    kind = own.data_type.nptype.newbyteorder(segment._get_data_reader().endianness)
+    for begin, count, width, column in _stretches(segment, own):
+        for first in range(0, count, _FRAMES):
+            raw.seek(begin + first * width)
+            read = np.frombuffer(raw.read(min(_FRAMES, count - first) * width), np.uint8)
+            rows = read[: read.size // width * width].reshape(-1, width)[:, column : column + kind.itemsize]
+            yield RawChannelDataChunk.channel_data(np.ascontiguousarray(rows).view(kind)[:, 0])
+
+
+def _stretches(segment: Any, own: Any) -> Iterator[tuple[int, int, int, int]]:
+    """Where the samples of a channel lie: first byte, rows, bytes of a row, and the sample's place in it."""
+    objects, begin = segment._get_data_objects(), segment.data_position
+    before = objects[: objects.index(own)]
+    if segment._have_interleaved_data():
+        if len({o.number_values for o in objects}) > 1:
+            raise FormatError(own.path, "lies between the samples of longer or shorter channels")
+        width = sum(o.data_type.size for o in objects)
+        yield begin, (segment.next_segment_pos - begin) // width, width, sum(o.data_type.size for o in before)
+        return
+    for stroke in range(segment.num_chunks):
+        cut = segment.final_chunk_lengths_override if stroke == segment.num_chunks - 1 else None
+        *sizes, count = (
+            o.data_size if cut is None else cut.get(o.path, 0) * (o.data_type.size or 0) for o in (*before, own)
+        )
+        at = begin + stroke * segment._get_chunk_size() + sum(sizes)
+        yield at, count // own.data_type.size, own.data_type.size, 0

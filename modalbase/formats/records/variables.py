@@ -19,7 +19,7 @@ import numpy as np
 
 from modalbase.formats.columns import read_columns
 from modalbase.formats.errors import FormatError
-from modalbase.formats.npy import read_array
+from modalbase.formats.npy import members_of, read_array
 
 _DEEPEST = 8
 _COMPRESSED = 15  # type of a compressed element of a .mat of version 7
@@ -91,7 +91,7 @@ def _within(declared: int, limit_bytes: int | None, name: str) -> None:
 
 def _npz(path: Path, limit_bytes: int | None) -> Variables:
     with zipfile.ZipFile(path) as archive:
-        members = archive.infolist()
+        members = members_of(archive)
         _within(sum(member.file_size for member in members), limit_bytes, "")
         found = [member for member in members if member.filename.endswith(".npy")]
         return {member.filename.removesuffix(".npy"): read_array(archive, member) for member in found}

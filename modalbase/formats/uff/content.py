@@ -22,36 +22,14 @@ COHERENCE = 6
 """Function type of an ordinary coherence γ²."""
 
 FUNCTION_NAMES: dict[int, str] = {
-    0: "general function",
-    1: "time response",
-    2: "auto spectrum",
-    3: "cross spectrum",
-    4: "frequency response function",
-    5: "transmissibility",
-    COHERENCE: "coherence",
-    7: "auto correlation",
-    8: "cross correlation",
-    9: "power spectral density",
-    10: "energy spectral density",
-    11: "probability density function",
-    12: "spectrum",
-    13: "cumulative frequency distribution",
-    14: "peaks valley",
-    15: "stress/cycles",
-    16: "strain/cycles",
-    17: "orbit",
-    18: "mode indicator function",
-    19: "force pattern",
-    20: "partial power",
-    21: "partial coherence",
-    22: "eigenvalue",
-    23: "eigenvector",
-    24: "shock response spectrum",
-    25: "finite impulse response filter",
-    26: "multiple coherence",
-    27: "order function",
-    28: "phase compensation",
-}
+    0: "general function", 1: "time response", 2: "auto spectrum", 3: "cross spectrum", 4: "frequency response function",
+    5: "transmissibility", COHERENCE: "coherence", 7: "auto correlation", 8: "cross correlation",
+    9: "power spectral density", 10: "energy spectral density", 11: "probability density function", 12: "spectrum",
+    13: "cumulative frequency distribution", 14: "peaks valley", 15: "stress/cycles", 16: "strain/cycles", 17: "orbit",
+    18: "mode indicator function", 19: "force pattern", 20: "partial power", 21: "partial coherence", 22: "eigenvalue",
+    23: "eigenvector", 24: "shock response spectrum", 25: "finite impulse response filter", 26: "multiple coherence",
+    27: "order function", 28: "phase compensation",
+}  # fmt: skip
 """Function types of set 58, record 6, field 1."""
 
 

@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 
+from modalbase.formats.coordinates import Kind, cartesian
 from modalbase.formats.types import FloatArray
 from modalbase.formats.uff.content import Content, CoordinateSystem, GridPoint, Units
 from modalbase.formats.uff.text import Cursor, Refusal, decoded, real
 
-_KINDS: dict[int, Literal["cartesian", "cylindrical", "spherical"]] = {0: "cartesian", 1: "cylindrical", 2: "spherical"}
+_KINDS: dict[int, Kind] = {0: "cartesian", 1: "cylindrical", 2: "spherical"}
 _SKEW_DEG = 0.5
 _ORTHONORMAL = 1e-3
 
@@ -202,18 +202,12 @@ def _moves(label: int, geometry: Geometry) -> bool:
 def _global(row: PointRow, geometry: Geometry, scale: float, notes: list[str]) -> tuple[float, float, float]:
     """Coordinates in metres in the global system."""
     system = geometry.system(row.definition_system, f"grid point {row.label} is given", notes)
-    a, b, c = row.coordinates
     if system is None:
+        a, b, c = row.coordinates
         return a * scale, b * scale, c * scale
-    if system.kind == "cylindrical":
-        local = np.array([a * np.cos(np.radians(b)), a * np.sin(np.radians(b)), c])
-    elif system.kind == "spherical":
-        ring = a * np.sin(np.radians(b))
-        local = np.array([ring * np.cos(np.radians(c)), ring * np.sin(np.radians(c)), a * np.cos(np.radians(b))])
-    else:
-        local = np.array([a, b, c])
-    x, y, z = local * scale @ system.axes + system.origin_m
-    return float(x), float(y), float(z)
+    (local,) = cartesian(system.kind, np.array([row.coordinates]))
+    x, y, z = (local * scale @ system.axes + system.origin_m).tolist()
+    return x, y, z
 
 
 def read_18(body: bytes, dataset: int, units: Units | None, systems: dict[int, CoordinateSystem]) -> Parsed:

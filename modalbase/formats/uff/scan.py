@@ -231,29 +231,17 @@ def _binary_end(
             raise UffError(f"the file ends inside the header of dataset {number}", position)
         record_7 = text if index == 6 else record_7
         position += len(text)
-    sizes = _bytes_by_record_7(record_7)
-    for actual in dict.fromkeys(actual for _, actual in sizes):
-        if (
-            0 < header.data_bytes - actual <= _COUNTED_ENDS
-            and (after := _delimiter_after(file, position + actual)) is not None
-        ):
-            return (
-                position + actual,
-                after,
-                f"its header declares {header.data_bytes} bytes of data, line ends included; the {actual} bytes that its type"
-                " and number of points make were read, for its delimiter stands behind them",
-            )
-    if (after := _delimiter_after(file, position + header.data_bytes)) is not None:
-        return position + header.data_bytes, after, ""
+    declared, sizes = header.data_bytes, _bytes_by_record_7(record_7)
+    counted = [(actual, ", line ends included") for _, actual in sizes if 0 < declared - actual <= _COUNTED_ENDS]
     # pyuff writes 8 (or 4) bytes a point into the header even where a point takes 16 or 24.
-    for declared, actual in sizes:
-        if declared == header.data_bytes and (after := _delimiter_after(file, position + actual)) is not None:
-            return (
-                position + actual,
-                after,
-                f"its header declares {declared} bytes of data; the {actual} bytes that its type and number of points"
-                " make were read, for its delimiter stands behind them",
+    by_pyuff = [(actual, "") for stated, actual in sizes if stated == declared]
+    for actual, how in dict.fromkeys([*counted, (declared, ""), *by_pyuff]):
+        if (after := _delimiter_after(file, position + actual)) is not None:
+            note = (
+                f"its header declares {declared} bytes of data{how}; the {actual} bytes that its type and number of points make"
+                " were read, for its delimiter stands behind them"
             )
+            return position + actual, after, "" if actual == declared else note
     raise UffError(
         f"dataset {number} declares {header.data_bytes} bytes of binary data, but no delimiter stands behind them:"
         " the file was cut or changed, or the count is wrong",

@@ -12,14 +12,14 @@ from modalbase.formats.uff.geometry import Parsed
 from modalbase.formats.uff.text import Cursor, Ignored, Refusal, decoded, shown
 
 _NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND = 2, 3, 7
-_ANALYSES = {
-    0: "of unknown analysis",
-    1: "static",
-    4: "transient",
-    5: "a frequency response",
-    6: "buckling",
-    9: "static non-linear",
+_KINDS: dict[int, Literal["normal", "complex"]] = {
+    _NORMAL: "normal",
+    _COMPLEX_FIRST: "complex",
+    _COMPLEX_SECOND: "complex",
 }
+_ANALYSES = {
+    0: "of unknown analysis", 1: "static", 4: "transient", 5: "a frequency response", 6: "buckling", 9: "static non-linear",
+}  # fmt: skip
 _REAL, _COMPLEX = 2, 5
 _PER_ROW = 6
 _WIDTH = 13
@@ -55,16 +55,7 @@ def read_55(body: bytes, dataset: int) -> Parsed:
     if not (values_are_complex and components == 6):
         claims = {"node_nums": points, "analysis_type": analysis, "n_data_per_node": components}
         claims |= {f"r{i + 1}": values[:, i] if values_are_complex else flat[:, i] for i in range(components)}
-    shape = ModeShape(
-        dataset=dataset,
-        label=ids[0],
-        mode=mode,
-        frequency_hz=frequency,
-        damping_ratio=damping,
-        points=points,
-        values=values,
-        kind=_kind(analysis),
-    )
+    shape = ModeShape(dataset, ids[0], mode, frequency, damping, points, values=values, kind=_KINDS[analysis])
     return Parsed([shape], notes, claims)
 
 
@@ -97,29 +88,15 @@ def read_2414(body: bytes, dataset: int) -> Parsed:
     claims: dict[str, object] | None = None
     if flat.shape[1] <= _PER_ROW:
         claims = {"node_nums": points, "analysis_type": analysis, "data_at_node": flat}
-    shape = ModeShape(
-        dataset=dataset,
-        label=label,
-        mode=mode,
-        frequency_hz=frequency,
-        damping_ratio=damping,
-        points=points,
-        values=values,
-        kind=_kind(analysis),
-    )
+    shape = ModeShape(dataset, label, mode, frequency, damping, points, values=values, kind=_KINDS[analysis])
     return Parsed([shape], notes, claims)
-
-
-def _kind(analysis: int) -> Literal["normal", "complex"]:
-    """What the analysis type makes the mode."""
-    return "normal" if analysis == _NORMAL else "complex"
 
 
 def _definition(cursor: Cursor, dataset_type: str) -> tuple[int, int, bool]:
     """Analysis type, values a node, and whether these are complex, of record 6 (set 55) or 9 (set 2414)."""
     names = ["model type", "analysis type", "data characteristic", "", "data type", "values per node"]
     _, analysis, characteristic, _, data_type, components = cursor.integers(cursor.next("the data definition"), names)
-    if analysis not in (_NORMAL, _COMPLEX_FIRST, _COMPLEX_SECOND):
+    if analysis not in _KINDS:
         raise Ignored(f"its data are {_ANALYSES.get(analysis, f'of analysis type {analysis}')}, no mode shape")
     if characteristic not in (_TRANSLATIONS, _WITH_ROTATIONS):
         raise Ignored(f"its data characteristic is {characteristic}, no displacement (2, 3)")

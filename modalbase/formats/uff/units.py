@@ -163,15 +163,7 @@ def read_164(body: bytes, dataset: int) -> tuple[Units, list[str]]:
             f"units code {code} stands for length and force factors {known[0]:g} and {known[1]:g}, but the set states"
             f" {length:g} and {force:g}; the stated factors are used"
         )
-    return Units(
-        dataset=dataset,
-        code=code,
-        description=description,
-        length=length,
-        force=force,
-        temperature=temperature,
-        temperature_offset=offset,
-    ), notes
+    return Units(dataset, code, description, length, force, temperature, temperature_offset=offset), notes
 
 
 _FACTORS_OF_CODE = {

@@ -45,19 +45,12 @@ class BackupError(Exception):
 
 @dataclass(frozen=True)
 class TableEntry:
-    """A table in the file.
+    """A table in the file."""
 
-    Attributes:
-        name: of the table.
-        columns: in the order of the copied rows.
-        rows: how many.
-        sha256: of the copied bytes, hexadecimal.
-    """
-
-    name: str
-    columns: list[str]
-    rows: int
-    sha256: str
+    name: str  # of the table
+    columns: list[str]  # in the order of the copied rows
+    rows: int  # how many
+    sha256: str  # of the copied bytes, hexadecimal
 
     @property
     def member(self) -> str:
@@ -67,23 +60,14 @@ class TableEntry:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a backup holds.
+    """What a backup holds."""
 
-    Attributes:
-        format: of the file.
-        software: version of modalbase that wrote it.
-        revision: of the schema.
-        created_at: moment that the backup shows, ISO 8601.
-        tables: what is in it, parents first.
-        damaged: what was damaged in the database already, as `service.app.backup.verification` names it.
-    """
-
-    format: int
-    software: str
-    revision: str
-    created_at: str
-    tables: list[TableEntry]
-    damaged: list[str]
+    format: int  # of the file
+    software: str  # version of modalbase that wrote it
+    revision: str  # of the schema
+    created_at: str  # moment that the backup shows, ISO 8601
+    tables: list[TableEntry]  # what is in it, parents first
+    damaged: list[str]  # what was damaged in the database already, as `service.app.backup.verification` names it
 
     def to_json(self) -> str:
         """The manifest's text."""
@@ -107,8 +91,7 @@ def read_manifest(file: Path, archive: ZipFile) -> Manifest:
 
 Watch = Callable[[int, int], object]
 """Is called with the bytes that are done and those that there are, which is about right until the end."""
-More = Callable[[int], None]
-"""Is called with the bytes that were done since the last time."""
+More = Callable[[int], None]  # is called with the bytes that were done since the last time
 
 
 def counted(watch: Watch | None, total: int) -> More:
@@ -157,8 +140,7 @@ def write_backup(engine: Engine, file: Path, watch: Watch | None = None) -> Mani
     return manifest
 
 
-_DERIVED = ("alembic_version", "instrument_uses")
-"""Tables that an upgrade, or a trigger of others, fills."""
+_DERIVED = ("alembic_version", "instrument_uses")  # tables that an upgrade, or a trigger of others, fills
 
 
 def our_tables(connection: Connection) -> list[Table]:

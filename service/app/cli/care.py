@@ -65,8 +65,7 @@ def verify(data: Data = None) -> None:
 
 @commands.command()
 def doctor(
-    data: Data = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Do not read everything stored")] = False,
+    data: Data = None, quick: Annotated[bool, typer.Option("--quick", help="Do not read everything stored")] = False
 ) -> None:
     """Say what is wrong with the service: folder, disk, database, schema, workers, jobs, stored data."""
     from service.app.doctor import examine

@@ -79,11 +79,7 @@ def demo(
 
 
 @commands.command()
-def serve(
-    port: Port = None,
-    data: Data = None,
-    host: Host = None,
-) -> None:
+def serve(port: Port = None, data: Data = None, host: Host = None) -> None:
     """Run the API alone."""
     from service.app.serving import serve as run
 

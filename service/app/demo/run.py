@@ -28,15 +28,10 @@ from service.settings import Settings
 
 @dataclass
 class Laboratory:
-    """A client of the service that notes how long each step took.
+    """A client of the service that notes how long each step took."""
 
-    Attributes:
-        client: with the service's URL as base, and a key.
-        durations: seconds by step.
-    """
-
-    client: httpx.Client
-    durations: dict[str, float] = field(default_factory=dict)
+    client: httpx.Client  # with the service's URL as base, and a key
+    durations: dict[str, float] = field(default_factory=dict)  # seconds by step
 
     def update_beam(self, watch: Watch | None = None) -> dict[str, Any]:
         """The whole main job: from nothing to the result document.

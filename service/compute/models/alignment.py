@@ -13,19 +13,12 @@ from fecore.body.structure import Structure
 
 @dataclass(frozen=True)
 class Distances:
-    """Where points lie.
+    """Where points lie."""
 
-    Attributes:
-        distance_m: (p,) from the middle surface or the beam's axis.
-        sets: of the nearest elements.
-        normal: (p, 3) of the surface there; of a beam towards the point.
-        off: (p,) which lie further away than an update takes.
-    """
-
-    distance_m: FloatArray
-    sets: tuple[str, ...]
-    normal: FloatArray
-    off: BoolArray
+    distance_m: FloatArray  # (p,) from the middle surface or the beam's axis
+    sets: tuple[str, ...]  # of the nearest elements
+    normal: FloatArray  # (p, 3) of the surface there; of a beam towards the point
+    off: BoolArray  # (p,) which lie further away than an update takes
 
 
 def distances(body: Body, points: FloatArray) -> Distances:

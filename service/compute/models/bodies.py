@@ -21,20 +21,10 @@ from fecore.body.structure import Structure
 from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
 from modalbase.formats.models import model as formats
-from modalbase.formats.models.model import (
-    BeamSection,
-    Elements,
-    FiniteElementModel,
-    Material,
-    ShellSection,
-    Spring,
-)
+from modalbase.formats.models.model import BeamSection, Elements, FiniteElementModel, Material, ShellSection, Spring
 
-AS_MODELLED = "as_modelled"
-"""The boundary of a campaign that held the body as the model says."""
-
-RIGID_SHEAR = 1e3
-"""Shear factor of a beam that its deck has rigid in shear."""
+AS_MODELLED = "as_modelled"  # the boundary of a campaign that held the body as the model says
+RIGID_SHEAR = 1e3  # shear factor of a beam that its deck has rigid in shear
 
 
 def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structure:

@@ -11,41 +11,29 @@ from fecore.arrays import FloatArray
 from fecore.body.constants import kind_of
 from fecore.body.structure import Structure
 from fecore.dynamics.bodies import body_modes
+from modalbase.formats.models.bdf import write_bdf
 from modalbase.formats.models.inp import write_inp
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import Units, in_si, units_of
-from modalbase.formats.models.write_bdf import write_bdf
 from service.compute.models.bodies import body_of_model
 from service.compute.models.reading import faults_of, parsed, repacked, unpacked
 
 
 @dataclass(frozen=True)
 class DeckOrder:
-    """What a deck is to say.
+    """What a deck is to say."""
 
-    Attributes:
-        content: the deck as it was sent.
-        filename: as its sender called it.
-        units: that its numbers are in.
-        boundary: of the campaign.
-        constants: updated, SI, by name such as `flange.E1`.
-        modes: so many are listed.
-        with_joints: whether the constants were found with a model of the joints of walls.
-        remarks: for its head.
-    """
-
-    content: bytes
-    filename: str
-    units: str
-    boundary: str
-    constants: Mapping[str, float]
-    modes: int
-    with_joints: bool
-    remarks: tuple[str, ...]
+    content: bytes  # the deck as it was sent
+    filename: str  # as its sender called it
+    units: str  # that its numbers are in
+    boundary: str  # of the campaign
+    constants: Mapping[str, float]  # updated, SI, by name such as `flange.E1`
+    modes: int  # so many are listed
+    with_joints: bool  # whether the constants were found with a model of the joints of walls
+    remarks: tuple[str, ...]  # for its head
 
 
-WRITERS = {"inp": write_inp, "bdf": write_bdf}
-"""By format of a model."""
+WRITERS = {"inp": write_inp, "bdf": write_bdf}  # by format of a model
 
 
 def updated_deck(order: DeckOrder) -> bytes:

@@ -17,12 +17,8 @@ from fecore.errors import InputError
 from modalbase.formats.models.matrices import MatrixModel, read_matrices
 from modalbase.formats.models.units import units_of
 
-ENDINGS = (".mtx", ".npz", ".pch", ".sti", ".mas")
-"""Of files that are matrices and nothing else."""
-
-MATRICES = "matrices"
-"""Format of a model that is none of elements."""
-
+ENDINGS = (".mtx", ".npz", ".pch", ".sti", ".mas")  # of files that are matrices and nothing else
+MATRICES = "matrices"  # format of a model that is none of elements
 _ROTATIONS = 3  # dofs from here turn
 
 

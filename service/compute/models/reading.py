@@ -21,6 +21,7 @@ from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.measures import sizes
 from modalbase.formats.models.model import BeamSection, FiniteElementModel, Ignored, ShellSection
 from modalbase.formats.models.units import check, guess, in_si
+from modalbase.formats.npy import members_of
 from service.compute.models.bodies import body_of_model
 from service.compute.models.keeping import kept
 from service.compute.models.matrices import are_matrices, describe_matrices, kept_matrices, matrices_in_si
@@ -33,8 +34,7 @@ if TYPE_CHECKING:
 ZIP, NPZ = ".zip", ".npz"
 """End of the name of an archive of a deck and what it includes, or of matrices; and of matrices in one file."""
 
-MOST_FILES, MOST_BYTES = 1000, 500_000_000
-"""Of an archive, unpacked."""
+MOST_FILES, MOST_BYTES = 1000, 500_000_000  # of an archive, unpacked
 
 _INCLUDE = re.compile(rb"(?im)^\s*\*?INCLUDE\s*(?:,\s*INPUT\s*=)?\s*['\"]?([^'\"\r\n,]+)")
 
@@ -44,29 +44,20 @@ READERS: Mapping[str, Callable[[bytes, dict[str, bytes]], FiniteElementModel]] =
 }
 """By the end of a file's name."""
 
-MOST_LISTED = 1000
-"""Of each list in a description."""
+MOST_LISTED = 1000  # of each list in a description
 
 Read = TypeVar("Read")
 
 
 @dataclass(frozen=True)
 class DeckInputs:
-    """A deck to read.
+    """A deck to read."""
 
-    Attributes:
-        path: where it lies.
-        filename: what its sender calls it.
-        units: that its numbers are in, such as `mm-N-t`; None where they are not stated.
-        accepted: names of cards that may be left out although modes change by that.
-        sections: of the sets of a mesh without properties.
-    """
-
-    path: Path
-    filename: str
-    units: str | None
-    accepted: tuple[str, ...]
-    sections: Mapping[str, Any] | None = None
+    path: Path  # where it lies
+    filename: str  # what its sender calls it
+    units: str | None  # that its numbers are in, such as `mm-N-t`; None where they are not stated
+    accepted: tuple[str, ...]  # names of cards that may be left out although modes change by that
+    sections: Mapping[str, Any] | None = None  # of the sets of a mesh without properties
 
 
 @dataclass(frozen=True)
@@ -150,9 +141,7 @@ def unpacked(content: bytes, filename: str) -> Deck:
         )
     folder = PurePosixPath(mains[0]).parent
     return Deck(
-        mains[0],
-        files[mains[0]],
-        {_beside(name, folder): text for name, text in files.items() if name != mains[0]},
+        mains[0], files[mains[0]], {_beside(name, folder): text for name, text in files.items() if name != mains[0]}
     )
 
 
@@ -166,11 +155,11 @@ def files_of(content: bytes, filename: str) -> dict[str, bytes]:
         return {filename: content}
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            infos = [info for info in archive.infolist() if not info.is_dir()]
+            infos = [info for info in members_of(archive) if not info.is_dir()]
             if len(infos) > MOST_FILES or sum(info.file_size for info in infos) > MOST_BYTES:
                 raise Invalid("file", f"has more than {MOST_FILES} files, or {MOST_BYTES // 10**6} MB of them")
             return {info.filename: archive.read(info) for info in infos}
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, zlib.error) as error:
+    except (FormatError, zipfile.BadZipFile, RuntimeError, NotImplementedError, zlib.error) as error:
         raise Invalid("file", f"is no zip that can be read: {error}") from None
 
 

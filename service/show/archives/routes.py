@@ -23,8 +23,7 @@ from service.web.downloads import spooled
 
 router = api_router(tags=["archives"])
 MEDIA_TYPE = "application/zip"
-MOST_CAMPAIGNS = 5_000
-"""Of an archive."""
+MOST_CAMPAIGNS = 5_000  # of an archive
 FILES = {200: {"content": {MEDIA_TYPE: {}}, "description": "The archive."}}
 
 

@@ -19,9 +19,8 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 from pydantic_core import to_jsonable_python
 
 from fecore import __version__
-from modalbase.archive import FORMAT, MANIFEST
+from modalbase.archive import CRATE, FORMAT, MANIFEST
 
-CRATE = "ro-crate-metadata.json"
 KINDS = {"uff": "application/x-uff", "npz": "application/x-npz", "csv": "text/csv", "json": "application/json"}
 
 

@@ -96,8 +96,7 @@ def _asked(
     return AskedFigure(request, file_format, theme)
 
 
-Asked = Annotated[AskedFigure, Depends(_asked)]
-"""The parameter of a figure's route."""
+Asked = Annotated[AskedFigure, Depends(_asked)]  # the parameter of a figure's route
 
 
 def require_figure(name: str, *known: str) -> None:

@@ -9,22 +9,10 @@ import numpy as np
 
 from fecore.normal import Z_95
 from service.show.figures.colors import ALARM, BAND, INITIAL, MEASURED, UPDATED
-from service.show.figures.marks import (
-    Axis,
-    Bars,
-    Figure,
-    Mark,
-    Panel,
-    Points,
-    Rule,
-    named_axis,
-    rows_axis,
-    shortened,
-)
+from service.show.figures.marks import Axis, Bars, Figure, Mark, Panel, Points, Rule, named_axis, rows_axis, shortened
 
 _LONGEST = 22  # letters of a campaign's name beside a row
-FAR_Z = 2.0
-"""|z| from which on a campaign's own estimate is drawn as one that differs."""
+FAR_Z = 2.0  # |z| from which on a campaign's own estimate is drawn as one that differs
 
 _Row = tuple[Mapping[str, Any], Mapping[str, Any]]
 

@@ -12,22 +12,9 @@ from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.normal import Z_95
 from service.show.figures.colors import HELD_OUT, INITIAL, MEASURED, OUTSIDE, UPDATED
-from service.show.figures.marks import (
-    Axis,
-    Band,
-    Curve,
-    Dash,
-    Figure,
-    Kind,
-    Mark,
-    Panel,
-    Region,
-    decades,
-    shortened,
-)
+from service.show.figures.marks import Axis, Band, Curve, Dash, Figure, Kind, Mark, Panel, Region, decades, shortened
 
-MOST_LINES = 3200
-"""Lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch."""
+MOST_LINES = 3200  # lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch
 _ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured
 UNITS = {"accelerance": "(m/s²)/N", "mobility": "(m/s)/N", "receptance": "m/N"}
 MODELS: dict[str, tuple[str, Dash]] = {"initial": (INITIAL, "dot"), "updated": (UPDATED, "dash")}
@@ -48,29 +35,18 @@ class Spread:
 
 @dataclass(frozen=True)
 class FrfCurves:
-    """One FRF as measured and as the models predict it.
+    """One FRF as measured and as the models predict it."""
 
-    Attributes:
-        title: which FRF, in words.
-        quantity: accelerance, mobility or receptance.
-        frequency_hz: (L,).
-        measured: (L,) SI; None where only models are drawn.
-        coherence: (L,) γ², or None.
-        models: (L,) by name, `initial` and `updated`; empty of a campaign without an update.
-        spread: of the updated model, or None.
-        band_hz: the lines that were fitted; None without a fit.
-        held_band_hz: lines that were held out of the fit, or None.
-    """
-
-    title: str
-    quantity: str
-    frequency_hz: FloatArray
-    measured: ComplexArray
-    coherence: FloatArray | None = None
+    title: str  # which FRF, in words
+    quantity: str  # accelerance, mobility or receptance
+    frequency_hz: FloatArray  # (L,)
+    measured: ComplexArray  # (L,) SI; None where only models are drawn
+    coherence: FloatArray | None = None  # (L,) γ², or None
+    # (L,) by name, `initial` and `updated`; empty of a campaign without an update
     models: dict[str, ComplexArray] | None = None
-    spread: Spread | None = None
-    band_hz: tuple[float, float] | None = None
-    held_band_hz: tuple[float, float] | None = None
+    spread: Spread | None = None  # of the updated model, or None
+    band_hz: tuple[float, float] | None = None  # the lines that were fitted; None without a fit
+    held_band_hz: tuple[float, float] | None = None  # lines that were held out of the fit, or None
 
 
 def frf_figure(curves: FrfCurves) -> Figure:

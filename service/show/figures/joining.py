@@ -14,9 +14,7 @@ import scipy
 
 from fecore.arrays import FloatArray
 
-NEAREST = 128
-"""Candidates of a point: in a grid of up to so many points all, in a larger one all that are near."""
-
+NEAREST = 128  # candidates of a point: in a grid of up to so many points all, in a larger one all that are near
 _STRAIGHT = 0.7  # cosine of the angle up to which a line goes on
 _TOUCHING = 1e-6  # share of a ball's radius within which a point lies on it, such as the other corners of a square
 

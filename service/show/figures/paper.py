@@ -28,8 +28,7 @@ MEDIA_TYPES: dict[Format, str] = {
 
 WIDTH_INCHES, HEIGHT_PIXELS = 7.0, 500
 DPI = 200
-PIXELS_AN_INCH = 100.0
-"""How many of a figure's pixels, of its height and margins, make an inch of paper."""
+PIXELS_AN_INCH = 100.0  # how many of a figure's pixels, of its height and margins, make an inch of paper
 _MARGINS = {"l": 84, "r": 21, "t": 45, "b": 85}
 _LETTERS_ACROSS = 80  # of names below an axis, from which they lean
 _LEGEND_LETTERS = 128  # of a legend's line

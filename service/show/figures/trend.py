@@ -27,8 +27,7 @@ from service.show.figures.parameters import SHOWN
 Row = Mapping[str, Any]
 
 AXES = {"temperature_c": "temperature [°C]", "humidity_percent": "humidity [%]"}
-MOST_RESULTS = 60
-"""Rows of a figure of results."""
+MOST_RESULTS = 60  # rows of a figure of results
 
 
 def trend_figure(trend: Row) -> Figure:

@@ -13,7 +13,7 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse
 
 from service.errors import Conflict, Invalid, NotFound
-from service.show.likeness import Likeness, likeness
+from service.show.measured import Likeness, likeness
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.names import NamedJob, name_jobs, over_time
 from service.show.pages.numbers import in_unit, moment, unit_of, words

@@ -59,21 +59,13 @@ class Head:
 
 @dataclass(frozen=True)
 class Asked:
-    """What the address of the page says.
+    """What the address of the page says."""
 
-    Attributes:
-        noun: what is searched.
-        text: of the box, a filter or words.
-        sort: field, `-` in front for descending.
-        fields: columns; the noun's own where there are none.
-        trend: value that is followed over time; none where it is empty.
-    """
-
-    noun: str
-    text: str
-    sort: str
-    fields: tuple[str, ...]
-    trend: str = ""
+    noun: str  # what is searched
+    text: str  # of the box, a filter or words
+    sort: str  # field, `-` in front for descending
+    fields: tuple[str, ...]  # columns; the noun's own where there are none
+    trend: str = ""  # value that is followed over time; none where it is empty
 
     def query(self) -> dict[str, str]:
         """Parameters of `GET /search/{noun}`."""

@@ -41,70 +41,57 @@ def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]
         choices: value and words to choose from, of members that name something which is stored.
     """
     schema = model.model_json_schema()
-    return _members(schema, schema.get("$defs", {}), "", choices)
+    return _Schema(schema.get("$defs", {}), choices).members(schema, "")
 
 
-def _members(
-    schema: Mapping[str, Any], definitions: Mapping[str, Any], prefix: str, choices: Mapping[str, list[tuple[str, str]]]
-) -> list[Field]:
-    return [
-        _field(prefix + name, name, node, definitions, choices) for name, node in schema.get("properties", {}).items()
-    ]
+@dataclass(frozen=True)
+class _Schema:
+    """What the nodes of a JSON schema mean: its definitions, and what there is to choose from by name."""
 
+    definitions: Mapping[str, Any]
+    choices: Mapping[str, list[tuple[str, str]]]
 
-def _field(
-    name: str,
-    label: str,
-    node: Mapping[str, Any],
-    definitions: Mapping[str, Any],
-    choices: Mapping[str, list[tuple[str, str]]],
-) -> Field:
-    outer, nullable = node, False
-    node = _resolved(node, definitions)
-    if "anyOf" in node:
-        kinds = [_resolved(option, definitions) for option in node["anyOf"]]
-        nullable = any(kind.get("type") == "null" for kind in kinds)
-        node = next(kind for kind in kinds if kind.get("type") != "null")
-    said = outer.get("description") or node.get("description", "")
-    common: dict[str, Any] = {
-        "name": name,
-        "label": _label(label),
-        "help": _without_json(said),
-        "default": outer.get("default"),
-        "nullable": nullable,
-        "scale": _scale(label)[1],
-    }
-    if name in choices:
-        return Field(kind="select", options=choices[name], **common)
-    if "enum" in node:
-        return Field(kind="select", options=[(value, words(value)) for value in node["enum"]], **common)
-    if node.get("type") == "object":
-        return Field(kind="group", fields=_members(node, definitions, f"{name}/", choices), **common)
-    if node.get("type") == "array":
-        return _list(node, definitions, choices, common)
-    return Field(kind=SIMPLE.get(node.get("type", ""), "text"), **common)
+    def members(self, node: Mapping[str, Any], prefix: str) -> list[Field]:
+        return [self._field(prefix + name, name, inner) for name, inner in node.get("properties", {}).items()]
 
+    def _field(self, name: str, label: str, outer: Mapping[str, Any]) -> Field:
+        node, nullable = self._resolved(outer), False
+        if "anyOf" in node:
+            kinds = [self._resolved(option) for option in node["anyOf"]]
+            nullable = any(kind.get("type") == "null" for kind in kinds)
+            node = next(kind for kind in kinds if kind.get("type") != "null")
+        common: dict[str, Any] = {
+            "name": name,
+            "label": _label(label),
+            "help": _without_json(outer.get("description") or node.get("description", "")),
+            "default": outer.get("default"),
+            "nullable": nullable,
+            "scale": _scale(label)[1],
+        }
+        if name in self.choices:
+            return Field(kind="select", options=self.choices[name], **common)
+        if "enum" in node:
+            return Field(kind="select", options=[(value, words(value)) for value in node["enum"]], **common)
+        if node.get("type") == "object":
+            return Field(kind="group", fields=self.members(node, f"{name}/"), **common)
+        if node.get("type") == "array":
+            return self._list(node, common)
+        return Field(kind=SIMPLE.get(node.get("type", ""), "text"), **common)
 
-def _list(
-    node: Mapping[str, Any],
-    definitions: Mapping[str, Any],
-    choices: Mapping[str, list[tuple[str, str]]],
-    common: dict[str, Any],
-) -> Field:
-    if "prefixItems" in node:
-        return Field(kind="pair", **common)
-    item = _resolved(node["items"], definitions)
-    if "enum" in item:
-        return Field(kind=CHECKED_LIST, options=[(value, words(value)) for value in item["enum"]], **common)
-    if item.get("type") == "object":
-        return Field(kind="table", fields=_members(item, definitions, "", choices), **common)
-    return Field(kind="numbers", **common)
+    def _list(self, node: Mapping[str, Any], common: dict[str, Any]) -> Field:
+        if "prefixItems" in node:
+            return Field(kind="pair", **common)
+        item = self._resolved(node["items"])
+        if "enum" in item:
+            return Field(kind=CHECKED_LIST, options=[(value, words(value)) for value in item["enum"]], **common)
+        if item.get("type") == "object":
+            return Field(kind="table", fields=self.members(item, ""), **common)
+        return Field(kind="numbers", **common)
 
-
-def _resolved(node: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
-    while "$ref" in node:
-        node = definitions[str(node["$ref"]).rsplit("/", 1)[1]]
-    return node
+    def _resolved(self, node: Mapping[str, Any]) -> Mapping[str, Any]:
+        while "$ref" in node:
+            node = self.definitions[str(node["$ref"]).rsplit("/", 1)[1]]
+        return node
 
 
 def _without_json(said: str) -> str:

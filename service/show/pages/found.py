@@ -10,8 +10,7 @@ from fecore.normal import Z_95
 from fecore.updating.findings import FINDINGS, but_numbers, fold
 from service.show.pages.numbers import in_unit
 
-MOST = 3
-"""Findings that a result opens with; a reader does not act on a longer list."""
+MOST = 3  # findings that a result opens with; a reader does not act on a longer list
 CAMPAIGN, MODES, MODEL, RECIPE, FRFS, DAMPING = "campaign", "modes", "structure", "update", "frfs", "damping"
 PLACES = {
     CAMPAIGN: ("ui/edit/campaigns/{campaign}", "Edit the campaign"),
@@ -23,29 +22,23 @@ PLACES = {
 }
 """Where a finding is mended: an address and what its link says."""
 
+_AS_SAID = {
+    RECIPE: ("mesh_misses", "sources_conflict", "confounded", "samples_differ", "law_negative"),
+    MODEL: ("points_beyond", "frequencies_missed"),
+    CAMPAIGN: (
+        *("no_like_mode", "most_modes_alone", "shape_unlike", "rival_pairing", "partners_swing"),
+        *("stiffness_changed", "frfs_unlike", "law_replaced", "looks_windowed", "window_unstated"),
+    ),
+    MODES: ("halves_of_a_mode", "mode_not_believed"),
+}
+"""Kinds whose own advice says all, by where it is followed."""
+
 REMEDIES: dict[str, tuple[str, str]] = {
-    "mesh_misses": (RECIPE, ""),
-    "points_beyond": (MODEL, ""),
+    **{kind: (place, "") for place, kinds in _AS_SAID.items() for kind in kinds},
     "joint_needs_frfs": (CAMPAIGN, "Import the FRFs for a joint update."),
     "roving_sensor": (CAMPAIGN, "State the sensor's grid point if it stood still."),
-    "no_like_mode": (CAMPAIGN, ""),
-    "halves_of_a_mode": (MODES, ""),
-    "most_modes_alone": (CAMPAIGN, ""),
-    "modes_alone": (
-        MODES,
-        "Leave in-plane modes out of the mode set, and check boundary, frame and geometry.",
-    ),
-    "mode_not_believed": (MODES, ""),
+    "modes_alone": (MODES, "Leave in-plane modes out of the mode set, and check boundary, frame and geometry."),
     "shapes_unlike": (CAMPAIGN, "Check boundary, geometry, frame and numbering of the points."),
-    "shape_unlike": (CAMPAIGN, ""),
-    "rival_pairing": (CAMPAIGN, ""),
-    "partners_swing": (CAMPAIGN, ""),
-    "frequencies_missed": (MODEL, ""),
-    "sources_conflict": (RECIPE, ""),
-    "stiffness_changed": (CAMPAIGN, ""),
-    "confounded": (RECIPE, ""),
-    "samples_differ": (RECIPE, ""),
-    "frfs_unlike": (CAMPAIGN, ""),
     "modes_absent": (CAMPAIGN, "Check boundary and geometry, and the pairs in the table of modes."),
     "sign_opposite": (CAMPAIGN, "Correct the direction or polarity of hammer or sensor in the file."),
     "frfs_scaled": (CAMPAIGN, "Correct what is wrong: the constants are wrong with it."),
@@ -56,16 +49,9 @@ REMEDIES: dict[str, tuple[str, str]] = {
     "damping_of_ratios": (FRFS, "Find out why the FRFs disagree, or use the ratios as they are."),
     "damping_failed": (RECIPE, "Choose another law or band; the elastic constants stand."),
     "optima": (RECIPE, "Fit a wider band, or another law."),
-    "law_negative": (RECIPE, ""),
-    "law_replaced": (CAMPAIGN, ""),
     "law_inadequate": (DAMPING, "Quote its coefficients only with their intervals, or put the preferred law first."),
-    "looks_windowed": (CAMPAIGN, ""),
-    "window_unstated": (CAMPAIGN, ""),
 }
 """What to do about each kind of finding, and where; the advice is that of the finding's own row where nothing is said here."""
-
-NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
-"""Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose page names the campaign."""
 
 
 @dataclass(frozen=True)

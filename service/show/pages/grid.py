@@ -1,11 +1,17 @@
-"""The measurement grid drawn to scale: where points go in an SVG of our own, in the specimen's frame."""
+"""The measured points on their structure: drawn to scale in an SVG of our own, and as the picture in space takes them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from service.store.structures.schemas import Geometry
+import numpy as np
+
+from service.compute.frame import Frame
+from service.show.figures.joining import joined_as
+from service.store.frfs.schemas import FrfOut
+from service.store.structures.schemas import Geometry, StructureOut
 
 WIDTH = 760.0  # of the drawing, in its own units
 MARGIN = 26.0
@@ -28,22 +34,16 @@ class Mark:
 
 @dataclass(frozen=True)
 class Grid:
-    """A drawing to scale.
+    """A drawing to scale."""
 
-    Attributes:
-        width, height: of the drawing.
-        marks: the points.
-        outline: x, y, width and height of the specimen; None where its geometry is not known.
-        bar: length of the scale's bar in the drawing, and in words.
-        labels: whether there is room for the points' numbers.
-    """
-
+    # width, height: of the drawing
     width: float
     height: float
-    marks: list[Mark]
+    marks: list[Mark]  # the points
+    # x, y, width and height of the specimen; None where its geometry is not known
     outline: tuple[float, float, float, float] | None
-    bar: tuple[float, str]
-    labels: bool
+    bar: tuple[float, str]  # length of the scale's bar in the drawing, and in words
+    labels: bool  # whether there is room for the points' numbers
 
 
 def draw_grid(points: Mapping[int, Point3], geometry: Geometry | None, frfs: Mapping[int, int]) -> Grid | None:
@@ -101,3 +101,57 @@ def _bar(wide: float, scale: float) -> tuple[float, str]:
     power = 10.0 ** int(f"{wide / 5:e}".split("e")[1])
     length = max(step for step in (1, 2, 5) if step * power <= wide / 5) * power
     return length * scale, f"{1e3 * length:g} mm" if length < 1 else f"{length:g} m"
+
+
+def points_in_space(
+    points: Mapping[int, Point3],
+    rows: Sequence[FrfOut],
+    counts: Mapping[int, int],
+    frame: Frame,
+    lines: Iterable[Sequence[int]],
+) -> dict[str, Any]:
+    """Points with the directions that were measured there, and which are joined.
+
+    Args:
+        points: label to coordinates in the specimen's frame, m.
+        rows: FRFs, their directions along the file's axes.
+        counts: how many FRFs each point has.
+        frame: of the campaign.
+        lines: trace lines of its files.
+
+    Returns:
+        `points`, each with `response` and `reference`, unit vectors in the specimen's frame; `joined`, pairs of their numbers;
+        `axes`, the file's directions 1, 2 and 3 as rows in the specimen's frame.
+    """
+    responses = _directions((row.response_point, row.response_direction) for row in rows)
+    references = _directions((row.reference_point, row.reference_direction) for row in rows)
+
+    def along(directions: Iterable[int]) -> list[list[float]]:
+        return [(np.sign(d) * frame.axes[abs(d) - 1]).tolist() for d in sorted(directions) if abs(d) <= 3]
+
+    return {
+        "points": [
+            {
+                "label": label,
+                **dict(zip(("x_m", "y_m", "z_m"), xyz, strict=True)),
+                "frfs": counts.get(label, 0),
+                "response": along(responses.get(label, ())),
+                "reference": along(references.get(label, ())),
+            }
+            for label, xyz in points.items()
+        ],
+        "joined": joined_as(lines, list(points), np.array(list(points.values())).reshape(-1, 3)),
+        "axes": frame.axes.tolist(),
+    }
+
+
+def _directions(dofs: Iterable[tuple[int, int]]) -> dict[int, set[int]]:
+    found: dict[int, set[int]] = {}
+    for point, direction in dofs:
+        found.setdefault(point, set()).add(direction)
+    return found
+
+
+def has_mesh(structure: StructureOut) -> bool:
+    """Whether enough is said of a structure to draw it."""
+    return bool(structure.geometry or structure.shape or structure.model)

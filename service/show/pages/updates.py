@@ -54,11 +54,7 @@ def get_new_update(
         recipe = updating.single.one(visit.session, visit.user, like).recipe
         start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
     return visit.show(
-        "new_update.html",
-        **context,
-        first=first,
-        more=[f for f in fields if f.name not in PRINCIPAL],
-        start=start,
+        "new_update.html", **context, first=first, more=[f for f in fields if f.name not in PRINCIPAL], start=start
     )
 
 

@@ -25,8 +25,7 @@ from service.show.reports.blocks import (
 )
 
 TONES: dict[str, Tone] = {"usable": "good", "with_care": "careful", "do_not_use": "bad"}
-MOST_MODES = 12
-"""Modes on the customer's pages; all of them are in the annex."""
+MOST_MODES = 12  # modes on the customer's pages; all of them are in the annex
 ANNEX = (
     "parameters", "sensitivities", "budget", "posterior", "shapes", "mac", "automac", "csac", "csf", "sac", "damping",
     "convergence", "stabilisation",

@@ -23,35 +23,36 @@ from service.show.figures.parameters import parameters_figure
 from service.show.figures.posterior import posterior_figure
 from service.show.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.stabilisation import stabilisation_figure
-from service.show.results.figure_data import AnyFigures, Drawn, JointFigures, UpdateFigures
-from service.show.results.figure_frf import ANYTHING, Wanted, update_frf_figure
+from service.show.results.figure_data import (
+    ANYTHING,
+    AnyFigures,
+    Drawn,
+    JointFigures,
+    UpdateFigures,
+    Wanted,
+    update_frf_figure,
+)
 
 
 @dataclass(frozen=True)
 class NamedFigure(Generic[Drawn]):
-    """A figure of an update, or of a joint update.
+    """A figure of an update, or of a joint update."""
 
-    Attributes:
-        title: what it shows, in one line.
-        draw: draws it.
-        check: raises Conflict where the result has nothing for it; `draw` may rely on it.
-        query: parameters of the query that it heeds.
-        sheets: draws it as several figures of which each fits on a page; None where one does.
-    """
-
-    title: str
-    draw: Callable[[Drawn, Wanted], Figure]
-    check: Callable[[Drawn], object]
-    query: tuple[str, ...] = ()
+    title: str  # what it shows, in one line
+    draw: Callable[[Drawn, Wanted], Figure]  # draws it
+    why_not: Callable[[Drawn], str | None]  # says why the result has nothing for it; nothing where it has
+    arrays: tuple[str, ...] = ()  # that must be kept, which an earlier version may not have done
+    query: tuple[str, ...] = ()  # parameters of the query that it heeds
+    # draws it as several figures of which each fits on a page; None where one does
     sheets: Callable[[Drawn], Sequence[Figure]] | None = None
 
     def lacks(self, data: Drawn) -> str | None:
         """Why the result has nothing for the figure; None where it has."""
         try:
-            self.check(data)
+            why = self.why_not(data)
         except Conflict as error:
             return str(error)
-        return None
+        return why or (_OLDER if any(name not in data.arrays for name in self.arrays) else None)
 
 
 def draw_figure(figures: Mapping[str, NamedFigure[Drawn]], data: Drawn, name: str, wanted: Wanted = ANYTHING) -> Figure:
@@ -62,7 +63,8 @@ def draw_figure(figures: Mapping[str, NamedFigure[Drawn]], data: Drawn, name: st
         Conflict: the job has no result, or its result has nothing to draw; the message says why.
     """
     require_figure(name, *figures)
-    figures[name].check(data)
+    if (why := figures[name].lacks(data)) is not None:
+        raise Conflict(why)
     return figures[name].draw(data, wanted)
 
 
@@ -74,27 +76,17 @@ def draw_sheets(data: UpdateFigures, name: str) -> Sequence[Figure]:
     return [figure.draw(data, ANYTHING)] if figure.sheets is None else figure.sheets(data)
 
 
-def _require_result(data: AnyFigures) -> None:
+def _no_result(data: AnyFigures) -> None:
     assert data.document is not None, "asking for it raises where there is none"
 
 
-def _require_arrays(*names: str) -> Callable[[UpdateFigures], None]:
-    """A check that arrays were kept, for figures of FRFs: of a job without a prediction, and of an earlier version's."""
-
-    def check(data: UpdateFigures) -> None:
-        data.require_prediction()
-        if any(name not in data.arrays for name in names):
-            raise Conflict(_OLDER)
-
-    return check
-
-
+_no_prediction = UpdateFigures.require_prediction
 _OLDER = "this result was computed by an earlier version, which kept no data for this figure; run the update again"
 
 
-def _require_mac(data: UpdateFigures) -> None:
-    if data.document["correlation"]["mac_matrix"] is None:
-        raise Conflict("the measured modes have no shapes, so there is no MAC")
+def _no_mac(data: UpdateFigures) -> str | None:
+    known = data.document["correlation"]["mac_matrix"] is not None
+    return None if known else "the measured modes have no shapes, so there is no MAC"
 
 
 def _mac(data: UpdateFigures, _: Wanted) -> Figure:
@@ -114,12 +106,6 @@ def _measured_names(data: UpdateFigures) -> list[str]:
     return [_mode_name(mode["number"], mode["measured_hz"]) for mode in data.document["modes"]]
 
 
-def _require_measured_shapes(data: UpdateFigures) -> None:
-    _require_mac(data)
-    if "shapes_measured" not in data.arrays:
-        raise Conflict(_OLDER)
-
-
 def _automac(data: UpdateFigures, _: Wanted) -> Figure:
     matrix = auto_mac(data.arrays["shapes_measured"].astype(complex)).tolist()
     names = _measured_names(data)
@@ -127,13 +113,9 @@ def _automac(data: UpdateFigures, _: Wanted) -> Figure:
     return mac_figure(matrix, names, names, title, "measured mode")
 
 
-def _require_shapes(data: UpdateFigures) -> None:
-    _require_result(data)
-    if "shapes_updated" not in data.arrays:
-        has_points = bool(data.document["provenance"]["frfs"])
-        raise Conflict(
-            _OLDER if has_points else "there are no FRFs and the modes have no shapes, so there is nothing to draw"
-        )
+def _no_shapes(data: UpdateFigures) -> str | None:
+    has_points = bool(data.document["provenance"]["frfs"]) or "shapes_updated" in data.arrays
+    return None if has_points else "there are no FRFs and the modes have no shapes, so there is nothing to draw"
 
 
 def _shapes(data: UpdateFigures, wanted: Wanted) -> Figure:
@@ -203,9 +185,8 @@ def _parameters(title: str) -> Callable[[AnyFigures, Wanted], Figure]:
     return lambda data, _: parameters_figure(data.document["parameters"], f"{title}: prior and updated, 95 % intervals")
 
 
-def _require_posterior(data: AnyFigures) -> None:
-    if data.document["posterior"].get("correlation") is None:
-        raise Conflict(_OLDER)
+def _no_posterior(data: AnyFigures) -> str | None:
+    return _OLDER if data.document["posterior"].get("correlation") is None else None
 
 
 def _posterior(data: AnyFigures, _: Wanted) -> Figure:
@@ -218,25 +199,20 @@ def _posterior(data: AnyFigures, _: Wanted) -> Figure:
     return posterior_figure(chosen, correlation, samples)
 
 
-def _require_sensitivities(data: UpdateFigures) -> None:
-    if "parameter_effects" not in data.arrays:
-        raise Conflict(_OLDER)
-
-
 def _sensitivities(data: UpdateFigures, _: Wanted) -> Figure:
     effects = dict(zip(data.arrays["parameter_names"].tolist(), data.arrays["parameter_effects"], strict=True))
     known = {row["name"]: row["identifiable"] for row in data.document["parameters"]}
     return sensitivities_figure(effects, known, _measured_names(data))
 
 
-def _require_budget(data: AnyFigures) -> None:
-    if not any(row["budget"] for row in data.document["parameters"]):
-        raise Conflict("this result does not say what the variance of its parameters is made of")
+def _no_budget(data: AnyFigures) -> str | None:
+    known = any(row["budget"] for row in data.document["parameters"])
+    return None if known else "this result does not say what the variance of its parameters is made of"
 
 
-def _require_alone(data: JointFigures) -> None:
-    if not any(part["alone"] for part in data.document["campaigns"]):
-        raise Conflict("no campaign has an estimate of its own")
+def _none_alone(data: JointFigures) -> str | None:
+    known = any(part["alone"] for part in data.document["campaigns"])
+    return None if known else "no campaign has an estimate of its own"
 
 
 def _agreement(name: str) -> Callable[[UpdateFigures, Wanted], Figure]:
@@ -283,18 +259,19 @@ def _convergence(data: UpdateFigures, _: Wanted) -> Figure:
     return convergence_figure(document["starts"], constants, coefficients)
 
 
-def _require_laws(data: UpdateFigures) -> None:
+def _no_laws(data: UpdateFigures) -> str | None:
     laws = data.document["damping_models"]
     if not laws:
         damping = next((o["message"] for o in data.document["outcomes"] if o["stage"] == "damping"), "")
-        raise Conflict(f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}")
-    if laws[0]["curve"] is None:
-        raise Conflict(_OLDER)
+        return f"no damping law was fitted: {damping or 'no measured mode has a damping ratio'}"
+    return _OLDER if laws[0]["curve"] is None else None
 
 
-def _require_identification(data: UpdateFigures) -> None:
-    if data.document["identification"] is None:
-        raise Conflict("this update was given its modes and identified none, so there is no stabilisation diagram")
+def _no_identification(data: UpdateFigures) -> str | None:
+    known = data.document["identification"] is not None
+    return (
+        None if known else "this update was given its modes and identified none, so there is no stabilisation diagram"
+    )
 
 
 def _stabilisation(data: UpdateFigures, _: Wanted) -> Figure:
@@ -305,57 +282,62 @@ _LINES = ("fmin", "fmax")
 
 FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
     "frf": NamedFigure(
-        "FRF: measured, initial and updated", update_frf_figure, _require_arrays(), ("point", "reference", *_LINES)
+        "FRF: measured, initial and updated", update_frf_figure, _no_prediction, (), ("point", "reference", *_LINES)
     ),
     "parameters": NamedFigure(
-        "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _require_result
+        "Parameters: prior and updated with 95 % intervals", _parameters("Parameters"), _no_result
     ),
     "sensitivities": NamedFigure(
-        "Sensitivities of the frequencies, parameter by mode", _sensitivities, _require_sensitivities
+        "Sensitivities of the frequencies, parameter by mode", _sensitivities, _no_result, ("parameter_effects",)
     ),
     "budget": NamedFigure(
         "What the variance of each parameter is made of",
         lambda data, _: budget_figure(data.document["parameters"]),
-        _require_budget,
+        _no_budget,
     ),
-    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
+    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _no_posterior),
     "shapes": NamedFigure(
-        "Mode shapes, measured beside updated", _shapes, _require_shapes, ("measured", "model"), _shape_sheets
+        "Mode shapes, measured beside updated",
+        _shapes,
+        _no_shapes,
+        ("shapes_updated",),
+        ("measured", "model"),
+        _shape_sheets,
     ),
-    "mac": NamedFigure("MAC of measured and updated shapes", _mac, _require_mac),
-    "automac": NamedFigure("AutoMAC of the measured shapes", _automac, _require_measured_shapes),
-    "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _require_arrays("csac"), _LINES),
-    "csf": NamedFigure("CSF: agreement in level by line", _agreement("csf"), _require_arrays("csf"), _LINES),
-    "sac": NamedFigure("SAC and FRAC by point on the specimen", _sac, _require_arrays("fitted", "shape_points")),
+    "mac": NamedFigure("MAC of measured and updated shapes", _mac, _no_mac),
+    "automac": NamedFigure("AutoMAC of the measured shapes", _automac, _no_mac, ("shapes_measured",)),
+    "csac": NamedFigure("CSAC: agreement in shape by line", _agreement("csac"), _no_prediction, ("csac",), _LINES),
+    "csf": NamedFigure("CSF: agreement in level by line", _agreement("csf"), _no_prediction, ("csf",), _LINES),
+    "sac": NamedFigure("SAC and FRAC by point on the specimen", _sac, _no_prediction, ("fitted", "shape_points")),
     "damping": NamedFigure(
         "Damping ratios and the laws",
         lambda data, _: damping_figure(data.document["damping_models"], data.document["modes"]),
-        _require_laws,
+        _no_laws,
     ),
-    "convergence": NamedFigure("Convergence of all starts", _convergence, _require_result),
-    "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _require_identification),
+    "convergence": NamedFigure("Convergence of all starts", _convergence, _no_result),
+    "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _no_identification),
 }
 """Every figure of an update, in the order in which a report shows them."""
 
 JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
     "parameters": NamedFigure(
-        "Parameters of the material: prior and updated", _parameters("One material from all campaigns"), _require_result
+        "Parameters of the material: prior and updated", _parameters("One material from all campaigns"), _no_result
     ),
     "campaigns": NamedFigure(
         "Each campaign alone, beside all together",
         lambda data, _: alone_figure(data.document["parameters"], data.document["campaigns"]),
-        _require_alone,
+        _none_alone,
     ),
     "frequencies": NamedFigure(
         "Errors of the frequencies, campaign by campaign",
         lambda data, _: errors_figure(data.document["campaigns"]),
-        _require_result,
+        _no_result,
     ),
     "budget": NamedFigure(
         "What the variance of each parameter is made of",
         lambda data, _: budget_figure(data.document["parameters"]),
-        _require_budget,
+        _no_budget,
     ),
-    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _require_posterior),
+    "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _no_posterior),
 }
 """Every figure of a joint update, in the order in which its page shows them."""

@@ -14,9 +14,8 @@ from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict
-from service.show.results.mesh_files import At, file_of_result
 from service.show.results.predictions import PredictedTable
-from service.show.results.space import ResultMeshOut, ShapeOut, mesh_of_result, model_shape
+from service.show.results.space import At, ResultMeshOut, ShapeOut, file_of_result, mesh_of_result, model_shape
 from service.store.forecasts.operations import forecast_arrays, forecast_for
 from service.store.frfs.operations import row_of_forecast
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES

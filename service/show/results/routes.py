@@ -18,15 +18,20 @@ from service.jobs.aside import read_aside
 from service.show.figures.answers import RESPONSES, Asked, FigureName, FigureOut, FiguresOut, require_figure
 from service.show.reports.as_html import POLICY, as_html
 from service.show.reports.as_pdf import as_pdf
-from service.show.results.cards import SUFFIXES, Element, Program, written_deck
-from service.show.results.decks import deck_order
-from service.show.results.figure_data import Drawn, JointFigures, UpdateFigures
-from service.show.results.figure_frf import Wanted
+from service.show.results.decks import SUFFIXES, Element, Program, deck_order, written_deck
+from service.show.results.figure_data import Drawn, JointFigures, UpdateFigures, Wanted
 from service.show.results.figures import FIGURES, JOINT_FIGURES, NamedFigure, draw_figure
-from service.show.results.mesh_files import At, file_of_result
 from service.show.results.predictions import Chosen, Model, predicted_table
 from service.show.results.reporting import report_of
-from service.show.results.space import ResultMeshOut, ShapeOut, measured_shape, mesh_of_result, model_shape
+from service.show.results.space import (
+    At,
+    ResultMeshOut,
+    ShapeOut,
+    file_of_result,
+    measured_shape,
+    mesh_of_result,
+    model_shape,
+)
 from service.store.frfs.data import Cut
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
 from service.store.structures.mesh_answers import MESH_FILES, MeshForm, mesh_answer
@@ -218,11 +223,7 @@ def list_joint_figures(joint_id: UUID, session: SessionDep, user: CurrentUser) -
 
 @router.get("/joint-updates/{joint_id}/figures/{name}", response_class=Response, responses=RESPONSES)
 def get_joint_figure(
-    joint_id: UUID,
-    name: FigureName,
-    session: SessionDep,
-    user: CurrentUser,
-    asked: Asked,
+    joint_id: UUID, name: FigureName, session: SessionDep, user: CurrentUser, asked: Asked
 ) -> Response:
     """A figure of a joint update: `parameters`, `campaigns`, `frequencies`, `budget` or `posterior`.
 

@@ -33,7 +33,7 @@ from service.store.structures.operations import (
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
-from service.store.updating.schemas import RecipeIn
+from service.store.updating.schemas import USUAL
 from service.web import StrictModel, example
 
 Hertz = Annotated[float, Field(gt=0, le=1e6, description="Hz")]
@@ -116,7 +116,7 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> ForecastInputs:
 
 
 def _body(session: Session, structure: StructureIn, asked: ForecastIn) -> Body:
-    return body_for(session, structure, asked.boundary or usual_boundary(structure), RecipeIn.model_validate({}))
+    return body_for(session, structure, asked.boundary or usual_boundary(structure), USUAL)
 
 
 def _store(session: Session, job_id: UUID, items: Iterator[ForecastOutput]) -> None:

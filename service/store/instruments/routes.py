@@ -12,7 +12,7 @@ from typing import Any, Literal
 from uuid import UUID
 
 from fastapi import Response
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 from sqlalchemy import ForeignKey, UniqueConstraint, func, select
 from sqlalchemy.exc import IntegrityError
@@ -52,6 +52,13 @@ class Calibration(StrictModel):
     sensitivity: float | None = Field(None, description="in `unit`; null where it is not stated")
     unit: Text = Field("", max_length=50, description="of the sensitivity, such as mV/N")
     certificate: Text = Field("", max_length=200, description="its number, or where it lies")
+
+    @field_validator("sensitivity")
+    @classmethod
+    def _of_something(cls, value: float | None) -> float | None:
+        if value == 0:
+            raise PydanticCustomError("zero", "is 0; leave it out where it is not known")
+        return value
 
     @model_validator(mode="after")
     def _in_order(self) -> Calibration:

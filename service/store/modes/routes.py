@@ -17,7 +17,7 @@ from modalbase.formats import uff
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
 from service.access.nouns import NounRoutes
-from service.compute.identification_document import up_to_date
+from service.compute.identifying import up_to_date
 from service.errors import Conflict
 from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes

@@ -17,6 +17,7 @@ from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.coupons.batch import Statistics, prior
+from fecore.errors import within
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign
 from fecore.updating.parameters import default_parameters
 from fecore.updating.plans import PlannedCoupons, PlannedTest
@@ -35,7 +36,7 @@ from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import carried_masses, joint_body, modes_in_frame
 from service.store.updating.operations import check_mode_set
-from service.store.updating.schemas import InputsIn, RecipeIn
+from service.store.updating.schemas import USUAL, InputsIn
 from service.web import Name, StrictModel, api_router, example
 
 router = api_router(tags=["update jobs"])
@@ -140,24 +141,30 @@ def order_of(session: Session, user: User, structure_id: UUID, body: PlanIn) -> 
     _, own = present_structure(session, structure.id)
     tests, sent = [], []
     for number, asked in enumerate(body.tests if body.tests is not None else _proposed(session, own)):
-        at, name, described = f"/tests/{number}", str(structure.id), own
+        name, described = str(structure.id), own
         if asked.structure_id is not None:
-            other = structure_for.named(session, user, asked.structure_id, f"{at}/structure_id")
+            other = structure_for.named(session, user, asked.structure_id, f"/tests/{number}/structure_id")
             name, described = str(other.id), present_structure(session, other.id)[1]
-        tests.append(_test(session, number, asked, described, name, own))
+        with within(f"tests.{number}"):
+            tests.append(_test(session, number, asked, described, name, own))
         sent.append(asked.model_dump(mode="json"))
     first = tests[0].body
-    coupons = [_coupons(number, asked, first) for number, asked in enumerate(body.coupons)]
-    sent += [asked.model_dump(mode="json") for asked in body.coupons]
+    coupons, made = [], []
+    for number, planned in enumerate(body.coupons):
+        with within(f"coupons.{number}"):
+            coupons.append(_coupons(number, planned, first))
+    sent += [planned.model_dump(mode="json") for planned in body.coupons]
     if len({each.campaign_id for each in body.made}) < len(body.made):
         raise Invalid("/made", "names a campaign twice")
-    made = tuple(_made(session, user, number, each, own) for number, each in enumerate(body.made))
+    for number, each in enumerate(body.made):
+        with within(f"made.{number}"):
+            made.append(_made(session, user, number, each, own))
     parameters = default_parameters(first) if isinstance(first, Structure) else MATERIAL_PARAMETERS
     return PlanOrder(
         tests=tuple(tests),
         coupons=tuple(coupons),
         sent=tuple(sent),
-        made=made,
+        made=tuple(made),
         parameters=parameters,
         count=body.points_to_hit,
         about=body.about,
@@ -169,7 +176,7 @@ def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
     if structure.model is not None:
         return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in ("free", AS_MODELLED)]
     boundaries = ("cantilever", "free", "simply_supported")
-    plain = joint_body(session, structure, "free", RecipeIn.model_validate({}))
+    plain = joint_body(session, structure, "free", USUAL)
     if not isinstance(plain, OrientedSpecimen):
         return [PlannedTestIn.model_validate({"boundary": boundary}) for boundary in boundaries]
     mass = _ADDED * plain.material.density * plain.length * plain.width * plain.thickness
@@ -183,9 +190,7 @@ def _test(
     session: Session, number: int, asked: PlannedTestIn, structure: StructureIn, specimen: str, first: StructureIn
 ) -> PlannedTest:
     masses = tuple(PointMass(m.x_m, m.y_m, m.mass_kg, m.rotary_inertia_kg_m2, z=m.z_m) for m in asked.added_masses)
-    body = joint_body(
-        session, structure, asked.boundary, RecipeIn.model_validate({}), number=number, masses=masses, first=first
-    )
+    body = joint_body(session, structure, asked.boundary, USUAL, masses=masses, first=first)
     if isinstance(body, MatrixBody):
         raise Invalid(
             f"/tests/{number}/structure_id", "is matrices, whose nodes have no walls to hit; a forecast has points"
@@ -258,15 +263,7 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, first: St
     return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),
-        body=joint_body(
-            session,
-            loaded.structure,
-            loaded.boundary,
-            RecipeIn.model_validate({}),
-            number=number,
-            masses=carried_masses(loaded),
-            first=first,
-        ),
+        body=joint_body(session, loaded.structure, loaded.boundary, USUAL, masses=carried_masses(loaded), first=first),
         modes=modes_in_frame(load_modes(session, each.mode_set), frame),
         points=dict(loaded.points),
         inputs=stated.to_core(),

@@ -31,6 +31,7 @@ class Field:
         column: of the noun's table, where it is not called like the field.
         value: from the noun's table to its value, where it is no column.
         nullable: whether it may be unknown.
+        among: the values that a text can have, where they are few.
         sd: name of the field of its standard deviation, which says how many of its digits mean something.
         via: noun of whose `column` a condition on it is; `value` is what is shown.
     """
@@ -42,6 +43,7 @@ class Field:
     column: str = ""
     value: Callable[[FromClause], ColumnElement[Any]] | None = None
     nullable: bool = False
+    among: tuple[str, ...] = ()
     sd: str = ""
     via: str = ""
 

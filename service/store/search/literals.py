@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 from uuid import UUID
@@ -68,8 +68,10 @@ def compared(field: Field, name: str, op: str, column: ColumnElement[Any], value
     """A comparison of a field with a value.
 
     Raises:
-        Invalid: the value is of another type.
+        Invalid: the value is of another type, or one that the field never has.
     """
+    if field.among and op in ("=", "<>") and isinstance(value, str) and value not in field.among:
+        raise Invalid("filter", f"{name} is never {value[:60]!r}; it is {listed(field.among)}")
     if field.kind != "time":
         result: ColumnElement[bool] = COMPARISONS[op](column, bound(field, name, value))
         return result
@@ -143,6 +145,12 @@ def span(field: Field, name: str, value: Any) -> Span:
     except (ValueError, OverflowError):
         raise _mismatch(field, name, text) from None
     return moment, moment
+
+
+def listed(values: Sequence[str]) -> str:
+    """Values in a sentence: a, b or c."""
+    *first, last = values
+    return f"{', '.join(first)} or {last}"
 
 
 def folded(column: ColumnElement[Any]) -> ColumnElement[Any]:

@@ -5,23 +5,36 @@ Search only reads, and joins what other modules keep apart: it names tables and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, get_args
 
 from sqlalchemy import ColumnElement, Double, FromClause, and_, func, select
 
 from fecore.body.constants import UNITS, kind_of
+from fecore.frf import Quantity
+from fecore.trend import State
 from service.store.campaigns.operations import WORDS as CAMPAIGN_WORDS
+from service.store.campaigns.schemas import Boundary
+from service.store.coupons.schemas import Standard
+from service.store.modes.schemas import Origin
+from service.store.records.schemas import ChannelQuantity
+from service.store.search import literals
 from service.store.search.fields import Field, Noun
 from service.store.search.uses import at_response, covers, sensors, used_instruments
 from service.store.structures.operations import WORDS as STRUCTURE_WORDS
-from service.store.updating.result_schemas import CONSTANTS
+from service.store.updating.result_schemas import CONSTANTS, Level
 
 Value = Callable[[FromClause], ColumnElement[Any]]
 
 
 def _instrument(*members: str) -> Value:
     return lambda t: t.c.instruments[members].astext
+
+
+def _one_of(name: str, values: Iterable[str], *, nullable: bool = False) -> Field:
+    """A text that has one of these values."""
+    among = tuple(map(str, values))
+    return Field(name, "text", literals.listed([f"`{value}`" for value in among]), among=among, nullable=nullable)
 
 
 def _driving(t: FromClause) -> ColumnElement[Any]:
@@ -97,7 +110,7 @@ _ALL = (
         fields=(
             ID,
             NAME,
-            Field("boundary", "text", "`cantilever`, `free` or `simply_supported`"),
+            _one_of("boundary", get_args(Boundary)),
             Field("performed_at", "time", "when the test was performed, UTC", nullable=True),
             Field("temperature_c", "number", "air temperature", "°C", nullable=True),
             Field("humidity_percent", "number", "relative humidity", "%", nullable=True),
@@ -129,7 +142,7 @@ _ALL = (
             Field("driving_point", "truth", "whether response and force are at one point and axis", value=_driving),
             _sensor("sensor", "model", "model of the sensor that measured it"),
             _sensor("sensor_serial", "serial", "its number"),
-            Field("quantity", "text", "`accelerance`, `mobility` or `receptance`"),
+            _one_of("quantity", get_args(Quantity)),
             Field("averages", "whole", "hits or blocks that were averaged", nullable=True),
             Field("start_hz", "number", "first line", "Hz"),
             Field("end_hz", "number", "last line", "Hz"),
@@ -151,7 +164,7 @@ _ALL = (
             ID,
             Field("label", "text", "what the file or the script calls it"),
             Field("filename", "text", "file that it came in"),
-            Field("quantity", "text", "`force`, `acceleration` and so on"),
+            _one_of("quantity", get_args(ChannelQuantity)),
             Field("point", "whole", "grid point of the sensor"),
             Field("direction", "whole", "±1 … ±3 along x, y, z"),
             Field("force_point", "whole", "grid point that was hit"),
@@ -167,7 +180,7 @@ _ALL = (
         "mode_set",
         "mode_sets",
         owner="campaign",
-        fields=(ID, NAME, Field("origin", "text", "`typed`, `file` or `identified`"), CREATED),
+        fields=(ID, NAME, _one_of("origin", get_args(Origin)), CREATED),
     ),
     Noun(
         "mode",
@@ -193,7 +206,7 @@ _ALL = (
         owner="campaign",
         fields=(
             ID,
-            Field("verdict", "text", "`usable`, `with_care` or `do_not_use`", nullable=True),
+            _one_of("verdict", get_args(Level), nullable=True),
             *_constants(),
             *LABELS,
             CREATED,
@@ -212,7 +225,7 @@ _ALL = (
         owner="campaign",
         fields=(
             ID,
-            Field("kind", "text", "`hammer`, `sensor` or `analyser`"),
+            _one_of("kind", ("hammer", "sensor", "analyser")),
             Field("serial", "text", "its number"),
             Field("model", "text", "model of it"),
             Field("calibrated_on", "time", "last calibration before the campaign", nullable=True),
@@ -240,7 +253,7 @@ _ALL = (
         fields=(
             ID,
             Field("specimen", "text", "name of the specimen"),
-            Field("standard", "text", "by which it was tested"),
+            _one_of("standard", get_args(Standard)),
             Field("E_Pa", "number", "Young's modulus", "Pa", column="e_pa", nullable=True),
             Field("G_Pa", "number", "shear modulus", "Pa", column="g_pa", nullable=True),
             Field("nu", "number", "Poisson's ratio", nullable=True),
@@ -263,7 +276,7 @@ _ALL = (
         fields=(
             ID,
             NAME,
-            Field("state", "text", "`no data`, `normal`, `pending`, `alarm` or `acknowledged`"),
+            _one_of("state", State),
             Field("state_since", "time", "since when, UTC"),
             Field("active", "truth", "whether it runs and judges by itself"),
             CREATED,

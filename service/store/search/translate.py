@@ -148,6 +148,7 @@ class _Reader:
         if field.via:
             noun, field = NOUNS[field.via], replace(field, value=None)
         values = [_folded(one) for one in args[1:]] if folded else list(args[1:])
+        field = replace(field, among=tuple(map(str.lower, field.among))) if folded else field
         path = field.name.split(".")[1:] if field.kind == "json" else []
         if path:
             field = labels.as_compared(field, values)

@@ -20,6 +20,7 @@ from sqlalchemy import (
     Index,
     and_,
     any_,
+    case,
     cast,
     exists,
     false,
@@ -86,20 +87,23 @@ def sensors() -> FromClause:
 def at_response(
     use: FromClause, scope: Mapping[str, FromClause], asked: ColumnElement[bool]
 ) -> ColumnElement[bool] | None:
-    """That an instrument of which something is asked was used for the FRF at hand; None where none is at hand.
+    """That an instrument of which something is asked was used for the FRF or time block at hand; None where none is at hand.
 
-    Where a campaign's sensors state no points, all were used for all of its FRFs. The rest stands in a function, so that the
-    planner does not take it for a second condition that is independent of the first, by which it reaches the campaigns.
+    Where a campaign's sensors state no points, all were used for all that it measured. The rest stands in a function, so that
+    the planner does not take it for a second condition that is independent of the first, by which it reaches the campaigns.
     """
-    if (frf := scope.get("frf")) is None:
+    if (measured := scope.get("frf", scope.get("record"))) is None:
         return None
     everywhere = scope["campaign"].c.instruments[("sensors", "0")].is_(None)
-    return or_(everywhere, func.coalesce(exists().select_from(use).where(asked, covers(use, frf)), false()))
+    return or_(everywhere, func.coalesce(exists().select_from(use).where(asked, covers(use, measured)), false()))
 
 
-def covers(use: FromClause, frf: FromClause) -> ColumnElement[bool]:
-    """That an instrument of an FRF's campaign was used for it."""
-    point = frf.c.response_point
+def covers(use: FromClause, measured: FromClause) -> ColumnElement[bool]:
+    """That an instrument of a campaign was used for one of its FRFs or time blocks. A block of the hammer is of no sensor that
+    stood at points.
+    """
+    of_block = measured.c.get("response_point") is None
+    point = case((measured.c.quantity != "force", measured.c.point)) if of_block else measured.c.response_point
     return and_(or_(use.c.points.is_(None), point == any_(use.c.points)), not_(point == any_(use.c.others)))
 
 

@@ -18,7 +18,7 @@ from service.store.campaigns.schemas import Coordinate, FrameIn
 from service.store.frfs.data import specimen_points
 from service.store.structures.operations import present_structure
 from service.store.updating.loading import body_for
-from service.store.updating.schemas import RecipeIn
+from service.store.updating.schemas import USUAL
 from service.web import StrictModel, api_router, example
 
 router = api_router(tags=["campaigns"])
@@ -50,7 +50,7 @@ def get_alignment(campaign_id: UUID, session: SessionDep, user: CurrentUser) -> 
     """Each grid point's distance from the model, with the nearest set and the surface's normal."""
     campaign = campaign_for(session, user, campaign_id)
     _, structure = present_structure(session, campaign.structure_id)
-    body = body_for(session, structure, campaign.boundary, RecipeIn.model_validate({}))
+    body = body_for(session, structure, campaign.boundary, USUAL)
     places = specimen_points(session, campaign)
     if not places:
         return AlignmentOut(rms_m=None, off=[], items=[])
@@ -118,7 +118,7 @@ def find_alignment(campaign_id: UUID, body: AlignIn, session: SessionDep, user: 
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     _, structure = present_structure(session, campaign.structure_id)
-    model = body_for(session, structure, campaign.boundary, RecipeIn.model_validate({}))
+    model = body_for(session, structure, campaign.boundary, USUAL)
     places = stored_points(session, campaign.id)
     wanted = None
     if body.pairs is not None:

@@ -23,7 +23,7 @@ from service.store.structures.operations import present_structure
 from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import joint_body, parameters_of
 from service.store.updating.operations import JOINT_UPDATES, check_mode_set, repeated, start_update
-from service.store.updating.schemas import RecipeIn, UpdateBatchIn
+from service.store.updating.schemas import USUAL, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
 SEPARATOR = "\x1f"  # cannot stand in a header, so a batch's keys never meet those of single jobs
@@ -38,7 +38,7 @@ def start_batch(
         Invalid: some of them cannot be; each fault with its pointer into the batch. Or the key came with another body.
     """
     _refuse_what_is_joint(batch)
-    common = batch.recipe or RecipeIn.model_validate({})
+    common = batch.recipe or USUAL
     wanted = [(job.campaign_id, job.recipe or common) for job in batch.jobs]
     if idempotency_key is not None:
         one_at_a_time(session, f"{user.id} {idempotency_key}")
@@ -114,14 +114,14 @@ def start_joint(
     sent = request.model_dump(mode="json")
     faults: list[Fault] = []
     campaigns, projects, bodies = [], set(), []
-    common = request.recipe or RecipeIn.model_validate({})
+    common = request.recipe or USUAL
     for number, job in enumerate(request.jobs):
         with pointing(faults, f"/jobs/{number}/campaign_id"):
             campaign = campaign_for(session, user, job.campaign_id, "editor")
             projects.add(campaign_for.project_of(session, campaign))
             version, structure = present_structure(session, campaign.structure_id)
             campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
-            bodies.append(joint_body(session, structure, campaign.boundary, common, number=number))
+            bodies.append(joint_body(session, structure, campaign.boundary, common))
     if faults:
         raise Invalid(faults)
     faults += [*_faults(session, user, request, bodies[0]), *_faults_of_bodies(request, bodies)]
@@ -152,7 +152,6 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
         with pointing(faults, f"/coupon_batches/{number}"):
             coupon_constants(body, batch_for.named(session, user, key, f"/coupon_batches/{number}").sets)
     recipes = [("/recipe", request.recipe)] + [(f"/jobs/{n}/recipe", job.recipe) for n, job in enumerate(request.jobs)]
-    default = RecipeIn.model_validate({})
     for at, recipe in recipes:
         if recipe is None:
             continue
@@ -161,12 +160,12 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
         faults += [
             Fault(f"{at}/{name}", "has no meaning in a joint update; leave it out")
             for name in _SINGLE_ONLY
-            if getattr(recipe, name) != getattr(default, name)
+            if getattr(recipe, name) != getattr(USUAL, name)
         ]
         faults += [
             Fault(f"{at}/{name}", "belong to the material: state them in the common `recipe`")
             for name in ("parameters", "junctions")
-            if at != "/recipe" and getattr(recipe, name) != getattr(default, name)
+            if at != "/recipe" and getattr(recipe, name) != getattr(USUAL, name)
         ]
     for number, job in enumerate(request.jobs):
         if job.recipe is not None and job.recipe.mode_set is not None:
@@ -181,7 +180,7 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
 def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fault]:
     """Parameters that a body has not, and what is asked of bodies in space that strips and plates alone have."""
     faults: list[Fault] = []
-    parameters = parameters_of(request.recipe or RecipeIn.model_validate({}), bodies[0])
+    parameters = parameters_of(request.recipe or USUAL, bodies[0])
     with pointing(faults, "/recipe"):
         check_material(bodies[0], parameters)
         parametrise(bodies[0], parameters)

@@ -207,7 +207,7 @@ def _known(structure: StructureIn) -> tuple[Geometry, float]:
     return g, density
 
 
-def material_of(structure: StructureIn, number: int) -> tuple[OrthotropicMaterial, float]:
+def material_of(structure: StructureIn) -> tuple[OrthotropicMaterial, float]:
     """A structure's material in its own axes, and the angle in degrees at which the specimen was cut.
 
     A laminate whose plies are alike in all but thickness is one material at the plies' angle. Any other section is
@@ -222,19 +222,18 @@ def material_of(structure: StructureIn, number: int) -> tuple[OrthotropicMateria
         return ply.material(structure.density_kg_m3 or ply.density_kg_m3 or 0.0), ply.angle_deg
     if laminate is not None and any(ply.angle_deg % 90 for ply in laminate.plies):
         raise InputError(
-            f"jobs.{number}.campaign_id",
-            "has a laminate of plies at several angles; a joint update takes one material: plies that lie alike",
+            "laminate", "has plies at several angles; a joint update takes one material: plies that lie alike"
         )
     return nominal_specimen(structure, "free").material, 0.0
 
 
-def of_its_material(structure: StructureIn, number: int) -> StructureIn:
+def of_its_material(structure: StructureIn) -> StructureIn:
     """The structure with its material in the material's own axes in place of its laminate.
 
     Raises:
         InputError: as of `material_of`.
     """
-    m, _ = material_of(structure, number)
+    m, _ = material_of(structure)
     own = Material(Ex_Pa=m.Ex, Ey_Pa=m.Ey, Gxy_Pa=m.Gxy, Gxz_Pa=m.Gxz, Gyz_Pa=m.Gyz, nu_xy=m.nu_xy)
     return structure.model_copy(update={"laminate": None, "material": own})
 

@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 
 from fecore.updating.campaigns import CampaignsResult
 from fecore.updating.result import Correlation, FrfCorrelation, HeldOut, PosteriorSummary, UpdateResult
-from service.compute.identification_document import up_to_date as identification_up_to_date
+from service.compute.identifying import up_to_date as identification_up_to_date
 from service.db.bytea import read_slice
 from service.store.updating.result_schemas import JointResultOut, ResultOut
 

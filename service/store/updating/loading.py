@@ -16,7 +16,7 @@ from fecore.body.matrices import MatrixBody
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
-from fecore.errors import InputError
+from fecore.errors import InputError, within
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, CampaignsRecipe, Coupon
 from fecore.updating.measurement import Measurement
@@ -45,7 +45,7 @@ from service.store.updating.bodies import (
     oriented,
     require_no_choice_of_joints,
 )
-from service.store.updating.schemas import InputsIn, RecipeIn, UpdateBatchIn
+from service.store.updating.schemas import USUAL, BatchJobIn, InputsIn, RecipeIn, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
 
@@ -110,18 +110,18 @@ def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
     if len(campaigns_of(session, {job.campaign_id for job in request.jobs})) < len(request.jobs):
         raise ChildEnded(PURGED)
     versions = [UUID(each["structure_version_id"]) for each in row.campaigns]
-    common = request.recipe or RecipeIn.model_validate({})
+    common = request.recipe or USUAL
     loaded = [_as_of(session, job.campaign_id, version) for job, version in zip(request.jobs, versions, strict=True)]
-    campaigns = tuple(
-        _campaign(session, number, request, campaign, names, loaded[0].structure)
-        for number, (campaign, names) in enumerate(zip(loaded, _names(session, loaded), strict=True))
-    )
+    campaigns = []
+    for number, (job, campaign, names) in enumerate(zip(request.jobs, loaded, _names(session, loaded), strict=True)):
+        with within(f"jobs.{number}"):
+            campaigns.append(_campaign(session, job, common, campaign, names, loaded[0].structure))
     scatter = SCATTER if request.scatter is None else request.scatter
     parameters = parameters_of(common, campaigns[0].body)
     scattered = scatter > 0 and len({campaign.specimen for campaign in campaigns}) > 1
     coupons, warnings = _coupons(session, request, parameters, campaigns[0].body, scatter=scattered)
     return JointInputs(
-        campaigns=campaigns,
+        campaigns=tuple(campaigns),
         recipe=CampaignsRecipe(parameters, scatter),
         coupons=coupons,
         warnings=warnings,
@@ -262,7 +262,6 @@ def joint_body(
     boundary: str,
     recipe: RecipeIn,
     *,
-    number: int = 0,
     masses: tuple[PointMass, ...] = (),
     first: StructureIn | None = None,
     angle_deg: float | None = None,
@@ -274,7 +273,6 @@ def joint_body(
         structure: as it is described.
         boundary: of the campaign.
         recipe: of all campaigns.
-        number: of the campaign's job.
         masses: what the body carried.
         first: the structure whose material all share; default: this one.
         angle_deg: of the material's x axis from the specimen's; default: as the structure's plies lie.
@@ -288,9 +286,9 @@ def joint_body(
         assert isinstance(body, Structure | MatrixBody), "a structure in space is one"
         return body
     require_no_choice_of_joints(recipe)
-    plain = nominal_specimen(of_its_material(structure, number), boundary, masses)
-    own = material_of(structure, number)[1] if angle_deg is None else angle_deg
-    return oriented(plain, material_of(first or structure, 0)[0], own)
+    plain = nominal_specimen(of_its_material(structure), boundary, masses)
+    own = material_of(structure)[1] if angle_deg is None else angle_deg
+    return oriented(plain, material_of(first or structure)[0], own)
 
 
 def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[str, str]]:
@@ -313,29 +311,25 @@ def _names(session: Session, campaigns: list[MeasuredCampaign]) -> list[tuple[st
 
 def _campaign(
     session: Session,
-    number: int,
-    request: UpdateBatchIn,
+    job: BatchJobIn,
+    common: RecipeIn,
     campaign: MeasuredCampaign,
     names: tuple[str, str],
     first: StructureIn,
 ) -> JointCampaign:
     """One campaign of a joint update; `names` are its own and its specimen's, `first` the first campaign's structure."""
-    at, job = f"jobs.{number}", request.jobs[number]
-    common = request.recipe or RecipeIn.model_validate({})
     recipe = job.recipe or common
     if not campaign.frf_sets and recipe.mode_set is None:
-        raise InputError(f"{at}.campaign_id", "has no FRFs; import some, or name a mode set in this job's recipe")
+        raise InputError("campaign_id", "has no FRFs; import some, or name a mode set in this job's recipe")
     if roving_mass(campaign) and recipe.mode_set is None:
         raise InputError(
-            f"{at}.campaign_id",
-            "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe",
+            "campaign_id", "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe"
         )
     body = joint_body(
         session,
         campaign.structure,
         campaign.boundary,
         common,
-        number=number,
         masses=carried_masses(campaign),
         first=first,
         angle_deg=job.angle_deg,

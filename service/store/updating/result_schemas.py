@@ -35,6 +35,8 @@ Curve = Annotated[list[Number], BeforeValidator(_short)]
 CONSTANTS = {**dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz"), "Pa"), "a0": "1/s", "a1": "s"}
 """Names of the constants by which results are found, with their units."""
 
+Level = Literal["usable", "with_care", "do_not_use"]
+
 
 class Part(BaseModel):
     """A part of a result, made of the core's dataclass of the same members."""
@@ -45,7 +47,7 @@ class Part(BaseModel):
 class VerdictOut(Part):
     """Whether the result may be used."""
 
-    level: Literal["usable", "with_care", "do_not_use"] = Field(description="may it be used?")
+    level: Level = Field(description="may it be used?")
     sentence: str = Field(description="the same in one sentence")
     reasons: list[str] = Field(description="the decisive ones, the gravest first")
 

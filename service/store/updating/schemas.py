@@ -261,6 +261,10 @@ class RecipeIn(StrictModel):
         )
 
 
+USUAL = RecipeIn.model_validate({})
+"""What is done where nobody states a recipe."""
+
+
 class UpdateJobOut(JobOut):
     """An update job: how far it is, or what became of it."""
 

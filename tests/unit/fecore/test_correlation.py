@@ -11,11 +11,8 @@ from fecore.correlation import _FREQUENCY_SCALE as FREQUENCY_SCALE
 from fecore.correlation import (
     Pairing,
     auto_mac,
-    comac,
     csac,
     csf,
-    damping_error,
-    fdac,
     frac,
     frequency_error,
     mac,
@@ -70,34 +67,12 @@ def test_criteria_of_frfs_against_their_definitions() -> None:
         xx, yy, xy = np.vdot(x, x).real, np.vdot(y, y).real, abs(np.vdot(x, y))
         assert csac(e, n)[k] == pytest.approx(xy**2 / (xx * yy), rel=1e-13)
         assert csf(e, n)[k] == pytest.approx(2 * xy / (xx + yy), rel=1e-13)
-        assert fdac(e, n)[k, k] == pytest.approx(csac(e, n)[k], rel=1e-13)
 
 
 def test_csf_sees_scale_and_csac_does_not() -> None:
     e = random_complex(5, 9)
     assert np.allclose(csac(e, 2 * e), 1)
     assert np.allclose(csf(e, 2 * e), 0.8)  # 2·2/(1 + 4)
-
-
-def test_fdac_ridge_follows_a_frequency_shift() -> None:
-    shapes = random_complex(6, 4, seed=3)
-    lines = np.linspace(0, 1, 50)
-
-    def response(centres: np.ndarray) -> np.ndarray:
-        return shapes @ (1 / (1e-3 + (lines - centres[:, None]) ** 2))
-
-    centres = np.array([0.1, 0.35, 0.6, 0.85])
-    grid = fdac(response(centres), response(centres + 5 / 49))
-    at = np.round(centres * 49).astype(int)[:3]
-    assert np.all(grid[at, at + 5] > 0.999)
-
-
-def test_comac_points_at_the_bad_dof() -> None:
-    shapes = np.random.default_rng(5).standard_normal((4, 6))
-    assert np.allclose(comac(shapes, -3 * shapes), 1)
-    moved = shapes.copy()
-    moved[:, 2] = np.roll(moved[:, 2], 1)
-    assert np.argmin(comac(shapes, moved)) == 2
 
 
 def test_dead_channels_and_lines_are_nan_alone() -> None:
@@ -111,7 +86,6 @@ def test_dead_channels_and_lines_are_nan_alone() -> None:
 
 def test_errors_are_relative_to_the_measured_value() -> None:
     assert np.allclose(frequency_error([100.0, 200.0], [101.0, 198.0]), [0.01, -0.01])
-    assert np.allclose(damping_error([0.02, np.nan, 0.0], [0.03, 0.1, 0.1]), [0.5, np.nan, np.nan], equal_nan=True)
 
 
 def test_pairing_is_the_best_of_all_permutations() -> None:

@@ -8,11 +8,11 @@ import pytest
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
-from fecore.dynamics.direct import direct_frf
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
+from tests.support.direct import direct_frf
 from tests.support.plates import PAPER
 
 PLACES = np.array([[0.5, 0.02], [0.21, -0.013], [0.37, 0.004], [0.06, 0.02]])

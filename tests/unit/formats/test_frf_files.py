@@ -141,6 +141,12 @@ def _claims(archive: zipfile.ZipFile) -> None:
         np.lib.format.write_array_header_1_0(stream, header)
 
 
+def _twice(archive: zipfile.ZipFile) -> None:
+    archive.writestr("values.npy", b"no array")
+    with pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("values.npy", b"no array")
+
+
 @pytest.mark.parametrize(
     ("write", "fault"),
     [
@@ -148,6 +154,7 @@ def _claims(archive: zipfile.ZipFile) -> None:
         (lambda archive: archive.writestr("values.npy", b"no array"), "values: cannot be read"),
         (lambda archive: archive.writestr("values.npy", b"\x93NUMPY\x09\x00"), "values: cannot be read"),
         (lambda archive: archive.writestr("values.npy", bytes(2000)), "unpacks to more than the 1000 bytes"),
+        (_twice, "values: is in the file twice"),
         (lambda _: None, "frequency_hz: is missing; values: is missing; response_point: is missing"),
     ],
 )
@@ -193,6 +200,7 @@ def written(kind: str) -> bytes:
         (b"one line, of words\nand another\n", "", "uff"),
         (b"\0,1\n2,\0\n", "", "uff"),
         (b"force\n1\n", "a.CSV", "csv"),
+        (b"hello", "a.wav", "wav"),
         (b"", "", "uff"),
     ],
 )

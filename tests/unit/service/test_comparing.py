@@ -5,7 +5,7 @@ import pytest
 
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from service.show.likeness import _by_axis
+from service.show.measured import _by_axis
 from service.show.pages.comparing import _told_apart, leaves
 
 

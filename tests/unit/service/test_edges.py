@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fecore.errors import InputError
 from service.app.application import create_app
-from service.compute.frame import make_frame
 from service.compute.spectra import decode, encode, encode_axis
 from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid
@@ -48,11 +46,6 @@ def test_numbers_that_are_missing_tiny_or_huge(shown: str, expected: str) -> Non
 
 
 WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
-    "a frame askew where axes are asked for": (
-        InputError,
-        "frame: lies askew, and what is asked for takes directions along the specimen's axes alone",
-        lambda: make_frame((0, 0, 0), (0.6, 0, 0.8), (0, 1, 0)).require_square(),
-    ),
     "more broken lines than are listed": (
         Invalid,
         "line 2, label: .*; and 1 more faults",

@@ -23,8 +23,7 @@ from service.show.pages.grid import draw_grid
 from service.show.reports import update_report
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report
-from service.show.results.figure_data import UpdateFigures
-from service.show.results.figure_frf import Wanted, _row_at
+from service.show.results.figure_data import UpdateFigures, Wanted, _row_at
 from service.show.results.figures import FIGURES, _shapes, draw_figure, draw_sheets
 
 

@@ -4,11 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import wavfile
+from scipy.io import savemat, wavfile
 
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from service.compute.recordings import Channels, channels_of
+from tests.support.uff import axis, set_58
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
 
@@ -27,6 +28,11 @@ def channels(folder: Path, table: np.ndarray, sensitivity: float = 1.0, cut: int
         *({"variable": f"channel_{k + 1}", "quantity": "acceleration", "point": 33 + k} for k in range(2, len(table))),
     ]
     return channels_of(path, {"recording": {}, "channels": mapped}, path.name)
+
+
+def blocks_of_channels(own: Channels) -> list[np.ndarray]:
+    found = own.survey()
+    return [block.samples for block in own.blocks(found, own.places(found.hits))]
 
 
 WHOLE = recording([1.0, 4.0], [1.0, 0.6], 7.0)[::-1]
@@ -66,3 +72,80 @@ def test_a_sample_that_is_not_finite_is_named_as_the_file_names_its_channel(tmp_
 def test_a_recording_that_declares_no_length_says_that_it_may_be_cut_off(tmp_path: Path) -> None:
     own = channels(tmp_path, WHOLE, cut=400)
     assert any("declares no length" in note for note in own.notes(own.survey()))
+
+
+AXIS = np.arange(WHOLE.shape[1]) / RATE
+
+
+def written(folder: Path, suffix: str) -> Path:
+    """`WHOLE` as arrays `acc` and `force` with a rate or a time axis."""
+    path, (acc, force) = folder / f"long{suffix}", WHOLE
+    if suffix == ".npz":
+        np.savez(path, acc=acc, force=force, fs=RATE)
+    elif suffix == ".mat":
+        savemat(path, {"acc": acc[:, np.newaxis], "force": force[np.newaxis], "fs": RATE})
+    elif suffix == ".csv":
+        np.savetxt(path, np.column_stack((AXIS, acc, force)), "%.17g", ",", header="fs,acc,force", comments="")
+    else:
+        content = b""
+        for kind, unit, point, samples in ((12, "m/s^2", 33, acc), (13, "N", 4, force)):
+            rows = ["".join(f"{x:20.11E}" for x in samples[k : k + 4]) for k in range(0, samples.size, 4)]
+            header = {"kind": 4, "points": samples.size, "function": 1, "step": f"{1 / RATE:13.5e}"}
+            place = {"response": (point, 3), "reference": (0, 0)}
+            content += set_58(*rows, abscissa=axis(17, "s"), ordinate=axis(kind, unit), **header, **place)
+        path.write_bytes(content)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".mat", ".csv", ".uff"])
+def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, suffix: str) -> None:
+    own = blocks_of_channels(channels(tmp_path, WHOLE))
+    names = ("acceleration_33_3", "force_4_3") if suffix == ".uff" else ("acc", "force")
+    mapped = [
+        {"variable": names[0], "quantity": "acceleration", "point": 33},
+        {"variable": names[1], "quantity": "force", "point": 4},
+    ]
+    said = {} if suffix == ".uff" else {"sample_rate_hz": {"variable": "fs"}}
+    path = written(tmp_path, suffix)
+    seen = channels_of(path, {"recording": {}, "channels": mapped, **said}, path.name)
+    np.testing.assert_allclose(blocks_of_channels(seen), own, rtol=1e-6, atol=1e-6)
+    if suffix != ".uff":
+        with pytest.raises(FormatError, match="sample_rate_hz: is missing"):
+            channels_of(path, {"recording": {}, "channels": mapped}, path.name)
+    with pytest.raises(FormatError, match=f"is 'b'; the file has .*{names[1]}"):
+        channels_of(path, {"recording": {}, "channels": [{**mapped[0], "variable": "b"}, mapped[1]], **said}, path.name)
+
+
+def test_arrays_of_unlike_length_and_single_hits_of_a_uff_are_no_recording(tmp_path: Path) -> None:
+    np.savez(path := tmp_path / "long.npz", acc=WHOLE[0][:-1], force=WHOLE[1])
+    mapped = [
+        {"variable": "acc", "quantity": "acceleration", "point": 33},
+        {"variable": "force", "quantity": "force", "point": 4},
+    ]
+    with pytest.raises(FormatError, match=r"acc: is float64 .*, expected 14336 real numbers as force"):
+        channels_of(path, {"recording": {}, "channels": mapped, "sample_rate_hz": RATE}, path.name)
+    twice = written(tmp_path, ".uff")
+    twice.write_bytes(2 * twice.read_bytes())
+    with pytest.raises(FormatError, match="acceleration_33_3: is in the file several times: as single hits"):
+        channels_of(twice, {"recording": {}, "channels": mapped}, twice.name)
+
+
+@pytest.mark.parametrize(
+    ("channel", "fault"),
+    [
+        ({"point": -3}, r"channels\.0\.point: is -3\.0, expected a whole number from 1"),
+        ({"point": 1e30}, r"channels\.0\.point: is 1e\+30, expected a whole number from 1 to 9999999999"),
+        ({"point": {"variable": "x"}}, r"channels\.0\.point: is 'x', expected a whole number"),
+        ({"direction": 7}, r"channels\.0\.direction: is 7\.0, expected ±1 to ±6"),
+        ({"direction": 0}, r"channels\.0\.direction: is 0\.0, expected ±1 to ±6"),
+        ({"window_rate_per_s": 1}, "is of blocks; a recording has no window"),
+    ],
+)
+def test_what_a_channel_cannot_be_is_named(tmp_path: Path, channel: dict[str, object], fault: str) -> None:
+    own = channels(tmp_path, WHOLE)
+    mapped = [
+        {"variable": "channel_1", "quantity": "acceleration", "point": 33, **channel},
+        {"variable": "channel_2", "quantity": "force", "point": 4},
+    ]
+    with pytest.raises(FormatError, match=fault):
+        channels_of(own.file.path, {"recording": {}, "channels": mapped}, "long.wav")

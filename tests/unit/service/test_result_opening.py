@@ -7,7 +7,10 @@ from typing import Any
 import pytest
 
 from fecore.updating.findings import FINDINGS, found, warnings
-from service.show.pages.found import MOST, NOTES, PLACES, REMEDIES, bar, opening
+from service.show.pages.found import MOST, PLACES, REMEDIES, bar, opening
+
+NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
+"""Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose page names the campaign."""
 
 WINDOW = found("window_unstated", name="a0", percent=14.0)
 MISSED = found("frequencies_missed", percent=2.3)

@@ -15,8 +15,10 @@ held        rigid elements and constraints
 nonstructural   NSM cards
 unused      what every other card would have done
 read        all of them
+write       the user's deck with updated numbers
 """
 
 from modalbase.formats.models.bdf.read import read_bdf
+from modalbase.formats.models.bdf.write import write_bdf
 
-__all__ = ["read_bdf"]
+__all__ = ["read_bdf", "write_bdf"]

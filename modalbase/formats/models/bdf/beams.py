@@ -17,16 +17,8 @@ _RODS = {"CROD": (2, 3), "CTUBE": (2, 3), "CONROD": (1, 2)}
 ELEMENTS = ("CBAR", "CBEAM", *_RODS)
 
 
-@dataclass
-class _Group:
-    """Elements of one set as they are read."""
-
-    property: Property
-    numbers: list[int] = field(default_factory=list)
-    nodes: list[tuple[int, int]] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
-    axes: list[Floats] = field(default_factory=list)
-    offsets: list[Floats] = field(default_factory=list)
+_Row = tuple[int, tuple[int, int], int, Floats, Floats]
+"""Of an element: number, rows of its ends, line, direction of axis 1, and offsets of its ends."""
 
 
 @dataclass
@@ -48,22 +40,16 @@ class Beams:
 
     def blocks(self, cards: Iterable[Card]) -> list[Elements]:
         """Elements by set, in the order in which these appear."""
-        groups: dict[str, _Group] = {}
+        found: dict[str, list[_Row]] = {}
         for card in cards:
             number = card.integer(0, "EID")
-            found = self._property(card, number)
-            group = groups.setdefault(found.set, _Group(found))
-            self.sections[found.set] = found.section
+            own = self._property(card, number)
+            self.sections[own.set] = own.section
             ends = _RODS.get(card.name, (2, 3))
             a, b = (self.grids.row(card, index, f"G{end}") for index, end in zip(ends, "AB", strict=True))
-            group.numbers.append(number)
-            group.nodes.append((a, b))
-            group.lines.append(card.line)
-            if card.name in _RODS:
-                self._rod(card, group, a, b)
-            else:
-                self._bar(card, group, a, b)
-        return [_block(group) for group in groups.values()]
+            axis, offsets = self._rod(card, a, b) if card.name in _RODS else self._bar(card, own, a, b)
+            found.setdefault(own.set, []).append((number, (a, b), card.line, axis, offsets))
+        return [_block(name, rows) for name, rows in found.items()]
 
     def _property(self, card: Card, number: int) -> Property:
         if card.name == "CONROD":
@@ -73,13 +59,12 @@ class Beams:
             number = default.integer(1, "PID")
         return self.properties.get(card, card.integer(1, "PID", number))
 
-    def _rod(self, card: Card, group: _Group, a: int, b: int) -> None:
+    def _rod(self, card: Card, a: int, b: int) -> tuple[Floats, Floats]:
         along = self.grids.places[b] - self.grids.places[a]
         size = _length(card, along)
-        group.axes.append(np.cross(along / size, np.eye(3)[np.argmin(np.abs(along))]))
-        group.offsets.append(np.zeros((2, 3)))
+        return np.cross(along / size, np.eye(3)[np.argmin(np.abs(along))]), np.zeros((2, 3))
 
-    def _bar(self, card: Card, group: _Group, a: int, b: int) -> None:
+    def _bar(self, card: Card, own: Property, a: int, b: int) -> tuple[Floats, Floats]:
         frames = self.grids.axes(a), self.grids.axes(b)
         default = self.defaults.get(card.name)
         source = card if any(map(card.text, (4, 5, 6))) or default is None else default
@@ -88,16 +73,16 @@ class Beams:
             kinds = "GGG"  # BIT of a beam is a number
         axis = self._orientation(card, source, a, frames[0] if kinds[0] == "G" else np.eye(3))
         along = self.grids.places[b] - self.grids.places[a]
-        own = _axes(along, axis) if "O" in kinds[1:] or "E" in kinds[1:] else np.eye(3)
+        element = _axes(along, axis) if "O" in kinds[1:] or "E" in kinds[1:] else np.eye(3)
         arms = np.zeros((2, 3))
         if any(map(card.text, range(10, 16))):
             stated = [card.real(10 + k, f"W{k % 3 + 1}{'AB'[k // 3]}", 0.0) for k in range(6)]
             for end in (0, 1):
-                frame = own if kinds[1 + end] in "OE" else frames[end] if kinds[1 + end] == "G" else np.eye(3)
+                frame = element if kinds[1 + end] in "OE" else frames[end] if kinds[1 + end] == "G" else np.eye(3)
                 arms[end] = np.array(stated[3 * end : 3 * end + 3]) @ frame
-        self._straight(card, group, along + arms[1] - arms[0], axis, arms)
         if any(card.text(index) not in ("", "0") for index in (8, 9)):
             self.notes.add(card, f"{card.name} PA, PB", "a released end is not released here", True)
+        return axis, _straight(card, own.centroid, along + arms[1] - arms[0], axis, arms)
 
     def _orientation(self, card: Card, source: Card, a: int, frame: Floats) -> Floats:
         """The direction v in the model's frame, from a grid G0 or by its components."""
@@ -107,17 +92,15 @@ class Beams:
             raise card.wrong(4, "X1", "a direction X1, X2, X3 or a grid G0 for the section's plane 1")
         return np.array([source.real(4 + k, f"X{k + 1}", 0.0) for k in range(3)]) @ frame
 
-    def _straight(self, card: Card, group: _Group, along: Floats, axis: Floats, arms: Floats) -> None:
-        size = _length(card, along)
-        across = np.cross(along / size, axis)
-        if not np.linalg.norm(across) > 1e-8 * np.linalg.norm(axis) or not np.any(axis):
-            raise card.error("the orientation vector is along the beam; give a direction across it", 4)
-        group.axes.append(axis)
-        y, z = group.property.centroid
-        if y or z:
-            frame = _axes(along, axis)
-            arms = arms + y * frame[1] + z * frame[2]
-        group.offsets.append(arms)
+
+def _straight(card: Card, centroid: tuple[float, float], along: Floats, axis: Floats, arms: Floats) -> Floats:
+    """Offsets of the ends to the centroid of a bar whose axis 1 lies across it."""
+    size = _length(card, along)
+    across = np.cross(along / size, axis)
+    if not np.linalg.norm(across) > 1e-8 * np.linalg.norm(axis) or not np.any(axis):
+        raise card.error("the orientation vector is along the beam; give a direction across it", 4)
+    _, y, z = _axes(along, axis)
+    return np.asarray(arms + centroid[0] * y + centroid[1] * z)
 
 
 def _length(card: Card, along: Floats) -> float:
@@ -135,14 +118,6 @@ def _axes(along: Floats, axis: Floats) -> Floats:
     return np.array([x, y, np.cross(x, y)])
 
 
-def _block(group: _Group) -> Elements:
-    offsets = np.array(group.offsets)
-    return Elements(
-        "beam2",
-        np.array(group.numbers, dtype=np.int64),
-        np.array(group.nodes, dtype=np.int64),
-        group.property.set,
-        np.array(group.axes),
-        np.array(group.lines, dtype=np.int64),
-        offsets if offsets.any() else None,
-    )
+def _block(name: str, rows: list[_Row]) -> Elements:
+    numbers, nodes, lines, axes, offsets = (np.array(column) for column in zip(*rows, strict=True))
+    return Elements("beam2", numbers, nodes, name, axes, lines, offsets if offsets.any() else None)

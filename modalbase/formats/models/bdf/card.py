@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
@@ -62,8 +62,9 @@ class Row:
             width = 16 if self.is_large else 8
             return Place(self.line, 8 + width * column, 8 + width * (column + 1), self.file)
         parts = self.text.split(",")
+        parts += [""] * (column + 2 - len(parts))
         start = sum(len(part) + 1 for part in parts[: column + 1])
-        return Place(self.line, start, start + (len(parts[column + 1]) if column + 1 < len(parts) else 0), self.file)
+        return Place(self.line, start, start + len(parts[column + 1]), self.file)
 
 
 @dataclass(slots=True)
@@ -140,9 +141,18 @@ class Card:
         """Index and text of each field from one on that is not empty."""
         return ((index, self.fields[index]) for index in range(first, len(self.fields)) if self.fields[index])
 
+    def row(self, index: int) -> Row:
+        """The line of a field."""
+        return next((row for row in reversed(self.rows) if row.start <= index), self.rows[0])
+
+    def has_room(self, index: int) -> bool:
+        """Whether a line of it has room for a field."""
+        row = self.row(index)
+        return index - row.start < (4 if row.is_large else 8)
+
     def place(self, index: int) -> Place:
         """Where a field stands."""
-        row = next((row for row in reversed(self.rows) if row.start <= index), self.rows[0])
+        row = self.row(index)
         return row.place(index - row.start)
 
     @property
@@ -152,17 +162,28 @@ class Card:
 
     def error(self, message: str, index: int | None = None) -> FormatError:
         """An error at this card, or at one of its fields."""
-        row = self.rows[0]
-        if index is not None:
-            row = next((row for row in reversed(self.rows) if row.start <= index), row)
+        row = self.rows[0] if index is None else self.row(index)
         return FormatError(where(row.line, row.file), f"{self.title}: {message}")
 
     def wrong(self, index: int, what: str, expected: str) -> FormatError:
         """An error at a field that does not hold what it should."""
-        row = next((row for row in reversed(self.rows) if row.start <= index), self.rows[0])
-        text = self.text(index)
+        text, field = self.text(index), index - self.row(index).start + 2
         found = f"is {text[:40]!r}" if text else "is empty"
-        return self.error(f"{what} (field {index - row.start + 2}) {found}, expected {expected}", index)
+        return self.error(f"{what} (field {field}) {found}, expected {expected}", index)
+
+
+def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
+    """Cards by the number in their first field.
+
+    Raises:
+        FormatError: a number stands twice.
+    """
+    found: dict[int, Card] = {}
+    for card in cards:
+        number = card.integer(0, field)
+        if found.setdefault(number, card) is not card:
+            raise card.error(f"the {noun} is there twice, first in line {found[number].line}", 0)
+    return found
 
 
 def where(line: int, file: str = "") -> str:

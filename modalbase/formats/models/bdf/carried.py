@@ -118,16 +118,7 @@ class Springs:
             plain = np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12)
             own = dof if plain else 3 * (dof // 3)
             far = None if b is None else own
-            yield Spring(
-                a,
-                own,
-                value,
-                card.line,
-                second=b,
-                second_dof=far,
-                direction=None if plain else _vector(axis),
-                arms=arms,
-            )
+            yield Spring(a, own, value, card.line, b, far, direction=None if plain else _vector(axis), arms=arms)
 
     def _bush_axes(self, card: Card, a: int, b: int | None, dofs: set[int]) -> Floats:
         if card.text(7):

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.lines import Line
+from modalbase.formats.uff.text import decoded
 
 _ORDER = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*=\s*(.*?)\s*$")
 _SELECTORS = ("SPC", "MPC", "NSM", "METHOD", "K2GG", "M2GG", "B2GG", "K2PP", "M2PP", "STATSUB", "TEMPERATURE", "A2GG")
@@ -58,7 +59,7 @@ def read_case(lines: Sequence[Line]) -> Case:
             continue
         order, value = match.groups()
         if order == "TITLE" and not found.title:
-            found.title = line.raw.split("=", 1)[1].strip()
+            found.title = decoded(line.raw.partition("=")[2].encode("latin-1"))[:200]
         for name in _SELECTORS:
             if order == name or (len(order) >= 4 and name.startswith(order)):
                 (subcases[-1] if subcases else common)[name] = (value, line.number)

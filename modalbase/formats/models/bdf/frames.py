@@ -8,46 +8,39 @@ from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 
-from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.coordinates import Kind, cartesian
+from modalbase.formats.models.bdf.card import Card, numbered
 from modalbase.formats.models.model import Floats, Integers
 
 
 @dataclass(frozen=True)
 class System:
-    """A coordinate system: its origin, its axes as rows, and its kind R, C or S."""
+    """A coordinate system: its origin, its axes as rows, and its kind."""
 
     origin: Floats
     axes: Floats
-    kind: str = "R"
+    kind: Kind = "cartesian"
 
     def place(self, points: Floats) -> Floats:
         """(n, 3) places in the model's frame of (n, 3) coordinates; angles in degrees."""
-        local = np.array(points, dtype=float)
-        if self.kind != "R":
-            first, second, third = points.T
-            turn = np.radians(second)
-            if self.kind == "C":
-                local = np.column_stack([first * np.cos(turn), first * np.sin(turn), third])
-            else:
-                flat, around = first * np.sin(turn), np.radians(third)
-                local = np.column_stack([flat * np.cos(around), flat * np.sin(around), first * np.cos(turn)])
-        return np.asarray(self.origin + local @ self.axes)
+        return np.asarray(self.origin + cartesian(self.kind, points) @ self.axes)
 
     def axes_at(self, place: Floats) -> Floats:
         """(3, 3) the axes, as rows, in which vectors at a place are stated."""
-        if self.kind == "R":
+        if self.kind == "cartesian":
             return self.axes
         x, y, z = self.axes @ (place - self.origin)
         radius = float(np.hypot(x, y))
         c, s = (x / radius, y / radius) if radius > 0 else (1.0, 0.0)
         rows = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        if self.kind == "S":
+        if self.kind == "spherical":
             length = float(np.hypot(radius, z))
             up, out = (z / length, radius / length) if length > 0 else (1.0, 0.0)
             rows = np.array([[out * c, out * s, up], [up * c, up * s, -out], [-s, c, 0.0]])
         return np.asarray(rows @ self.axes)
 
 
+_KINDS: dict[str, Kind] = {"R": "cartesian", "C": "cylindrical", "S": "spherical"}
 BASIC = System(np.zeros(3), np.eye(3))
 
 
@@ -106,11 +99,7 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     Raises:
         FormatError: a grid or system stands twice, refers to one that is not there, or to itself in a circle.
     """
-    by_number: dict[int, Card] = {}
-    for card in cards:
-        number = card.integer(0, "ID")
-        if by_number.setdefault(number, card) is not card:
-            raise card.error(f"the grid is there twice, first in line {by_number[number].line}", 0)
+    by_number = numbered(cards, "grid", "ID")
     numbers = np.array(sorted(by_number), dtype=np.int64)
     ordered = [by_number[number] for number in numbers.tolist()]
     points = np.array([_point(card) for card in ordered], dtype=float).reshape(-1, 3)
@@ -216,4 +205,4 @@ def _system(card: Card, corners: Floats) -> System:
     if not np.linalg.norm(y) > 1e-12 * scale or not np.isfinite(scale):
         raise card.error("the points A, B and C lie on a line; expected three that span a plane")
     z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
-    return System(origin, np.array([np.cross(y, z), y, z]), card.name[5])
+    return System(origin, np.array([np.cross(y, z), y, z]), _KINDS[card.name[5]])

@@ -25,20 +25,24 @@ def listed(card: Card, first: int, grids: Grids, what: str) -> Iterator[int]:
     at = 0
     while at < len(fields):
         index, text = fields[at]
-        if at + 2 < len(fields) and fields[at + 1][1] == "THRU":
-            low, high = card.integer(index, what), card.integer(fields[at + 2][0], what)
-            if high < low:
-                raise card.wrong(fields[at + 2][0], what, f"a number above {low}, where the range begins")
-            start, end = np.searchsorted(grids.numbers, [low, high + 1])
-            yield from range(int(start), int(end))
-            at += 3
-            continue
         if whole(text) is None:
             if at == len(fields) - 1 and at > 0:
                 return
             raise card.wrong(index, what, "a grid's number or THRU")
-        yield grids.row(card, index, what)
-        at += 1
+        rows, taken = _span(card, fields[at : at + 3], grids, what)
+        yield from rows
+        at += taken
+
+
+def _span(card: Card, fields: list[tuple[int, str]], grids: Grids, what: str) -> tuple[Iterable[int], int]:
+    """Rows of the grid, or of the range, that begins a list of fields, and how many of these it takes."""
+    index = fields[0][0]
+    if len(fields) < 3 or fields[1][1] != "THRU":
+        return [grids.row(card, index, what)], 1
+    low, high = card.integer(index, what), card.integer(fields[2][0], what)
+    if high < low:
+        raise card.wrong(fields[2][0], what, f"a number above {low}, where the range begins")
+    return range(*np.searchsorted(grids.numbers, [low, high + 1]).tolist()), 3
 
 
 def _turned(grids: Grids, row: int, dofs: tuple[int, ...]) -> Floats | None:
@@ -117,15 +121,11 @@ def _rbe3(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
                 notes.add(card, "RBE3 without C = 123", "leaders are read with all three displacements", True)
             elif len(components) > 3:
                 notes.add(card, "RBE3 with C = 123456", "leaders are read without their rotations")
-        elif at + 1 < len(fields) and fields[at][1] == "THRU":
-            low, high = card.integer(index, "G"), card.integer(fields[at + 1][0], "G")
-            start, end = np.searchsorted(grids.numbers, [low, high + 1])
-            for row in range(int(start), int(end)):
-                weights[row] = weights.get(row, 0.0) + weight
-            at += 2
         else:
-            row = grids.row(card, index, "G")
-            weights[row] = weights.get(row, 0.0) + weight
+            rows, taken = _span(card, fields[at - 1 : at + 2], grids, "G")
+            at += taken - 1
+            for row in rows:
+                weights[row] = weights.get(row, 0.0) + weight
     if not weights or not min(weights.values()) > 0:
         raise card.error("it has no leaders with a weight above zero")
     values = tuple(weights.values())
@@ -194,10 +194,10 @@ def _holding(cards: Cards, case: Case, notes: Notes) -> set[int]:
             line = min(card.line for name in ("SPC", "SPC1") for card in cards.get(name, ()))
             notes.at(line, "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
             return stated
-    if selected in joined:
-        return {whole(text) or 0 for _, text in joined[selected].words(1)}
-    if selected not in stated:
-        notes.at(
-            1, "SPC", f"the case control selects SPC = {selected}, which is not in the deck; nothing is held", True
-        )
-    return {selected}
+    by = joined.get(selected)
+    holding = {selected} if by is None else {whole(text) or 0 for _, text in by.words(1)}
+    for missing in sorted(holding - stated):
+        who = "the case control selects" if by is None else f"{by.title} joins"
+        loss = f"{who} SPC = {missing}, which is not in the deck; nothing is held by it"
+        notes.at(1 if by is None else by.line, "SPC", loss, True)
+    return holding

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from contextlib import suppress
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.uff.text import decoded
 
 _NUMBERED = (
     re.compile(r"\$\s*HMNAME\s+PROP\s+(\d{1,12})\s*\"([^\"]*)\""),
@@ -61,6 +61,4 @@ class Labels:
 
 def _plain(name: str) -> str:
     """A name of letters, digits and _ alone; empty where nothing is left."""
-    with suppress(UnicodeDecodeError):
-        name = name.encode("latin-1").decode("utf-8")
-    return re.sub(r"\W+", "_", name).strip("_")[:_LONGEST]
+    return re.sub(r"\W+", "_", decoded(name.encode("latin-1"))).strip("_")[:_LONGEST]

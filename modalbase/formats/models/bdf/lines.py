@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import PureWindowsPath
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, Row, where
+from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
 
 _SMALL = tuple(range(8, 72, 8))
 _LARGE = tuple(range(8, 72, 16))
+_QUOTED = re.compile(r"['\"]([^'\"]*)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +46,7 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
     found = Sections()
     current = found.control
     controlled = ended = False
-    for line in _lines(content, "", included, set()):
+    for line in _lines(content, ("",), included, set()):
         word = line.text.replace(",", " ").split(None, 1)[:1]
         if word == ["ENDDATA"]:
             ended = True
@@ -75,10 +77,12 @@ def _last(lines: list[Line]) -> str:
     return where(lines[-1].number, lines[-1].file) if lines else ""
 
 
-def _lines(content: bytes, file: str, included: Mapping[str, bytes] | None, seen: set[str]) -> Iterator[Line]:
-    raws = content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    texts = content.upper().decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    number = 0
+def _lines(
+    content: bytes, within: tuple[str, ...], included: Mapping[str, bytes] | None, seen: set[str]
+) -> Iterator[Line]:
+    """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
+    raws, texts = lines_of(content), lines_of(content.upper())
+    number, file = 0, within[-1]
     while number < len(raws):
         raw, text = raws[number], texts[number].split("$", 1)[0].rstrip()
         number += 1
@@ -92,24 +96,22 @@ def _lines(content: bytes, file: str, included: Mapping[str, bytes] | None, seen
             number += 1
         if included is None:
             continue
-        name = name.strip(" \t'\",=")
-        inner = _find(name, included)
+        quoted = _QUOTED.search(name)
+        name = (quoted.group(1) if quoted else name.partition("$")[0]).strip(" \t,=")
+        inner = included_file(name, included)
         if inner is None:
             raise FormatError(where(first, file), f"INCLUDE {name!r} is not here; send that file with the deck")
         if inner in seen:
             raise FormatError(
                 where(first, file), f"INCLUDE {name!r} stands for the second time; its cards would be there twice"
             )
+        if len(within) > DEEPEST_INCLUDE:
+            raise FormatError(
+                where(first, file),
+                f"INCLUDE {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that is read",
+            )
         seen.add(inner)
-        yield from _lines(included[inner], inner, included, seen)
-
-
-def _find(name: str, included: Mapping[str, bytes]) -> str | None:
-    """The file by its name, else by the last part of its path."""
-    if name in included:
-        return name
-    wanted = PureWindowsPath(name).name.lower()
-    return next((each for each in included if PureWindowsPath(each).name.lower() == wanted), None)
+        yield from _lines(included[inner], (*within, inner), included, seen)
 
 
 def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.card import Card
@@ -61,20 +60,6 @@ class Materials:
             if name in constants and card.text(index)
         }
         return Material(str(card.integer(0, "MID")), constants, card.line, places, card.rows[0].file)
-
-
-def by_number(cards: Iterable[Card]) -> dict[int, Card]:
-    """Material cards by number.
-
-    Raises:
-        FormatError: a number stands twice.
-    """
-    found: dict[int, Card] = {}
-    for card in cards:
-        number = card.integer(0, "MID")
-        if found.setdefault(number, card) is not card:
-            raise card.error(f"the material is there twice, first in line {found[number].line}", 0)
-    return found
 
 
 def _isotropic(card: Card, _: Notes) -> dict[str, float]:

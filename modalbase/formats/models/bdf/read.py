@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import beams, carried, held, materials, nonstructural, sections, shells
-from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.models.bdf.card import Card, numbered
 from modalbase.formats.models.bdf.case import Case, read_case
 from modalbase.formats.models.bdf.frames import Grids, read_grids
 from modalbase.formats.models.bdf.labels import Labels
@@ -76,8 +76,9 @@ class _Reader:
         if not grids:
             raise FormatError("", "the deck has no GRID; expected Nastran bulk data")
         self.grids: Grids = read_grids(grids, defaults[0] if defaults else None, self._take(*_FRAMES))
-        self.materials = materials.Materials(materials.by_number(self._take(*_MATERIALS)), mass_factor, notes)
-        self.plates, self.profiles = self._take(*shells.PROPERTIES), self._take(*sections.PROPERTIES)
+        self.materials = materials.Materials(numbered(self._take(*_MATERIALS), "material", "MID"), mass_factor, notes)
+        self.plates = self._take(*shells.PROPERTIES)
+        self.profiles = {name: numbered(self._take(name), "property", "PID") for name in sections.PROPERTIES}
 
     def _take(self, *names: str) -> list[Card]:
         return [card for name in names for card in self.cards.pop(name, ())]
@@ -121,26 +122,22 @@ class _Reader:
         return sorted(found, key=lambda card: card.line) if len(names) > 1 else found
 
     def _properties(self) -> tuple[shells.Shells, beams.Beams]:
-        of_shells = _numbered(self.plates)
-        of_beams: dict[tuple[str, int], Card] = {}
-        for card in self.profiles:
-            key = (card.name, card.integer(0, "PID"))
-            if of_beams.setdefault(key, card) is not card:
-                raise card.error(f"the property is there twice, first in line {of_beams[key].line}", 0)
-        known: dict[str, set[int]] = defaultdict(set)
-        for card in (*self.plates, *self.profiles):
-            known[card.name].add(card.integer(0, "PID"))
+        of_shells = numbered(self.plates, "property", "PID")
+        known = {
+            name: {number for number, card in of_shells.items() if card.name == name} for name in shells.PROPERTIES
+        }
+        known |= {name: set(cards) for name, cards in self.profiles.items()}
         apart = {name: self.cards.pop(name, []) for name in nonstructural.CARDS}
         per_area, per_length = nonstructural.read_nonstructural(apart, self.case, known, self.mass_factor, self.notes)
         plates = shells.Shells(of_shells, self.materials, self.grids, self.labels, self.notes, per_area)
-        profiles = sections.Sections(of_beams, self.materials, self.labels, self.notes, per_length)
+        profiles = sections.Sections(self.profiles, self.materials, self.labels, self.notes, per_length)
         defaults = {
             element: card for element, name in (("CBAR", "BAROR"), ("CBEAM", "BEAMOR")) for card in self._take(name)
         }
         return plates, beams.Beams(profiles, self.grids, self.notes, defaults)
 
     def _springs(self) -> Iterable[Spring]:
-        bushes = _numbered(self._take("PBUSH"))
+        bushes = numbered(self._take("PBUSH"), "property", "PID")
         springs = carried.Springs(self.grids, self.notes, carried.spring_properties(self._take("PELAS")), bushes)
         for card in self._elements("CELAS1", "CELAS2", "CBUSH"):
             yield from springs.bush(card) if card.name == "CBUSH" else springs.scalar(card)
@@ -159,12 +156,3 @@ class _Reader:
         for card in self.all:
             if card.integers_for_reals:
                 self.notes.add(card, "integers for reals", "read as the same number; Nastran asks for a decimal point")
-
-
-def _numbered(cards: Iterable[Card]) -> dict[int, Card]:
-    found: dict[int, Card] = {}
-    for card in cards:
-        number = card.integer(0, "PID")
-        if found.setdefault(number, card) is not card:
-            raise card.error(f"the property is there twice, first in line {found[number].line}", 0)
-    return found

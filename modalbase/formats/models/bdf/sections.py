@@ -40,7 +40,7 @@ class Sections:
         extra: non-structural mass per length by property.
     """
 
-    cards: dict[tuple[str, int], Card]
+    cards: dict[str, dict[int, Card]]
     materials: Materials
     labels: Labels
     notes: Notes
@@ -52,7 +52,7 @@ class Sections:
         kinds = _OF_ELEMENT[element.name]
         key = (kinds[0], number)
         if key not in self._read:
-            card = next((self.cards[kind, number] for kind in kinds if (kind, number) in self.cards), None)
+            card = next((self.cards[kind][number] for kind in kinds if number in self.cards[kind]), None)
             if card is None:
                 raise element.wrong(1, "PID", f"a property of it; there is no {' or '.join(kinds)} {number}")
             self._read[key] = self._of(card, number)
@@ -160,7 +160,8 @@ class Sections:
             raise card.error(f"the dimensions are of no {kind}", first) from error
         if not is_real(shape):
             raise card.error(f"the dimensions are of no {kind}; look at their order", first)
-        values = [shape.area, *shape.inertia, shape.torsion, extra]
+        zz, yy, yz = shape.inertia
+        values = [shape.area, yy, zz, yz, shape.torsion, extra]
         return self._section(card, 1, "MID", values, shape.shear), shape.centroid
 
     def _note_taper(self, card: Card, after: int, dimensions: list[float]) -> None:

@@ -12,6 +12,7 @@ from modalbase.formats.models.bdf.frames import Grids
 from modalbase.formats.models.bdf.labels import Labels
 from modalbase.formats.models.bdf.materials import Materials
 from modalbase.formats.models.bdf.unused import Notes
+from modalbase.formats.models.measures import normals_of
 from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
 
 _BENDING = 1.0, 1e-3  # 12I/T³ of a plate, and how near to it
@@ -303,9 +304,7 @@ def _frames(places: Floats, cards: list[Card]) -> tuple[Floats, Floats]:
     if pointed.size:
         raise cards[pointed[0]].error("two of its corners are in one place; a corner less makes a CTRIA3")
     across = np.cross(ahead, behind)
-    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1])
-    if corners.shape[1] == 3:
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = normals_of(corners)
     size = np.linalg.norm(normals, axis=1)
     scale = length.max(axis=1) ** 2
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):

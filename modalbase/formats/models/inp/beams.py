@@ -7,9 +7,10 @@ import numpy as np
 from modalbase.formats.models.inp.lines import Card, Row
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import Element
-from modalbase.formats.models.inp.profiles import Profile, profile
+from modalbase.formats.models.inp.profiles import profile
 from modalbase.formats.models.inp.types import SLENDER
 from modalbase.formats.models.model import BeamSection, Floats, Material, Place
+from modalbase.formats.models.shapes import Shape
 
 _SHORT = {"RECTANGULAR": "RECT", "CIRCULAR": "CIRC"}
 _CONSTANTS = ("area", "I1", "I12", "I2", "J")
@@ -41,7 +42,7 @@ def beam_section(
     slender = {element.type.name in SLENDER for element in elements}
     if len(slender) > 1:
         raise card.error("has elements that are rigid in shear and others that are not; split the set")
-    shear = None if True in slender else (found.shear, found.shear)
+    shear = None if True in slender else found.shear
     section = BeamSection(
         material, found.area, found.inertia, found.torsion, card.line, shear, places=places, file=card.file
     )
@@ -50,12 +51,12 @@ def beam_section(
     return section, _direction(card), (y + shifts[0], z + shifts[1])
 
 
-def _general(row: Row) -> Profile:
+def _general(row: Row) -> Shape:
     values = row.numbers("A, I11, I12, I22, J", 5)
     area, first, mixed, second, torsion = values[:5]
     if min(area, first, second, torsion) <= 0 or mixed**2 >= first * second:
         raise row.error("expected A, I11, I12, I22 and J of a real section: above 0, and I12² < I11 I22")
-    return Profile(area, (first, second, mixed), torsion, 1.0)
+    return Shape(area, (first, second, mixed), torsion, (1.0, 1.0))
 
 
 def _direction_row(card: Card) -> Row | None:

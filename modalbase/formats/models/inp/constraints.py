@@ -77,7 +77,7 @@ class Constraints:
 
     def _mpc(self, card: Card, part: Part) -> None:
         for row in card.rows:
-            kind, *names = row.fields
+            kind, names = row.parted
             if kind.upper() not in ("BEAM", "TIE", "PIN") or len(names) != 2:
                 self._losses.add(row, f"a constraint of type {kind[:12].upper()} between nodes", changes=True)
                 continue
@@ -87,7 +87,7 @@ class Constraints:
             leader = int(leaders[0])
             dofs = ALL[:3] if kind.upper() == "PIN" else ALL
             apart = np.linalg.norm(self._places[led] - self._places[leader], axis=1)
-            if kind.upper() != "BEAM" and apart.max() > self._near:
+            if kind.upper() != "BEAM" and np.any(apart > self._near):
                 self._losses.add(row, f"{kind.upper()} between nodes that are apart", changes=True)
                 continue
             self._rigid(led, leader, dofs, row.line)
@@ -143,7 +143,7 @@ class Constraints:
         leader = self._one(card.needs("REF NODE"), part, card)
         system = part.system(card.get("ORIENTATION"), card)
         for row in card.rows:
-            name, *rest = row.fields
+            name, rest = row.parted
             nodes = self._mesh.select_nodes(name, part.scope, row)
             dofs = tuple(dof_range(rest, row)) if rest else ALL
             self._rigid(nodes, leader, dofs, row.line, system)
@@ -154,7 +154,8 @@ class Constraints:
             raise card.error("needs one element of type DCOUP3D")
         leaders: dict[int, float] = {}
         for row in card.rows:
-            name, weight = [*row.fields, "1"][:2]
+            name, rest = row.parted
+            weight = rest[0] if rest else "1"
             value = row.number(weight, "the weight")
             if not 0 < value < 1e12:
                 raise row.error(f"has the weight {value:g}, expected one above 0")

@@ -51,7 +51,7 @@ def _of_card(card: Card, scope: str, mesh: Mesh, axes: dict[int, Floats], losses
         return []
     found: list[Support] = []
     for row in card.rows:
-        name, *rest = row.fields or [""]
+        name, rest = row.parted
         nodes = mesh.select_nodes(name, scope, row)
         dofs = _dofs(rest, row, losses)
         turned = [node for node in nodes.tolist() if node in axes and not _alike(dofs)]

@@ -6,14 +6,13 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import PurePosixPath
 from typing import NamedTuple
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
 from modalbase.formats.models.model import Place
 
 MOST_LINES = 2_000_000
-DEEPEST_INCLUDE = 10
 LARGEST = 1e25
 """No number of a deck in any units reaches it, and products of several stay finite."""
 
@@ -67,6 +66,17 @@ class Row:
         while found and not found[-1]:
             found.pop()
         return found
+
+    @property
+    def parted(self) -> tuple[str, list[str]]:
+        """The first field, and those behind it.
+
+        Raises:
+            FormatError: the line has commas alone.
+        """
+        if not (fields := self.fields):
+            raise self.error("has no field, expected at least one")
+        return fields[0], fields[1:]
 
     def place(self, column: int) -> Place:
         """Where a field stands."""
@@ -202,7 +212,7 @@ class _Files:
     def lines(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[_Line]:
         """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
         file = within[-1] if within else ""
-        text = content.decode("latin-1").split("\n")  # a character is a byte, so that columns are too
+        text = lines_of(content)
         self._lines += len(text)
         if self._lines > MOST_LINES:
             raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")
@@ -217,9 +227,7 @@ class _Files:
     def _named(self, card: Card, within: tuple[str, ...]) -> str:
         """The included file that a card means, by its path or the last part of it."""
         name = card.needs("INPUT").strip('"')
-        last = PurePosixPath(name.replace("\\", "/")).name
-        found = next((each for each in self._included if each in (name, last)), None)
-        if found is None:
+        if (found := included_file(name, self._included)) is None:
             raise card.error(f"names {name!r}, which was not handed in; give that file too")
         if found in within:
             raise card.error(f"of {name!r} goes in a circle: {' → '.join((*within, found))}")

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from modalbase.formats.coordinates import cartesian
 from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.types import ElementType, type_of
 from modalbase.formats.models.model import Floats, Integers
@@ -144,12 +145,9 @@ class Mesh:
 
     def _placed(self, x: tuple[float, ...], system: str, move: Move, row: Row) -> tuple[float, float, float]:
         """A node's place in the deck's frame."""
-        point = np.array(x)
-        if system == "C":
-            turn = np.radians(x[1])
-            point = np.array([x[0] * np.cos(turn), x[0] * np.sin(turn), x[2]])
-        elif system != "R":
+        if system not in ("R", "C"):
             raise row.error(f"is in SYSTEM={system}, expected R or C; write the coordinates in a rectangular system")
+        (point,) = cartesian("cylindrical" if system == "C" else "cartesian", np.array([x]))
         if self._system is not None:
             origin, axes = self._system
             point = origin + point @ axes

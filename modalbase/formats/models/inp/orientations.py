@@ -8,10 +8,8 @@ import numpy as np
 
 from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.mesh import Mesh, Move, frame
+from modalbase.formats.models.measures import axis_without_system
 from modalbase.formats.models.model import Floats, Integers
-
-ALONG_NORMAL = np.cos(np.radians(0.1))
-"""The x axis is taken to lie along a normal from here on, and z is projected in its stead (Abaqus and CalculiX)."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +70,7 @@ class System:
 
 def axis_of_shells(system: System | None, elements: Integers, points: Floats, normals: Floats) -> Floats:
     """(e, 3) axis 1 of shells, not projected; without a system the model's x axis, or z where x is their normal."""
-    if system is not None:
-        return system.of(elements, points)[:, system.projected]
-    along = np.abs(normals[:, 0]) > ALONG_NORMAL
-    return np.where(along[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    return axis_without_system(normals) if system is None else system.of(elements, points)[:, system.projected]
 
 
 def orientation(card: Card, move: Move, mesh: Mesh, scope: str, tables: dict[str, Card]) -> System:

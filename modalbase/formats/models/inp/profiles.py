@@ -1,114 +1,81 @@
-"""Profiles of beams: area, second moments, torsion and centroid from dimensions.
+"""Profiles of beams from dimensions; the origin is where the deck's nodes lie.
 
-Axes 1 and 2 are y and z here; the origin is where the deck's nodes lie. Shear factors are those of Abaqus (*Analysis User's
-Guide*, "Choosing a beam element"), after Cowper (1966).
+Shear factors are those of Abaqus (*Analysis User's Guide*, "Choosing a beam element"), after Cowper (1966).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from math import pi
 
-import numpy as np
+from modalbase.formats.models.shapes import Shape, bar_torsion, box_torsion, of_walls
 
-
-@dataclass(frozen=True)
-class Profile:
-    """A profile.
-
-    Attributes:
-        area: A.
-        inertia: ∫z² dA, ∫y² dA and ∫yz dA about the centroid.
-        torsion: J.
-        shear: the shear factor of both directions.
-        centroid: y and z of the centroid.
-        extent: along y and z, by which CalculiX multiplies its offsets.
-    """
-
-    area: float
-    inertia: tuple[float, float, float]
-    torsion: float
-    shear: float
-    centroid: tuple[float, float] = (0.0, 0.0)
-    extent: tuple[float, float] = (0.0, 0.0)
+_THIN = (0.44, 0.44)
 
 
-Rectangles = list[tuple[float, float, float, float]]
+def rectangle(a: float, b: float) -> Shape:
+    """`a` along axis 1, `b` along axis 2."""
+    walls = [(-a / 2, a / 2, -b / 2, b / 2)]
+    return replace(of_walls(walls, bar_torsion(a, b), (0.85, 0.85)), extent=(a, b))
 
 
-def _composed(rectangles: Rectangles, torsion: float, shear: float) -> Profile:
-    """A profile of rectangles: y and z of each one's middle, its width and its height."""
-    y, z, b, h = np.array(rectangles).T
-    A = b * h
-    area = A.sum()
-    yc, zc = float(A @ y / area), float(A @ z / area)
-    first = float(np.sum(A * (h**2 / 12 + (z - zc) ** 2)))
-    second = float(np.sum(A * (b**2 / 12 + (y - yc) ** 2)))
-    mixed = float(np.sum(A * (y - yc) * (z - zc)))
-    return Profile(float(area), (first, second, mixed), torsion, shear, (yc, zc))
-
-
-def rectangle(a: float, b: float) -> Profile:
-    """`a` along axis 1, `b` along axis 2; St-Venant's torsion (Roark, table 10.7)."""
-    wide, thin = max(a, b), min(a, b)
-    torsion = wide * thin**3 * (1 / 3 - 0.21 * thin / wide * (1 - (thin / wide) ** 4 / 12))
-    return Profile(a * b, (a * b**3 / 12, b * a**3 / 12, 0.0), torsion, 0.85, extent=(a, b))
-
-
-def ellipse(a: float, b: float) -> Profile:
+def ellipse(a: float, b: float) -> Shape:
     """Diameters along both axes, as CalculiX states a CIRC section."""
-    torsion = np.pi * a**3 * b**3 / (16 * (a * a + b * b))
-    inertia = (np.pi * a * b**3 / 64, np.pi * b * a**3 / 64, 0.0)
-    return Profile(np.pi * a * b / 4, inertia, torsion, 0.89, extent=(a, b))
+    torsion = pi * a**3 * b**3 / (16 * (a * a + b * b))
+    inertia = (pi * a * b**3 / 64, pi * b * a**3 / 64, 0.0)
+    return Shape(pi * a * b / 4, inertia, torsion, (0.89, 0.89), extent=(a, b))
 
 
-def circle(r: float) -> Profile:
+def circle(r: float) -> Shape:
     """A radius, as Abaqus states a CIRC section."""
     return ellipse(2 * r, 2 * r)
 
 
-def pipe(r: float, t: float) -> Profile:
+def pipe(r: float, t: float) -> Shape:
     """Outer radius and wall."""
     inner = r - t
-    second = np.pi * (r**4 - inner**4) / 4
-    return Profile(np.pi * (r**2 - inner**2), (second, second, 0.0), 2 * second, 0.53, extent=(2 * r, 2 * r))
+    second = pi * (r**4 - inner**4) / 4
+    area = pi * (r**2 - inner**2)
+    return Shape(area, (second, second, 0.0), 2 * second, (0.53, 0.53), extent=(2 * r, 2 * r))
 
 
-def box(a: float, b: float, t1: float, t2: float, t3: float, t4: float) -> Profile:
-    """Outer width and height; walls on the sides +1, +2, −1 and −2; Bredt's torsion."""
-    inner = b - t2 - t4
+def box(a: float, b: float, t1: float, t2: float, t3: float, t4: float) -> Shape:
+    """Outer width and height; walls on the sides +1, +2, −1 and −2."""
+    y, z = a / 2, b / 2
     walls = [
-        ((a - t1) / 2, (t4 - t2) / 2, t1, inner),
-        ((t3 - a) / 2, (t4 - t2) / 2, t3, inner),
-        (0.0, (b - t2) / 2, a, t2),
-        (0.0, (t4 - b) / 2, a, t4),
+        (y - t1, y, t4 - z, z - t2),
+        (-y, t3 - y, t4 - z, z - t2),
+        (-y, y, z - t2, z),
+        (-y, y, -z, t4 - z),
     ]
-    width, height = a - (t1 + t3) / 2, b - (t2 + t4) / 2
-    torsion = 4 * (width * height) ** 2 / (height / t1 + height / t3 + width / t2 + width / t4)
-    return replace(_composed(walls, torsion, 0.44), extent=(a, b))
+    return replace(of_walls(walls, box_torsion((a, t1, t3), (b, t2, t4)), _THIN), extent=(a, b))
 
 
-def i_section(l: float, h: float, b1: float, b2: float, t1: float, t2: float, t3: float) -> Profile:  # noqa: E741
+def i_section(l: float, h: float, b1: float, b2: float, t1: float, t2: float, t3: float) -> Shape:  # noqa: E741
     """Origin above the bottom, height, widths of the bottom and top flange, their thicknesses, and the web's."""
-    web = h - t1 - t2
-    walls = [(0.0, t1 / 2 - l, b1, t1), (0.0, h - t2 / 2 - l, b2, t2), (0.0, t1 + web / 2 - l, t3, web)]
+    walls = [
+        (-b1 / 2, b1 / 2, -l, t1 - l),
+        (-b2 / 2, b2 / 2, h - t2 - l, h - l),
+        (-t3 / 2, t3 / 2, t1 - l, h - t2 - l),
+    ]
     middle = h - (t1 + t2) / 2
-    return _composed(walls, (b1 * t1**3 + b2 * t2**3 + middle * t3**3) / 3, 0.44)
+    return of_walls(walls, (b1 * t1**3 + b2 * t2**3 + middle * t3**3) / 3, _THIN)
 
 
-def t_section(b: float, h: float, l: float, tf: float, tw: float) -> Profile:  # noqa: E741
+def t_section(b: float, h: float, l: float, tf: float, tw: float) -> Shape:  # noqa: E741
     """Width, height, origin above the bottom, flange and web."""
-    walls = [(0.0, h - tf / 2 - l, b, tf), (0.0, (h - tf) / 2 - l, tw, h - tf)]
-    return _composed(walls, (b * tf**3 + (h - tf / 2) * tw**3) / 3, 0.44)
+    walls = [(-b / 2, b / 2, h - tf - l, h - l), (-tw / 2, tw / 2, -l, h - tf - l)]
+    return of_walls(walls, (b * tf**3 + (h - tf / 2) * tw**3) / 3, _THIN)
 
 
-def l_section(a: float, b: float, t1: float, t2: float) -> Profile:
+def l_section(a: float, b: float, t1: float, t2: float) -> Shape:
     """Legs along axes 1 and 2 and their thicknesses; the origin is where their middle lines meet."""
-    walls = [((a - t2) / 2, 0.0, a, t1), (0.0, b / 2, t2, b - t1)]
-    return _composed(walls, ((a - t2 / 2) * t1**3 + (b - t1 / 2) * t2**3) / 3, 1.0)
+    walls = [(-t2 / 2, a - t2 / 2, -t1 / 2, t1 / 2), (-t2 / 2, t2 / 2, t1 / 2, b - t1 / 2)]
+    return of_walls(walls, ((a - t2 / 2) * t1**3 + (b - t1 / 2) * t2**3) / 3, (1.0, 1.0))
 
 
-PROFILES: dict[str, tuple[int, str, Callable[..., bool], Callable[..., Profile]]] = {
+PROFILES: dict[str, tuple[int, str, Callable[..., bool], Callable[..., Shape]]] = {
     "RECT": (2, "a, b", lambda *_: True, rectangle),
     "PIPE": (2, "radius, wall", lambda r, t: t < r, pipe),
     "BOX": (6, "a, b, t1, t2, t3, t4", lambda a, b, t1, t2, t3, t4: t1 + t3 < a and t2 + t4 < b, box),
@@ -119,7 +86,7 @@ PROFILES: dict[str, tuple[int, str, Callable[..., bool], Callable[..., Profile]]
 """By the deck's name: number of dimensions, their names, what they must satisfy, and the profile."""
 
 
-def profile(kind: str, sizes: Sequence[float]) -> Profile:
+def profile(kind: str, sizes: Sequence[float]) -> Shape:
     """A profile by the deck's name.
 
     Raises:

@@ -18,6 +18,7 @@ from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move
 from modalbase.formats.models.inp.orientations import System, orientation, transforms
 from modalbase.formats.models.inp.sections import BEAMS, SHELLS, Part, Sections
 from modalbase.formats.models.model import FiniteElementModel, Floats
+from modalbase.formats.uff.text import decoded
 
 MOST_INSTANCES = 1000
 MOST_LINES = 2_000_000
@@ -284,8 +285,8 @@ class _Reading:
 
     def _title(self) -> str:
         heading = next((card for card in self._deck.own if card.name == "HEADING" and card.rows), None)
-        text = heading.rows[0].text.strip() if heading else ""
-        return text.encode("latin-1").decode("utf-8", "replace")[:200]
+        text = heading.rows[0].text if heading else ""
+        return decoded(text.encode("latin-1"))[:200]
 
     def _numbers(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
         """The user's numbers of nodes; where instances share one, a million more for each instance before."""

@@ -12,6 +12,7 @@ from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import Element, Mesh, Move
 from modalbase.formats.models.inp.orientations import System, axis_of_shells
+from modalbase.formats.models.measures import CORNERS, normals_of, unit
 from modalbase.formats.models.model import BeamSection, Elements, Floats, Integers, Kind, Ply, ShellSection
 
 SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
@@ -109,7 +110,8 @@ class Sections:
         stack = self._stack(card, by_nodes)
         if system is None and "COMPOSITE" in card.parameters and (first := _named_orientation(stack[0])):
             system = part.system(first, card)
-        parts = [(kind, np.array(chosen), *self._shell_axes(chosen, system)) for kind, chosen in kinds.items()]
+        rows = {kind: np.array(chosen) for kind, chosen in kinds.items()}
+        parts = [(kind, chosen, *self._shell_axes(kind, chosen, system)) for kind, chosen in rows.items()]
         plies = tuple(self._ply(row, parts, part, card) for row in stack)
         total = sum(ply.thickness for ply in plies)
         section = ShellSection(plies, card.line, -_offset(card) * total, file=card.file)
@@ -138,28 +140,18 @@ class Sections:
             return None
         return np.array([[thickness.get(node, else_ or 0.0) for node in row] for row in nodes.tolist()])
 
-    def _shell_axes(self, chosen: list[int], system: System | None) -> tuple[Floats, Floats]:
+    def _shell_axes(self, kind: Kind, chosen: Integers, system: System | None) -> tuple[Floats, Floats]:
         """(e, 3) axis 1 and normals."""
-        corners = self._places[[self._mesh.elements[at].nodes[:4] for at in chosen]] if chosen else np.zeros((0, 4, 3))
-        if len({len(self._mesh.elements[at].nodes) for at in chosen}) == 1 and self._mesh.elements[
-            chosen[0]
-        ].type.kind in (
-            "tri3",
-            "tri6",
-        ):
-            corners = corners[:, :3]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0])
-        if corners.shape[1] == 4:
-            normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-        length = np.linalg.norm(normals, axis=1, keepdims=True)
-        if np.any(bad := ~(length[:, 0] > 0)):
-            element = self._mesh.elements[chosen[int(np.argmax(bad))]]
-            raise element.row.error(f"gives element {element.number} no area")
-        normals = normals / length
-        axes = axis_of_shells(system, np.array(chosen), corners.mean(axis=1), normals)
-        flat = np.linalg.norm(np.cross(axes, normals), axis=1)
-        if np.any(bad := ~(flat > 1e-6)):
-            element = self._mesh.elements[chosen[int(np.argmax(bad))]]
+        corners = self._places[self._nodes(chosen)[:, : CORNERS[kind]]]
+        normals = unit(normals_of(corners))
+        axes = axis_of_shells(system, chosen, corners.mean(axis=1), normals)
+        has_area = np.linalg.norm(normals, axis=1) > 0
+        is_across = np.linalg.norm(np.cross(axes, normals), axis=1) > 1e-6
+        if np.any(bad := ~(has_area & is_across)):
+            at = int(np.argmax(bad))
+            element = self._mesh.elements[chosen[at]]
+            if not has_area[at]:
+                raise element.row.error(f"gives element {element.number} no area")
             raise element.row.error(
                 f"has element {element.number}, on whose normal axis 1 of its orientation lies; state another *ORIENTATION"
             )
@@ -212,8 +204,8 @@ class Sections:
     def _angle(self, system: System | None, parts: list[tuple[Kind, Integers, Floats, Floats]], row: Row) -> float:
         """Angle in degrees from the section's axis 1 to that of a ply's own orientation, about the normals."""
         angles = []
-        for _, chosen, axes, normals in parts:
-            own, _ = self._shell_axes(chosen.tolist(), system)
+        for kind, chosen, axes, normals in parts:
+            own, _ = self._shell_axes(kind, chosen, system)
             first = axes - np.sum(axes * normals, axis=1, keepdims=True) * normals
             sine = np.sum(np.cross(first, own) * normals, axis=1)
             angles.append(np.degrees(np.arctan2(sine, np.sum(first * own, axis=1))))
@@ -265,16 +257,7 @@ class Sections:
         elements = [self._mesh.elements[at] for at in chosen.tolist()]
         numbers = np.array([element.number for element in elements], dtype=np.int64)
         lines = np.array([element.row.line for element in elements], dtype=np.int64)
-        block = Elements(
-            kind=kind,
-            numbers=numbers,
-            nodes=nodes,
-            set=name,
-            axes=axes,
-            lines=lines,
-            offsets=offsets,
-            thickness=thickness,
-        )
+        block = Elements(kind, numbers, nodes, name, axes, lines, offsets=offsets, thickness=thickness)
         self.blocks.setdefault((name, kind), []).append(block)
 
     def joined(self) -> tuple[Elements, ...]:
@@ -301,16 +284,10 @@ def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> El
     if isinstance(section, ShellSection) and any(b.thickness is not None for b in blocks):
         total = sum(ply.thickness for ply in section.plies)
         thickness = [np.full(b.nodes.shape, total) if b.thickness is None else b.thickness for b in blocks]
-    return Elements(
-        kind=first.kind,
-        numbers=np.concatenate([b.numbers for b in blocks]),
-        nodes=np.concatenate([b.nodes for b in blocks]),
-        set=first.set,
-        axes=np.concatenate([b.axes for b in blocks]),
-        lines=np.concatenate([b.lines for b in blocks]),
-        offsets=np.concatenate(offsets) if offsets else None,
-        thickness=np.concatenate(thickness) if thickness else None,
-    )
+    columns = zip(*((b.numbers, b.nodes, b.axes, b.lines) for b in blocks), strict=True)
+    numbers, nodes, axes, lines = (np.concatenate(column) for column in columns)
+    own = (np.concatenate(each) if each else None for each in (offsets, thickness))
+    return Elements(first.kind, numbers, nodes, first.set, axes, lines, *own)
 
 
 def _named_orientation(stacked: tuple[Row, float, str, str]) -> str:

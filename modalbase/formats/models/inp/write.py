@@ -7,17 +7,17 @@ cards follow it, and the sections name those. Every other byte stays.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.changes import ISOTROPIC, Changes, changes_of
+from modalbase.formats.models.changes import ISOTROPIC, Number, changes_of
+from modalbase.formats.models.edits import Constants, Edits, Writing
 from modalbase.formats.models.inp.lines import Card, folded, read_cards
 from modalbase.formats.models.inp.materials import ENGINEERING, SUBORDINATE
 from modalbase.formats.models.model import FiniteElementModel, Material, Place
 
-_MATERIAL = re.compile(r'(\bMATERIAL\s*=\s*)("[^"]*"|[^,\r]*?)(?=\s*(?:,|$))', re.IGNORECASE)
-_NAME = re.compile(r'(\bNAME\s*=\s*)("[^"]*"|[^,\r]*?)(?=\s*(?:,|$))', re.IGNORECASE)
+_MATERIAL = re.compile(r'(\bMATERIAL\s*=\s*)("[^"]*"|[^,]*?)(?=\s*(?:,|$))', re.IGNORECASE)
+_NAME = re.compile(r'(\bNAME\s*=\s*)("[^"]*"|[^,]*?)(?=\s*(?:,|$))', re.IGNORECASE)
 LONGEST_NAME = 80
 """Of a material, in both solvers."""
 
@@ -44,118 +44,60 @@ def write_inp(
     Raises:
         FormatError: a set or constant is none of the deck's, or does not stand there as a number of its own.
     """
-    changes = changes_of(model, updated)
-    writing = _Writing(content, included or {})
-    for numbers in changes.sections:
-        writing.put(numbers.place, numbers.value, numbers.comment)
-    for name in dict.fromkeys(name for _, name in changes.materials):
-        writing.material(model.materials[name], changes)
-    found = writing.files()
-    if remarks:
-        head = "".join(f"** {line}\n" for remark in remarks for line in (remark.splitlines() or [""]))
-        found[""] = head.encode("latin-1", "replace") + found.get("", content)
-    return found
+    return _Writing(content, model, included or {}).write(changes_of(model, updated), remarks)
 
 
-@dataclass
-class _Lines:
-    """A file's lines with what changes in them.
-
-    Attributes:
-        texts: without the end.
-        edits: start, end and text of what is replaced, by line.
-        comments: before a line.
-        after: lines that follow one.
-    """
-
-    texts: list[str]
-    edits: dict[int, list[tuple[int, int, str]]] = field(default_factory=dict)
-    comments: dict[int, list[str]] = field(default_factory=dict)
-    after: dict[int, list[str]] = field(default_factory=dict)
-
-    def line(self, number: int, edits: Iterable[tuple[int, int, str]]) -> str:
-        """A line with edits."""
-        text = self.texts[number - 1]
-        for start, end, new in sorted(edits, reverse=True):
-            text = text[:start] + new + text[end:]
-        return text
-
-    def commented(self, number: int, comments: Iterable[str]) -> list[str]:
-        """Comments with the end that the line has."""
-        end = "\r" if self.texts[number - 1].endswith("\r") else ""
-        return [f"** {comment}{end}" for comment in comments]
-
-    @property
-    def bytes(self) -> bytes:
-        """The whole."""
-        found: list[str] = []
-        for number in range(1, len(self.texts) + 1):
-            found += self.commented(number, self.comments.get(number, ()))
-            found.append(self.line(number, self.edits.get(number, ())))
-            found += self.after.get(number, ())
-        return "\n".join(found).encode("latin-1")
-
-
-class _Writing:
-    """Files as they change."""
-
-    def __init__(self, content: bytes, included: Mapping[str, bytes]) -> None:
+class _Writing(Writing):
+    def __init__(self, content: bytes, model: FiniteElementModel, included: Mapping[str, bytes]) -> None:
+        super().__init__({name: Edits(text, "**") for name, text in {"": content, **included}.items()})
+        self._model = model
         self._cards = read_cards(content, included)
-        texts = {"": content, **included}
-        self._files = {name: _Lines(text.decode("latin-1").split("\n")) for name, text in texts.items()}
         self._names = {folded(card.get("NAME")) for card in self._cards if card.name == "MATERIAL"}
 
-    def files(self) -> dict[str, bytes]:
-        """Those that differ from what they were."""
-        return {name: lines.bytes for name, lines in self._files.items() if lines.edits or lines.after}
+    def section(self, number: Number) -> None:
+        """Write a number of a section where it stands."""
+        file, place = self.files[number.place.file], number.place
+        file.put((place, _fitted(number.value, place)))
+        file.remark(place.line, number.comment)
 
-    def put(self, place: Place, value: float, comment: str) -> None:
-        """Write a number where another stands."""
-        lines = self._files[place.file]
-        edit = (place.start, place.end, fitted(value, place.end - place.start))
-        lines.edits.setdefault(place.line, []).append(edit)
-        lines.comments.setdefault(place.line, []).append(comment)
+    def change(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> bool:
+        """Write constants where the material's stand."""
+        file = self.files[material.file]
+        file.put(*self._fields(material, values, sets))
+        first = min(place.line for place in material.places.values())
+        for constant, comment in comments.items():
+            place = material.places.get(constant)
+            file.remark(first if place is None else place.line, comment)
+        return True
 
-    def material(self, material: Material, changes: Changes) -> None:
-        """Write a material's constants, and copies of it for sets whose constants differ from those that keep it."""
-        groups = changes.groups(material)
-        for values, sets in groups:
-            _require_places(material, values, sets[0])
-        for values, sets in groups[1:]:
-            self._copy(material, values, sets, changes)
-        values, sets = groups[0]
-        if values:
-            lines = self._files[material.file]
-            for line, edits in self._edits(material, values).items():
-                lines.edits.setdefault(line, []).extend(edits)
-            first = min(material.places[constant].line for constant in material.places)
-            for constant, value in values.items():
-                line = material.places[constant].line if constant in material.places else first
-                lines.comments.setdefault(line, []).append(changes.comment(sets, constant, material, value))
-
-    def _edits(self, material: Material, values: Mapping[str, float]) -> dict[int, list[tuple[int, int, str]]]:
-        """What changes in a material's lines, by line.
+    def _fields(self, material: Material, values: Constants, sets: list[str]) -> list[tuple[Place, str]]:
+        """What stands in a material's lines instead.
 
         Raises:
-            FormatError: its constants stand in another file than the material.
+            FormatError: a constant does not stand as a number of its own, or stands in another file than the material.
         """
-        found: dict[int, list[tuple[int, int, str]]] = {}
+        found = []
         for constant, value in values.items():
-            if (place := material.places.get(constant)) is not None:
-                if place.file != material.file:
-                    raise FormatError(
-                        material.name, f"has its {constant} in {place.file or 'the deck'}; put it behind its *MATERIAL"
-                    )
-                edit = (place.start, place.end, fitted(value, place.end - place.start))
-                found.setdefault(place.line, []).append(edit)
+            place = material.places.get(constant)
+            if place is None and constant in material.constants:
+                raise FormatError(
+                    f"{sets[0]}.{constant}",
+                    f"does not stand as a number of its own in {material.name} of line {material.line}",
+                )
+            if place is not None and place.file != material.file:
+                raise FormatError(
+                    material.name, f"has its {constant} in {place.file or 'the deck'}; put it behind its *MATERIAL"
+                )
+            if place is not None:
+                found.append((place, _fitted(value, place)))
         if any(constant not in material.places for constant in values):
-            found |= self._orthotropic(material, values)
+            found += self._orthotropic(material, values)
         return found
 
-    def _orthotropic(self, material: Material, values: Mapping[str, float]) -> dict[int, list[tuple[int, int, str]]]:
+    def _orthotropic(self, material: Material, values: Constants) -> list[tuple[Place, str]]:
         """An isotropic material's card as one of engineering constants, out of the plane those of axis 2."""
         place = material.places["E"]
-        texts = self._files[material.file].texts
+        texts = self.files[material.file].texts
         cards = [
             each for each in self._cards if each.name == "ELASTIC" and each.rows and each.rows[0].line == place.line
         ]
@@ -164,36 +106,31 @@ class _Writing:
                 material.name,
                 f"line {place.line}: is isotropic no longer; state ENGINEERING CONSTANTS there to update it so",
             )
-        card = cards[0]
+        line = cards[0].line
         c = {key: values.get(key, material.constants[own]) for key, own in ISOTROPIC.items()}
         c |= {"E3": c["E2"], "nu13": c["nu12"], "nu23": material.constants["nu"]}
-        written = [f"{c[name]:.9g}" for name in ENGINEERING]
-        end = "\r" if texts[place.line - 1].endswith("\r") else ""
-        row = f"{','.join(written[:8])}{end}\n{written[8]}"
-        heading = texts[card.line - 1].rstrip("\r")
-        return {
-            card.line: [(0, len(heading), "*ELASTIC, TYPE=ENGINEERING CONSTANTS")],
-            place.line: [(0, len(texts[place.line - 1].rstrip("\r")), row)],
-        }
+        *row, last = (f"{c[name]:.9g}" for name in ENGINEERING)
+        return [
+            (Place(line, 0, len(texts[line - 1])), "*ELASTIC, TYPE=ENGINEERING CONSTANTS"),
+            (Place(place.line, 0, len(texts[place.line - 1])), f"{','.join(row)},\n{last}"),
+        ]
 
-    def _copy(self, material: Material, values: Mapping[str, float], sets: Sequence[str], changes: Changes) -> None:
+    def copy(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> None:
         """Append a copy behind the material, and let the sets' sections name it."""
         card, last = self._block(material)
-        lines = self._files[material.file]
+        file = self.files[material.file]
         name = self._free(f"{material.name}_{sets[0]}")
-        comments = [f"copy of {material.name} for {', '.join(sets)}"]
-        comments += [changes.comment(sets, constant, material, value) for constant, value in values.items()]
-        copied = lines.commented(card.line, comments)
-        edits = self._edits(material, values)
+        copied = [f"** {said}" for said in (f"copy of {material.name} for {', '.join(sets)}", *comments.values())]
+        fields = self._fields(material, values, sets)
         renamed = 0
         for number in range(card.line, last + 1):
-            text = lines.line(number, edits.get(number, ()))
+            text = file.line(number, [each for each in fields if each[0].line == number])
             if not renamed:
                 text, renamed = _NAME.subn(lambda match: f"{match.group(1)}{_quoted(name)}", text, count=1)
             copied.append(text)
-        lines.after.setdefault(last, []).extend(copied)
+        file.after(last, copied)
         for each in sets:
-            self._point(changes.model, each, material.name, name)
+            self._point(each, material.name, name)
 
     def _block(self, material: Material) -> tuple[Card, int]:
         """A material's card, and the last line of those that belong to it."""
@@ -219,42 +156,28 @@ class _Writing:
         self._names.add(folded(name))
         return name
 
-    def _point(self, model: FiniteElementModel, set_name: str, old: str, new: str) -> None:
+    def _point(self, set_name: str, old: str, new: str) -> None:
         """Let a section name another material."""
-        section = model.sections[set_name]
+        section = self._model.sections[set_name]
         card = next(each for each in self._cards if (each.file, each.line) == (section.file, section.line))
-        lines = self._files[card.file]
+        file = self.files[card.file]
         comment = f"updated: material of {set_name} was {old}, is {new}"
         if "COMPOSITE" in card.parameters:
             for row in card.rows:
                 if len(row.fields) > 2 and folded(row.fields[2]) == folded(old):
-                    place = row.place(2)
-                    lines.edits.setdefault(row.line, []).append((place.start, place.end, _quoted(new)))
-                    lines.comments.setdefault(row.line, []).append(comment)
+                    file.put((row.place(2), _quoted(new)))
+                    file.remark(row.line, comment)
             return
         number = card.line
-        while not (match := _MATERIAL.search(lines.texts[number - 1].rstrip("\r"))):
+        while not (match := _MATERIAL.search(file.texts[number - 1])):
             number += 1
-        lines.edits.setdefault(number, []).append((match.start(2), match.end(2), _quoted(new)))
-        lines.comments.setdefault(card.line, []).append(comment)
+        file.put((Place(number, match.start(2), match.end(2)), _quoted(new)))
+        file.remark(card.line, comment)
 
 
-def _require_places(material: Material, values: Mapping[str, float], set_name: str) -> None:
-    for constant in values:
-        if constant in material.constants and constant not in material.places:
-            raise FormatError(
-                f"{set_name}.{constant}",
-                f"does not stand as a number of its own in {material.name} of line {material.line}",
-            )
-
-
-def fitted(value: float, width: int) -> str:
-    """A number in 9 digits, as wide as the one before it where that is enough.
-
-    >>> fitted(2.41e10, 7), fitted(1850.0, 7), fitted(0.0061234567891, 4)
-    ('2.41e+10', '   1850', '0.00612345679')
-    """
-    return f"{value:.9g}".rjust(width)
+def _fitted(value: float, place: Place) -> str:
+    """A number in 9 digits, as wide as the one before it where that is enough."""
+    return f"{value:.9g}".rjust(place.end - place.start)
 
 
 def _quoted(name: str) -> str:

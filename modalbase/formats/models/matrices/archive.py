@@ -9,9 +9,9 @@ import numpy as np
 import scipy
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.matrices.model import DOFS, Entries, code
+from modalbase.formats.models.matrices.model import DOFS, Entries, code, integers
 from modalbase.formats.models.model import Floats, Integers
-from modalbase.formats.npy import Array, read_array
+from modalbase.formats.npy import Array, members_of, read_array
 
 _PARTS = ("data", "indices", "indptr")
 
@@ -30,11 +30,12 @@ def read_archive(
     if table is not None:
         if table.ndim != 2 or table.shape[1] != 4:
             raise FormatError(f"{name} nodes", f"has the shape {table.shape}, expected (n, 4): number, x, y, z")
-        nodes = table[:, 0].astype(np.int64), table[:, 1:].astype(float)
+        nodes = integers(f"{name} nodes", table[:, 0]), table[:, 1:].astype(float)
     if pairs is not None:
         if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.all((pairs[:, 1] >= 1) & (pairs[:, 1] <= DOFS)):
             raise FormatError(f"{name} dofs", f"has the shape {pairs.shape}, expected (d, 2): node, dof 1 … 6")
-        dofs = code(pairs[:, 0].astype(np.int64), pairs[:, 1].astype(np.int64) - 1)
+        numbers, own = integers(f"{name} dofs", pairs).T
+        dofs = code(numbers, own - 1)
     stems = dict.fromkeys(_stem(array) for array in arrays)
     return {stem: _entries(f"{name} {stem}", stem, arrays) for stem in stems}, nodes, dofs
 
@@ -45,7 +46,7 @@ def _arrays(name: str, content: bytes, limit_bytes: int) -> dict[str, Array]:
     except zipfile.BadZipFile as error:
         raise FormatError(name, "is no npz archive") from error
     with archive:
-        members = archive.infolist()
+        members = members_of(archive)
         if sum(member.file_size for member in members) > limit_bytes:
             raise FormatError(name, f"holds more than {limit_bytes} bytes")
         found = {member.filename.removesuffix(".npy"): read_array(archive, member) for member in members}
@@ -74,7 +75,7 @@ def _entries(place: str, stem: str, arrays: dict[str, Array]) -> Entries:
     size = len(starts) - 1
     try:
         sparse = scipy.sparse.csr_array(
-            (data.astype(float), indices.astype(np.int64), starts.astype(np.int64)), (size, size)
+            (data.astype(float), integers(place, indices), integers(place, starts)), (size, size)
         )
         sparse.check_format(full_check=True)
     except (ValueError, IndexError) as error:

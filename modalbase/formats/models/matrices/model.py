@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import Floats, Integers
@@ -16,6 +18,7 @@ CONSTANT = "0"
 
 DOFS = 6
 _ASYMMETRY = 1e-6
+_MOST = 1e12
 
 
 @dataclass(frozen=True)
@@ -61,13 +64,26 @@ def code(nodes: Integers, dofs: Integers) -> Integers:
     return nodes * DOFS + dofs
 
 
+def integers(place: str, values: NDArray[Any]) -> Integers:
+    """Numbers of rows, nodes and dofs.
+
+    Raises:
+        FormatError: one is not whole, or has more than 12 digits.
+    """
+    exact = np.asarray(values, dtype=float)
+    if not np.all((np.abs(exact) < _MOST) & (exact == np.round(exact))):
+        raise FormatError(place, "has a row, column, node or dof that is not a whole number of at most 12 digits")
+    return exact.astype(np.int64)
+
+
 def built(name: str, entries: Entries, dofs: Integers) -> scipy.sparse.csc_array:
     """The symmetric matrix of entries, on rows of the (d,) codes of dofs.
 
     Raises:
         FormatError: an entry is of no dof, not finite, or the matrix is not symmetric.
     """
-    size = len(dofs)
+    if not (size := len(dofs)):
+        raise FormatError(name, "has no row")
     rows, columns = entries.rows, entries.columns
     if entries.is_labelled:
         order = np.argsort(dofs)
@@ -79,16 +95,13 @@ def built(name: str, entries: Entries, dofs: Integers) -> scipy.sparse.csc_array
             raise FormatError(name, f"has an entry in row {int(one.max()) + 1}, and there are {size} dofs")
     if not np.all(np.isfinite(entries.values)):
         raise FormatError(name, "has an entry that is not a finite number")
-    is_half = entries.is_half
-    if is_half is None:
-        off = rows != columns
-        is_half = not np.isin(rows[off] * size + columns[off], columns[off] * size + rows[off]).any()
-    if is_half:
-        off = rows != columns
+    values, off = entries.values, rows != columns
+    has_both = np.isin(rows[off] * size + columns[off], columns[off] * size + rows[off]).any()
+    if entries.is_half and has_both:
+        raise FormatError(name, "says that it is symmetric, of which one half stands for both, and states both")
+    if entries.is_half or (entries.is_half is None and not has_both):
         rows, columns = np.concatenate([rows, columns[off]]), np.concatenate([columns, rows[off]])
-        values = np.concatenate([entries.values, entries.values[off]])
-    else:
-        values = entries.values
+        values = np.concatenate([values, values[off]])
     matrix = scipy.sparse.coo_array((values, (rows, columns)), shape=(size, size)).tocsc()
     scale = abs(matrix).max() if matrix.nnz else 0.0
     if abs(matrix - matrix.T).max() > _ASYMMETRY * scale:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from codecs import BOM_UTF8
 
 import numpy as np
 
 from modalbase.formats.columns import read_columns, real, whole
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.matrices.model import DOFS, Entries, code
+from modalbase.formats.models.matrices.model import DOFS, Entries, code, integers
 from modalbase.formats.models.model import Floats, Integers
 
 _MARK = "%%MatrixMarket"
@@ -20,7 +21,7 @@ def read_text(name: str, content: bytes) -> Entries:
     Raises:
         FormatError: it is none of these, or holds more or fewer entries than it says.
     """
-    text = content.decode("latin-1")
+    text = content.removeprefix(BOM_UTF8).decode("latin-1")
     if text[: len(_MARK)].lower() == _MARK.lower():
         return _market(name, text)
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("*", "#", "%"))]
@@ -29,7 +30,7 @@ def read_text(name: str, content: bytes) -> Entries:
     if width not in (3, 5) or table.size % width:
         raise FormatError(name, "is no table of row, column, value nor of node, dof, node, dof, value")
     table = table.reshape(-1, width)
-    places = _integers(name, table[:, :-1])
+    places = integers(name, table[:, :-1])
     if width == 3:
         return Entries(places[:, 0] - 1, places[:, 1] - 1, table[:, 2])
     if np.any((places[:, 1::2] < 1) | (places[:, 1::2] > DOFS)):
@@ -48,12 +49,12 @@ def _market(name: str, text: str) -> Entries:
         )
     if words[3] not in ("real", "integer", "double") or words[4] not in ("general", "symmetric"):
         raise FormatError(f"{name} line 1", f"says {words[3]} {words[4]}, expected real, and general or symmetric")
-    table = _numbers(name, " ".join(line for line in lines if not line.startswith("%")))
+    table = _numbers(name, " ".join(line for line in lines if not line.lstrip().startswith("%")))
     is_sparse, is_half = words[2] == "coordinate", words[4] == "symmetric"
     head_size = 3 if is_sparse else 2
     if table.size < head_size:
         raise FormatError(name, "ends before its size")
-    sizes = _integers(name, table[:head_size])
+    sizes = integers(name, table[:head_size])
     count, table = int(sizes[0]), table[head_size:]
     if sizes[0] != sizes[1] or count < 1:
         raise FormatError(name, f"has {sizes[0]} rows and {sizes[1]} columns, expected as many")
@@ -62,7 +63,7 @@ def _market(name: str, text: str) -> Entries:
         raise FormatError(name, f"holds {table.size} numbers, and says that it has {stated}; it seems to be cut")
     if is_sparse:
         table = table.reshape(-1, 3)
-        places = _integers(name, table[:, :2]) - 1
+        places = integers(name, table[:, :2]) - 1
         return Entries(places[:, 0], places[:, 1], table[:, 2], is_half=is_half, size=count)
     columns, rows = np.triu_indices(count) if is_half else np.indices((count, count)).reshape(2, -1)
     return Entries(rows, columns, table, is_half=is_half, size=count)
@@ -71,7 +72,7 @@ def _market(name: str, text: str) -> Entries:
 def read_nodes(name: str, content: bytes) -> tuple[Integers, Floats]:
     """Numbers and coordinates of a table with the columns `node`, `x`, `y`, `z`."""
     rows = _table(name, content, ("node", "x", "y", "z"))
-    numbers = np.array([whole(cells[0], f"{name} {place}, node") for place, cells in rows], dtype=np.int64)
+    numbers = integers(name, np.array([whole(cells[0], f"{name} {place}, node") for place, cells in rows], dtype=float))
     places = [[real(cell, f"{name} {place}, {axis}") for axis, cell in zip("xyz", cells[1:], strict=True)]
               for place, cells in rows]  # fmt: skip
     return numbers, np.array(places, dtype=float).reshape(-1, 3)
@@ -94,7 +95,7 @@ def read_dofs(name: str, content: bytes) -> Integers:
         if not 1 <= dof <= DOFS:
             raise FormatError(f"{name} {place}", f"has the dof {dof}, expected 1 … 6")
         found.append((whole(cells[0], f"{name} {place}, node"), dof - 1))
-    nodes, dofs = np.array(found, dtype=np.int64).reshape(-1, 2).T
+    nodes, dofs = integers(name, np.array(found, dtype=float)).reshape(-1, 2).T
     return code(nodes, dofs)
 
 
@@ -131,11 +132,3 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _integers(name: str, values: Floats) -> Integers:
-    if values.size and not (
-        np.all(np.isfinite(values)) and np.all(values == np.round(values)) and np.abs(values).max() < 1e12
-    ):
-        raise FormatError(name, "has a row, column or dof that is not a whole number")
-    return values.astype(np.int64)

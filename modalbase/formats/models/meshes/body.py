@@ -10,7 +10,7 @@ import numpy as np
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile
 from modalbase.formats.models.check import check
-from modalbase.formats.models.measures import CORNERS, normals_of
+from modalbase.formats.models.measures import ALONG_NORMAL, CORNERS, axis_without_system, normals_of, unit
 from modalbase.formats.models.meshes.cells import SOLID
 from modalbase.formats.models.model import (
     Elements,
@@ -22,9 +22,6 @@ from modalbase.formats.models.model import (
     ShellSection,
     Support,
 )
-
-_ALONG_NORMAL = np.cos(np.radians(0.1))
-"""An axis lies along a normal from here on; the model's x is then no axis 1, and z is taken in its stead."""
 
 
 @dataclass(frozen=True)
@@ -134,15 +131,13 @@ def _nodes(rows: Integers, blocks: Iterable[Cells]) -> Integers:
 
 def _elements(cells: Cells, rows: Integers, places: Floats, axis: tuple[float, float, float] | None) -> Elements:
     nodes = rows[cells.nodes]
-    normals = normals_of(places[nodes[:, : CORNERS[cells.kind]]])
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = unit(normals_of(places[nodes[:, : CORNERS[cells.kind]]]))
     lines = np.zeros(len(nodes), dtype=np.int64) if cells.lines is None else cells.lines
     if axis is None:
-        along = np.abs(normals[:, 0]) > _ALONG_NORMAL
-        axes = np.where(along[:, None], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+        axes = axis_without_system(normals)
     else:
         axes = np.broadcast_to(np.array(axis) / np.linalg.norm(axis), normals.shape)
-        if np.any(bad := np.abs(np.einsum("ei,ei->e", axes, normals)) > _ALONG_NORMAL):
+        if np.any(bad := np.abs(np.einsum("ei,ei->e", axes, normals)) > ALONG_NORMAL):
             number = cells.numbers[int(np.argmax(bad))]
             raise FormatError(f"sections.{cells.set}.axis", f"lies along the normal of element {number}")
     return Elements(cells.kind, cells.numbers, nodes, cells.set, axes, lines)  # type: ignore[arg-type]

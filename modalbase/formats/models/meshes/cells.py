@@ -12,6 +12,8 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile
+from modalbase.formats.models.model import Integers
+from modalbase.formats.types import FloatArray
 
 LARGEST = 1e25
 """No coordinate in any unit reaches it, and products of several stay finite."""
@@ -40,6 +42,12 @@ class Kind(NamedTuple):
 def plain(name: str) -> str:
     """A set's name of small letters, digits and _ alone, as parameters have it; empty where nothing is left."""
     return re.sub(r"\W+", "_", name).strip("_").lower()[:_LONGEST]
+
+
+def whole_numbers(values: FloatArray) -> Integers | None:
+    """Whole numbers that were read as reals; None where one is none, or beyond what a real holds exactly."""
+    is_whole = np.all((np.abs(values) < 2**53) & (values == np.round(values)))
+    return values.astype(np.int64) if is_whole else None
 
 
 class Gathering:
@@ -94,7 +102,7 @@ class Lines:
     """
 
     def __init__(self, content: bytes) -> None:
-        self._rows = content.decode("utf-8", "replace").split("\n")
+        self._rows = content.decode("utf-8-sig", "replace").split("\n")
         self.line = 0
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
-from modalbase.formats.models.meshes.cells import LARGEST, SOLID, Gathering, Kind, plain
+from modalbase.formats.models.meshes.cells import LARGEST, SOLID, Gathering, Kind, plain, whole_numbers
 from modalbase.formats.models.model import Floats, Integers
 
 _KINDS = {
@@ -57,7 +57,7 @@ def mesh_of(grid: Grid) -> MeshFile:
         raise FormatError("points", f"hold what is no number below {LARGEST:g}")
     if connectivity.size and not (connectivity.min() >= 0 and connectivity.max() < len(points)):
         raise FormatError("connectivity", f"names points that are not among the {len(points)} from 0")
-    starts = np.concatenate([[0], ends[:-1]])
+    starts = np.concatenate([[0], ends])[:-1].astype(np.int64)
     if len(ends) != len(types) or np.any(ends < starts) or (ends[-1] if ends.size else 0) != connectivity.size:
         raise FormatError("offsets", f"do not part {connectivity.size} points into {len(types)} cells")
     found = Gathering()
@@ -99,9 +99,9 @@ def _sets(grid: Grid, count: int) -> list[str]:
     if array is None:
         return ["mesh"] * count
     values = grid.data[array]
-    if values.shape != (count,) or not np.all((np.abs(values) < 2**53) & (values == np.round(values))):
+    if values.shape != (count,) or (numbers := whole_numbers(values)) is None:
         raise FormatError(f"cell data {array}", f"is no whole number for each of {count} cells")
-    return [plain(grid.names.get(number, "")) or f"set_{number}" for number in values.astype(np.int64).tolist()]
+    return [plain(grid.names.get(number, "")) or f"set_{number}" for number in numbers.tolist()]
 
 
 def _parts(values: Floats) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
+from modalbase.formats.models.meshes.cells import whole_numbers
 from modalbase.formats.models.meshes.grids import Grid, mesh_of
 from modalbase.formats.models.model import Floats, Integers
 
@@ -113,6 +114,8 @@ class _Reading:
             self._keep(own[0], self._whole(own[2]), self._whole(own[1]), own[3])
 
     def _keep(self, name: str, rows: int, width: int, kind: str) -> None:
+        if width < 1:
+            raise self._fault(f"the array {name} has no component")
         values = self._values(rows * width, kind, f"the array {name}")
         if self._on_cells:
             self._found.data[name] = values if width == 1 else values.reshape(-1, width)
@@ -149,10 +152,9 @@ class _Reading:
         return int(text)
 
     def _indices(self, count: int, kind: str, what: str) -> Integers:
-        values = self._values(count, kind, what)
-        if not np.all((np.abs(values) < 2**53) & (values == np.round(values))):
+        if (found := whole_numbers(self._values(count, kind, what))) is None:
             raise self._fault(f"{what} hold what is no whole number")
-        return values.astype(np.int64)
+        return found
 
     def _values(self, count: int, kind: str, what: str) -> Floats:
         """So many numbers of a type."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
+from modalbase.formats.models.meshes.cells import whole_numbers
 from modalbase.formats.models.meshes.grids import Grid, mesh_of
 from modalbase.formats.models.model import Floats, Integers
 
@@ -157,6 +158,6 @@ def _coded(count: int) -> int:
 
 
 def _indices(name: str, values: Floats | None) -> Integers:
-    if values is None or values.ndim != 1 or not np.all((np.abs(values) < 2**53) & (values == np.round(values))):
+    if values is None or values.ndim != 1 or (found := whole_numbers(values)) is None:
         raise FormatError(name, "is missing, or holds what is no whole number")
-    return values.astype(np.int64)
+    return found

@@ -77,6 +77,15 @@ def test_one_mode_is_left_as_one() -> None:
     assert of_rank_two(arrangement, (one + 0.5 * other).astype(complex), spread)[0]
 
 
+def test_a_table_with_a_gap_and_a_pair_twice_has_no_second_shape() -> None:
+    """Four FRFs of 2 x 2 dofs: repeats that contradict one another leave others beside them, and no FRF of the last pair."""
+    pairs = [(1, 11), (1, 12), (2, 11), (2, 11)]
+    responses, references = (tuple(Dof(pair[side], 3) for pair in pairs) for side in (0, 1))
+    arrangement = arrange(FrfSet(np.arange(1.0, 30.0), np.ones((4, 29), dtype=complex), responses, references))
+    residues = np.array([[1.0], [2.0], [-2.0], [1.0]], dtype=complex)
+    assert not of_rank_two(arrangement, residues, np.full((4, 1), 1e-6))[0]
+
+
 TOUR_HZ = np.array([95.0, 160.0, 240.0, 330.0])
 
 

@@ -81,9 +81,10 @@ def test_one_record_in_several_bands_and_by_halves_has_one_answer(kind: str) -> 
     content=st.sampled_from(["noise", "zeros", "resonance", "spikes", "tiny", "huge", "constant", "gaps"]),
     seed=st.integers(0, 99),
     band=st.sampled_from([None, (0.2, 0.7), (0.45, 0.55)]),
+    places=st.sampled_from([1, 2, 6]),
 )
 def test_any_finite_input_gives_modes_or_an_error_in_words(
-    rows: int, lines: int, start: float, content: str, seed: int, band: tuple[float, float] | None
+    rows: int, lines: int, start: float, content: str, seed: int, band: tuple[float, float] | None, places: int
 ) -> None:
     rng = np.random.default_rng(seed)
     hz = start + np.arange(lines) * (1.0 if start < 1e5 else 1e3)
@@ -100,10 +101,11 @@ def test_any_finite_input_gives_modes_or_an_error_in_words(
             "noise": noise, "zeros": 0 * noise, "resonance": values, "tiny": 1e-150 * noise, "huge": 1e150 * noise,
             "constant": np.ones_like(noise),
         }[content]  # fmt: skip
-    dofs = tuple(Dof(i + 1, 3) for i in range(rows))
+    dofs = tuple(Dof(i // places + 1, 3) for i in range(rows))
+    others = tuple(Dof(int(i) + 1, 3) for i in rng.integers(0, places, rows))
     limits = None if band is None else tuple(hz[0] + share * (hz[-1] - hz[0]) for share in band)
     with contextlib.suppress(IdentificationError, InputError):
-        frfs = FrfSet(hz, np.where(measured, values, 0), dofs, dofs[:1] * rows, "accelerance", None, measured)
+        frfs = FrfSet(hz, np.where(measured, values, 0), dofs, others, "accelerance", None, measured)
         found = identify(frfs, Options(band_hz=limits)).found  # type: ignore[arg-type]
         assert np.all(np.isfinite(found.modes.frequency_hz))
         assert np.all((found.probability >= 0.1) & (found.probability <= 1))
@@ -164,6 +166,7 @@ def test_an_interval_holds_both_poles_of_a_mode() -> None:
         **{name: np.full(2, value) for name, value in both.items()},
         apart=np.array([np.inf, 0.05]),
         neighbour=np.array([1, 0]),
+        twin=np.array([1, 0]),
         tone=np.zeros(2, dtype=bool),
         delay=0.0,
         turned=False,

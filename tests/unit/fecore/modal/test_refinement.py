@@ -10,14 +10,15 @@ from fecore.modal import identify
 from fecore.modal.arrangement import arrange, split_sides
 from fecore.modal.basis import Terms
 from fecore.modal.lscf import linear_poles
-from fecore.modal.noise import residual_variance, rough_variance
+from fecore.modal.noise import line_scatter
 from fecore.modal.refinement import evaluate, moved, refine
+from fecore.updating.residual_noise import residual_variance
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
 
 
 def test_gradient_and_information_against_differences() -> None:
     arrangement = arrange(paper_frfs(0.05, 3))
-    variance = rough_variance(arrangement.values, arrangement.measured)
+    variance = line_scatter(arrangement.values, arrangement.measured, 1.0)
     start = Terms(PAPER_HZ * 1.01, PAPER_ZETA * 1.2, (-2, 0))
     fit = evaluate(arrangement, start, variance)
 
@@ -38,7 +39,7 @@ def test_gradient_and_information_against_differences() -> None:
 
 def test_refinement_comes_home_from_a_poor_start() -> None:
     arrangement = arrange(paper_frfs(0.01, 3))
-    variance = rough_variance(arrangement.values, arrangement.measured)
+    variance = line_scatter(arrangement.values, arrangement.measured, 1.0)
     hz, zeta = np.append(PAPER_HZ, ABOVE_HZ[0]), np.append(PAPER_ZETA, ABOVE_ZETA[0])
     fit = refine(arrangement, Terms(hz * 1.01, zeta * [0.5, 2, 0.5, 2, 0.5, 2], (0,)), variance)
     assert np.allclose(fit.terms.frequency_hz[:5], PAPER_HZ, rtol=1e-3)
@@ -48,7 +49,7 @@ def test_refinement_comes_home_from_a_poor_start() -> None:
 def test_linear_stage_is_exact_on_clean_data_and_biased_on_noisy() -> None:
     def first_damping(noise: float) -> float:
         arrangement = arrange(paper_frfs(noise, 1))
-        variance = rough_variance(arrangement.values, arrangement.measured)
+        variance = line_scatter(arrangement.values, arrangement.measured, 1.0)
         found = linear_poles(arrangement.omega, arrangement.values, 1 / variance, 30)
         at = np.flatnonzero((found.order == 18) & (np.abs(np.abs(found.pole) / (2 * np.pi) - 25.6) < 12))
         pole = found.pole[at[np.argmin(np.abs(np.abs(found.pole[at]) / (2 * np.pi) - 25.6))]]
@@ -63,11 +64,11 @@ def test_noise_model_finds_both_parts() -> None:
     rms = np.mean(np.abs(clean.values) ** 2, axis=1, keepdims=True)
     true = 0.025**2 * np.abs(clean.values) ** 2 + 0.05**2 * rms
     residual = noisy.values - clean.values
-    found = residual_variance(residual, clean.values, clean.measured, 0)
+    found = residual_variance(residual, clean.values, clean.measured)
     assert np.median(found / true) == pytest.approx(1, abs=0.02)
     assert np.all(np.abs(found / true - 1) < 1.0)
-    rough = rough_variance(noisy.values, noisy.measured)
-    assert np.median(rough / true) == pytest.approx(1, abs=0.05)
+    scatter = line_scatter(noisy.values, noisy.measured, 1.0)
+    assert np.median(scatter / true) == pytest.approx(1, abs=0.05)
 
 
 def test_fixed_dofs_are_the_fewest_that_touch_all_pairs() -> None:

@@ -12,7 +12,7 @@ from fecore.modal.basis import Terms
 from fecore.modal.compression import compress
 from fecore.modal.error_model import memory
 from fecore.modal.leakage import leakage
-from fecore.modal.noise import line_scatter, rough_variance
+from fecore.modal.noise import line_scatter
 from fecore.modal.refinement import evaluate
 from tests.support.beams import PAPER_HZ, PAPER_ZETA, paper_frfs
 
@@ -29,7 +29,7 @@ def test_a_group_of_overlapping_modes_is_found_though_none_of_them_pays_alone(se
 def test_a_null_direction_touches_only_its_own_parameters() -> None:
     """A pole far beyond the band beside another: nothing is known of either, and all is known of the others."""
     arrangement = arrange(paper_frfs(0.01, 3))
-    variance = rough_variance(arrangement.values, arrangement.measured)
+    variance = line_scatter(arrangement.values, arrangement.measured, 1.0)
     alone = evaluate(arrangement, Terms(PAPER_HZ, PAPER_ZETA, (-2, 0)), variance)
     beside = Terms(np.append(PAPER_HZ, [9e5, 9.0001e5]), np.append(PAPER_ZETA, [0.5, 0.5]), (-2, 0))
     fit = evaluate(arrangement, beside, variance)

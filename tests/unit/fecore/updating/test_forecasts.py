@@ -10,11 +10,11 @@ import pytest
 from fecore.body.specimen import Specimen
 from fecore.body.structure import Structure
 from fecore.correlation import auto_mac
-from fecore.dynamics.direct import direct_frf
 from fecore.errors import InputError
 from fecore.updating.forecasts import CANDIDATES, ForecastOrder, ModelForecast, forecast
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_body
+from tests.support.direct import direct_frf
 from tests.support.profiles import ANGLE
 from tests.support.strips import NOMINAL, STRIP
 

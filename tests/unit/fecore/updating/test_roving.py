@@ -10,7 +10,6 @@ import pytest
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
-from fecore.dynamics.direct import direct_frf
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
@@ -18,6 +17,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import FrfMisfit
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
+from tests.support.direct import direct_frf
 from tests.support.moved_sensor import HAMMER, LAW, MASS, TRUE, forward, measured, nominal_state
 
 

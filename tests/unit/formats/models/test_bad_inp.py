@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.inp import lines, mesh, read_inp
 from modalbase.formats.models.model import FiniteElementModel
+from tests.support.damage import damaged
 from tests.unit.formats.models.bad_decks import BAD
 from tests.unit.formats.models.decks import CAE, PLATE
 from tests.unit.formats.models.test_inp import CARRIED, read
@@ -79,57 +80,15 @@ def harmless(text: str) -> None:
 
 
 FIELDS = [
-    "",
-    "0",
-    "-1",
-    "1",
-    "7",
-    "999999999",
-    "1e308",
-    "-1e-308",
-    "nan",
-    "S8R",
-    "B31",
-    "Rib-1.2",
-    "Both",
-    "x",
-    "*",
-    '"',
-    "=",
-    "GENERATE",
-]
+    "", "0", "-1", "1", "7", "999999999", "1e308", "-1e-308", "nan",
+    "S8R", "B31", "Rib-1.2", "Both", "x", "*", '"', "=", "GENERATE",
+]  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
-@given(st.sampled_from(WHOLE), st.data())
-def test_damaged_decks(whole: str, data: st.DataObject) -> None:
-    rows = whole.splitlines()
-    for _ in range(data.draw(st.integers(1, 4))):
-        at = data.draw(st.integers(0, len(rows) - 1))
-        match data.draw(st.sampled_from(["cut", "double", "swap", "field", "end"])):
-            case "cut" if len(rows) > 1:
-                del rows[at]
-            case "double":
-                rows.insert(at, rows[data.draw(st.integers(0, len(rows) - 1))])
-            case "swap":
-                other = data.draw(st.integers(0, len(rows) - 1))
-                rows[at], rows[other] = rows[other], rows[at]
-            case "field":
-                fields = rows[at].split(",")
-                fields[data.draw(st.integers(0, len(fields) - 1))] = data.draw(st.sampled_from(FIELDS))
-                rows[at] = ",".join(fields)
-            case "end":
-                rows = rows[: max(at, 1)]
-    harmless("\n".join(rows))
-
-
-@settings(max_examples=200, deadline=None)
-@given(st.sampled_from(WHOLE), st.data())
-def test_damaged_bytes(whole: str, data: st.DataObject) -> None:
-    content = bytearray(whole.encode())
-    for _ in range(data.draw(st.integers(1, 8))):
-        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
-    harmless(content.decode("latin-1"))
+@settings(max_examples=500, deadline=None)
+@given(damaged(WHOLE, FIELDS))
+def test_damaged_decks(text: str) -> None:
+    harmless(text)
 
 
 @settings(max_examples=100, deadline=None)

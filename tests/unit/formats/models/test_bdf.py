@@ -103,6 +103,9 @@ def test_control_selects_what_holds() -> None:
     assert "SPC of another subcase" in lost(model)
     assert read(deck.format("METHOD = 5")).supports == ()
     assert lost(read(deck.format("SPC = 77")))["SPC"]
+    assert lost(read(deck.replace("9,1,3", "9,1,8").format("SPC = 9")))[
+        "SPC"
+    ]  # a set that SPCADD joins, and is not there
     assert [one.dofs for one in read(PLATE + "SPC1,1,12,3").supports] == [(0, 1)]
     assert lost(read(PLATE + "SPC1,1,12,3\nSPC1,2,12,4"))["SPC"]
 
@@ -110,6 +113,14 @@ def test_control_selects_what_holds() -> None:
 def test_permanent_constraints_and_defaults_of_grids() -> None:
     model = read("GRDSET,,,,,,,345\n" + PLATE.replace("GRID,4,,0.,1.,0.", "GRID,4,,0.,1.,0.,,6"))
     assert {one.dofs: one.nodes.tolist() for one in model.supports} == {(2, 3, 4): [0, 1, 2], (5,): [3]}
+
+
+def test_a_mark_of_byte_order_and_names_in_utf_8() -> None:
+    model = read_bdf(b"\xef\xbb\xbf" + PLATE.encode())
+    assert model.numbers.tolist() == [1, 2, 3, 4]
+    assert read("TITLE = Träger\nBEGIN BULK\n" + PLATE + "ENDDATA\n").title == "Träger"
+    latin = "TITLE = Träger\nBEGIN BULK\n" + PLATE + "ENDDATA\n"
+    assert read_bdf(latin.encode("latin-1")).title == "Träger"
 
 
 def test_include_and_its_places() -> None:

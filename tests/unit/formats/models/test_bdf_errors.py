@@ -5,15 +5,14 @@ from __future__ import annotations
 
 import pickle
 import re
-import string
 
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.model import FiniteElementModel
+from tests.support.damage import damaged
 
 GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\n"
 PLATE = GRIDS + "CQUAD4,1,1,1,2,3,4\nPSHELL,1,1,.01,1,,1\nMAT1,1,7.+10,,.3,2700.\n"
@@ -198,56 +197,16 @@ def check(content: bytes) -> None:
         assert block.set in model.sections
 
 
-LETTERS = st.sampled_from(list(string.digits + string.ascii_uppercase + " .,+-*$=\t\n\r'\0ß"))
-
-
-@given(st.integers(0, len(WHOLE)))
-@settings(max_examples=300, deadline=None)
-def test_a_deck_cut_anywhere(end) -> None:
-    check(WHOLE[:end].encode())
-    check(WHOLE[WHOLE.index("PARAM") : max(end, WHOLE.index("PARAM"))].encode())
-
-
-@given(st.lists(st.tuples(st.integers(0, len(WHOLE) - 1), st.text(LETTERS, max_size=4), st.integers(0, 9)), max_size=6))
-@settings(max_examples=500, deadline=None)
-def test_a_deck_with_characters_changed(changes) -> None:
-    text = WHOLE
-    for at, new, gone in changes:
-        text = text[:at] + new + text[at + gone :]
-    check(text.encode())
-
-
 FIELDS = [
     "", "0", "1", "-1", "7", "99999999", "1.", "-1.", "0.", "1.+300", "1.-300", "NAN", "1E999", "THRU", "ALL", "123456",
     "GGG", "SYM", "$", "9" * 40,
 ]  # fmt: skip
 
 
-@given(
-    st.lists(
-        st.tuples(st.integers(4, WHOLE.count("\n") - 2), st.integers(0, 8), st.sampled_from(FIELDS)),
-        min_size=1, max_size=5,
-    )
-)  # fmt: skip
-@settings(max_examples=800, deadline=None)
-def test_a_deck_with_fields_changed(changes) -> None:
-    lines = WHOLE.split("\n")
-    for at, column, value in changes:
-        line = lines[at]
-        if "," in line:
-            parts = line.split(",")
-            parts[column % len(parts)] = value
-            lines[at] = ",".join(parts)
-        else:
-            lines[at] = line[: 8 * column].ljust(8 * column) + value[:8].ljust(8) + line[8 * column + 8 :]
-    check("\n".join(lines).encode())
-
-
-@given(st.permutations(range(5, WHOLE.count("\n") - 1)), st.integers(0, 5))
-@settings(max_examples=200, deadline=None)
-def test_a_deck_with_lines_mixed_and_lost(order, lost) -> None:
-    lines = WHOLE.split("\n")
-    check("\n".join([*lines[:5], *(lines[at] for at in order[lost:]), "ENDDATA"]).encode())
+@given(damaged([WHOLE, WHOLE[WHOLE.index("PARAM") :]], FIELDS))
+@settings(max_examples=1800, deadline=None)
+def test_a_damaged_deck(text: str) -> None:
+    check(text.encode())
 
 
 def test_a_range_without_end_takes_no_memory() -> None:

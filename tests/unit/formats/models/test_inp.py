@@ -90,7 +90,7 @@ def test_constraints_of_abaqus_cae() -> None:
 
 def test_include_continuation_and_fortran_numbers() -> None:
     text = PLATE.replace(grid(2, 1), grid(2, 1).replace("0.1,", "1.D-1,")).replace(
-        MATERIAL, "*INCLUDE, INPUT=data/m.inp\n"
+        MATERIAL, "*INCLUDE, INPUT=data/M.INP\n"
     )
     text = text.replace(
         "*SHELL SECTION, ELSET=PLATE, MATERIAL=GFRP", "*Shell Section,\n elset=Plate,\n MATERIAL = gfrp"

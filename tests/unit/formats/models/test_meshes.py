@@ -13,6 +13,7 @@ from benchmarks.structures import frequencies
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile, uff_of, write_vtu
 from modalbase.formats.models.inp import read_inp
+from modalbase.formats.models.meshes import read_vtk
 from modalbase.formats.uff.write import encode
 from service.compute.models.bodies import body_of_model
 from service.compute.models.meshes import MESHES, mesh_in_si
@@ -44,6 +45,11 @@ def test_files_of_other_programs(name: str) -> None:
         n = cells.nodes.shape[1] // 2
         np.testing.assert_allclose(x[:, n:], (x[:, :n] + np.roll(x[:, :n], -1, axis=1)) / 2, atol=1e-6)
         np.testing.assert_allclose(x[:, :, 2 if cells.kind == "quad8" else 1], 0)
+
+
+def test_a_grid_without_cells_has_no_element() -> None:
+    head = b"# vtk DataFile Version 3.0\nnothing\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+    assert not read_vtk(head + b"POINTS 0 float\nCELLS 0 0\nCELL_TYPES 0\n").cells
 
 
 def test_names_of_groups_are_those_of_sets() -> None:

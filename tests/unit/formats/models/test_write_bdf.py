@@ -9,11 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf import read_bdf
+from modalbase.formats.models.bdf import read_bdf, write_bdf
 from modalbase.formats.models.bdf.card import number
-from modalbase.formats.models.bdf.edit import fitted
+from modalbase.formats.models.bdf.write import fitted
 from modalbase.formats.models.model import FiniteElementModel, ShellSection
-from modalbase.formats.models.write_bdf import write_bdf
 
 
 def rewritten(content: bytes, updated: dict[str, dict[str, float]], *remarks: str) -> bytes:
@@ -259,3 +258,13 @@ def test_each_number_changes_alone(name) -> None:
     assert {n: v for n, v in after.items() if n not in (name, *tied)} == {
         n: v for n, v in before.items() if n not in (name, *tied)
     }
+
+
+def test_a_mark_of_byte_order_stays_first_and_tabs_and_short_lines_are_written_in_place() -> None:
+    deck = DECK.replace("PSHELL  20      1       .003    1               1", "PSHELL\t20\t1\t.003\t1\t\t1\t\t$ a\ttab")
+    deck = deck.replace("MAT1,2,2.1+11,, .3,7850. $ steel", "MAT1,2,2.1+11")
+    content = b"\xef\xbb\xbf" + deck.encode()
+    after = rewritten(content, {"web": {"t": 0.004}, "conrod_5": {"E": 2.0e11}, "pbar_40": {"E": 2.0e11}}, "by part 7")
+    assert after.startswith(b"\xef\xbb\xbf$ by part 7\nSOL 103\n")
+    assert b"PSHELL  20      1       .004    1               1               $ a\ttab\n" in after
+    assert b"\nMAT1,2,2.+11\n" in after

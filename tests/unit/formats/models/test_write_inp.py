@@ -156,7 +156,7 @@ def test_included_files_and_line_ends() -> None:
         remarks=["from job 7", "two\nlines"],
     )
     assert set(found) == {"", "m.inp"}
-    assert found[""] == b"** from job 7\n** two\n** lines\n" + deck
+    assert found[""] == b"** from job 7\r\n** two\r\n** lines\r\n" + deck
     assert b"2.4e10" not in found["m.inp"]
     assert found["m.inp"].count(b"\r\n") == included["m.inp"].count(b"\r\n") + 1
     assert read_inp(found[""], found).materials["GFRP"].constants["E1"] == 2.4e10

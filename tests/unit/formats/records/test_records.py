@@ -4,6 +4,7 @@ is named.
 
 import json
 import sys
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -273,6 +274,14 @@ def test_truncated_files_are_clear_errors(write: Callable[[Path], None], tmp_pat
         cut.write_bytes(data[: int(share * len(data))])
         with pytest.raises(FormatError):
             blocks_of(read_variables(cut), read_mapping(MAPPING))
+
+
+def test_an_array_that_is_in_a_file_twice_is_named(tmp_path: Path) -> None:
+    _npz(path := tmp_path / "hits.npz")
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
+        archive.writestr("force.npy", archive.read("force.npy"))
+    with pytest.raises(FormatError, match="force: is in the file twice"):
+        read_variables(path)
 
 
 def test_pickles_are_not_opened(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """A TDMS that npTDMS writes gives back what was written, in parts, and says what it lacks."""
 
+import struct
 import sys
 from pathlib import Path
 
@@ -70,8 +71,24 @@ def test_a_rate_is_the_files_or_stated(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"sample_rate_hz: is missing, and the file states none"):
         channels(path)
     assert channels(path, sample_rate_hz=RATE).sample_rate_hz == RATE
-    with pytest.raises(FormatError, match=r"is 100\.0, and the file says"):
+    with pytest.raises(FormatError, match="is 100, and the file says"):
         channels(written(tmp_path), sample_rate_hz=100)
+
+
+@pytest.mark.parametrize("rate", [-RATE, 1e300])
+def test_a_rate_that_no_recorder_has_is_refused(tmp_path: Path, rate: float) -> None:
+    with pytest.raises(FormatError, match=f"sample_rate_hz: is {rate:g}, expected a positive number".replace("+", ".")):
+        channels(written(tmp_path, rate=rate))
+    with pytest.raises(FormatError, match=r"sample_rate_hz: is -5, expected"):
+        channels(written(tmp_path, rate=None), sample_rate_hz=-5)
+
+
+def test_a_damaged_name_is_not_printed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """npTDMS printed all bytes of what it took for a name: with a damaged length, the rest of the file."""
+    path = written(tmp_path)
+    path.write_bytes(path.read_bytes().replace(b"wf_increment", b"wf_\xffncrement"))
+    assert np.isnan(read_tdms_head(path).rates["daq/force"])
+    assert "xff" not in "".join(capfd.readouterr())
 
 
 def test_channels_of_unlike_length_and_unknown_ones_are_named(tmp_path: Path) -> None:
@@ -97,3 +114,72 @@ def test_without_nptdms_the_error_says_what_to_install(tmp_path: Path, monkeypat
     monkeypatch.setitem(sys.modules, "nptdms", None)
     with pytest.raises(FormatError, match=r"pip install 'modalbase\[tdms\]'"):
         channels(path)
+
+
+def strokes_of(path: Path, strokes: int, interleaved: bool = False, cut: int = 0) -> None:
+    """Make the raw data of a file's one segment as many strokes, each with samples of its own, and cut some bytes off."""
+    whole = bytearray(path.read_bytes())
+    meta, begin = int.from_bytes(whole[4:8], "little"), 28 + int.from_bytes(whole[20:28], "little")
+    data = np.frombuffer(bytes(whole[begin:]), "<f8")
+    raw = b"".join((data + stroke).tobytes() for stroke in range(strokes))
+    whole[4:8] = (meta | (1 << 5) * interleaved).to_bytes(4, "little")
+    whole[12:20] = (begin - 28 + len(raw)).to_bytes(8, "little")
+    path.write_bytes((bytes(whole[:begin]) + raw)[: -cut or None])
+
+
+@pytest.mark.parametrize("strokes", [1, 3])
+@pytest.mark.parametrize("interleaved", [False, True])
+@pytest.mark.parametrize("cut", [0, 100_004])
+def test_every_layout_gives_what_nptdms_reads_at_once(
+    tmp_path: Path, strokes: int, interleaved: bool, cut: int
+) -> None:
+    path, rows = tmp_path / "long.tdms", {"daq/force": WHOLE[0], "daq/acc": WHOLE[1]}
+    scale = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scale[0]_Linear_Slope": 0.5}
+    scale |= {"NI_Scale[0]_Linear_Y_Intercept": 0.25, "NI_Scale[0]_Linear_Input_Source": 0xFFFF_FFFF}
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment([nptdms.ChannelObject(*name.split("/"), row, scale) for name, row in rows.items()])
+    strokes_of(path, strokes, interleaved, cut)
+    whole = nptdms.TdmsFile.read(path)["daq"]
+    for name in rows:
+        parts = list(read_tdms_head(path).chunks([name]))
+        assert max(part.size for part in parts) <= 1 << 17
+        np.testing.assert_array_equal(np.concatenate(parts, axis=1)[0], whole[name[4:]][:].astype(np.float32))
+
+
+def daqmx(path: Path, strokes: int, frames: int, claimed: int | None = None) -> np.ndarray:
+    """Write two channels of 16 bits in DAQmx's layout, 2 and 3 of a count a volt; gives the (frames, 2) counts."""
+
+    def text(said: str) -> bytes:
+        return struct.pack("<L", len(said)) + said.encode()
+
+    counts = np.arange(2 * strokes * frames, dtype="<i2").reshape(-1, 2)
+    objects = [text("/") + struct.pack("<LL", 0xFFFF_FFFF, 0), text("/'daq'") + struct.pack("<LL", 0xFFFF_FFFF, 0)]
+    for k in (0, 1):
+        index = struct.pack("<LLLQ", 0x1269, 0xFFFF_FFFF, 1, claimed or frames)
+        index += struct.pack("<LLLLLL", 1, 3, 0, 2 * k, 0, 0) + struct.pack("<LL", 1, 4)
+        said = [("NI_Number_Of_Scales", 7, struct.pack("<L", 2)), ("NI_Scale[1]_Scale_Type", 0x20, text("Linear"))]
+        said += [
+            (f"NI_Scale[1]_Linear_{n}", 10, struct.pack("<d", v)) for n, v in (("Slope", k + 2), ("Y_Intercept", 0))
+        ]
+        said += [
+            ("NI_Scale[1]_Linear_Input_Source", 7, struct.pack("<L", 0)),
+            ("wf_increment", 10, struct.pack("<d", 1e-3)),
+        ]
+        properties = b"".join(text(name) + struct.pack("<L", kind) + value for name, kind, value in said)
+        objects.append(text(f"/'daq'/'c{k}'") + index + struct.pack("<L", len(said)) + properties)
+    head = struct.pack("<L", len(objects)) + b"".join(objects)
+    lead = b"TDSm" + struct.pack("<lLQQ", 0b1000_1110, 4713, len(head) + counts.nbytes, len(head))
+    path.write_bytes(lead + head + counts.tobytes())
+    return counts
+
+
+def test_daqmx_s_own_layout_is_read_stroke_by_stroke_and_refused_where_one_is_large(tmp_path: Path) -> None:
+    path = tmp_path / "daqmx.tdms"
+    counts = daqmx(path, 5, 100)
+    read = np.concatenate(list(read_tdms_head(path).chunks(["daq/c0", "daq/c1"])), axis=1)
+    np.testing.assert_array_equal(read, (counts * [2.0, 3.0]).T)
+    daqmx(path, 1, 100, claimed=1 << 25)
+    with pytest.raises(
+        FormatError, match=r"strokes of 134 MB, of which 67 MB can be read; let the recorder write more"
+    ):
+        list(read_tdms_head(path).chunks(["daq/c0"]))
