@@ -120,6 +120,6 @@ def test_a_band_has_the_modes_that_lie_in_it() -> None:
     with pytest.raises(InputError, match=r"point 7 at \(2, 0, 0\) m lies"):
         forecast(CANTILEVER, ForecastOrder(places=10 * place, labels=[7]))
     with pytest.raises(InputError, match=r"point 7 at \(0.2, 0, 3\) m lies 3e\+03 mm off the specimen"):
-        forecast(CANTILEVER, ForecastOrder(places=place + [0, 0, 3], labels=[7]))
+        forecast(CANTILEVER, ForecastOrder(places=place + np.array([0, 0, 3]), labels=[7]))
     with pytest.raises(InputError, match=r"7 has direction 1, along which this model does not move"):
         forecast(CANTILEVER, ForecastOrder(places=place, labels=[7], axes=np.array([1])))
