@@ -34,6 +34,7 @@ from fecore.modal.drift import in_band
 from fecore.modal.evidence import evidence_of
 from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.preparation import prepare
+from fecore.modal.probability import NAMES as FEATURES
 from fecore.modal.probability import design, judged, no_mode
 from fecore.modal.weights import COVARIANCE, MEAN, PRIOR_MEAN, PRIOR_SD
 from fecore.normal import Z_95
@@ -43,7 +44,7 @@ FIRST = int(os.environ.get("CALIBRATE_FIRST_SEED", "5000"))
 SURE, REFUSED = 0.9, 0.1
 _FOLDS = 5
 _NEAR = 0.004  # relative distance within which a pole is a distortion, or half a bandwidth where that is more
-NAMES = ("constant", "rise", "share", "damping", "apart", "shape", "reach")
+NAMES = ("constant", *FEATURES[1:])
 
 
 @dataclass

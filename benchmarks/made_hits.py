@@ -27,6 +27,7 @@ from benchmarks.hammer import FAULTS, Simulated, random_body, random_laboratory
 from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
 from fecore.signal import Hit, Processing, by_point, process
+from fecore.signal.points import frfs_of
 from fecore.signal.spectra import Spectra
 from fecore.signal.traits import find_traits
 from fecore.signal.windows import total_rate
@@ -140,11 +141,30 @@ def _off(bench: MadeBench, spectra: Spectra, hit: Hit) -> tuple[FloatArray, Bool
     return off, power >= np.median(power)
 
 
+def _moves(spectra: Spectra, hits: Sequence[Hit], used: Sequence[int], one: int) -> float:
+    """By how many of its stated standard deviations the FRF of used hits of a point moves by one of them: root mean square over
+    the bands with the most power; NaN where it is alone.
+    """
+    rest = [i for i in used if i != one]
+    if not rest:
+        return np.nan
+    traits, lines = find_traits(hits), spectra.compared
+    (whole,), (less,) = (frfs_of(spectra, hits, traits, tuple(some)) for some in (used, rest))
+    edges = np.linspace(0, spectra.frequency[lines].size, _BANDS + 1).astype(int)[:-1]
+    off, variance, power = (
+        np.add.reduceat(values[lines], edges)
+        for values in (np.abs(whole.values - less.values) ** 2, whole.variance, np.abs(less.values) ** 2)
+    )
+    loud = power >= np.median(power)
+    return float(np.sqrt(off[loud].sum() / variance[loud].sum()))
+
+
 def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
-    """Print how many hits of each kind are refused, by how many hits a point has where only these show the fault; and how many
-    of these have two good hits beside them.
+    """Print how many hits of each kind are refused, by how many hits a point has where only these show the fault; how many
+    of these have two good hits beside them; and how far bad hits that are used move the FRF of their point.
     """
     hits, refused, shown = Counter[str](), Counter[str](), Counter[bool]()
+    moves: list[float] = []
     for number in range(seed, seed + campaigns):
         own = made(number)
         points = by_point(own.hits)
@@ -152,10 +172,14 @@ def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
             accepted = [v.accepted for v in process(points, Processing(positions=own.positions)).verdicts]
         except InputError:  # not one good hit: all are refused
             accepted = [False] * len(own.hits)
+        spectra = Spectra(points, Processing(positions=own.positions))
         beside = [len(hits) for hits in points for _ in hits]
         edges = np.cumsum([0, *map(len, points)])
         good = [own.faults[a:b].count(None) for a, b in pairwise(edges) for _ in range(a, b)]
-        for fault, biases, count, sound, used in zip(own.faults, own.biases, beside, good, accepted, strict=True):
+        place = [(a, k - a) for a, b in pairwise(edges) for k in range(a, b)]
+        for i, (fault, biases, count, sound, used) in enumerate(
+            zip(own.faults, own.biases, beside, good, accepted, strict=True)
+        ):
             kind = fault or "none: good"
             kind += "" if biases or fault is None else ", harmless"
             kind += ", 1 or 2 hits" if fault in (*COMPARED, "turned") and count < 3 else ""
@@ -163,9 +187,17 @@ def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
             refused[kind] += not used
             if biases and not (fault in (*COMPARED, "turned") and sound < 2):
                 shown[used] += 1
+            if biases and used and "," not in kind:
+                first, number = place[i]
+                of_point = points[int(np.searchsorted(edges, i, side="right")) - 1]
+                beside_it = [k for k in range(count) if accepted[first + k]]
+                moves.append(_moves(spectra, of_point, beside_it, number))
     for kind in sorted(hits):
         print(f"{kind:36}{refused[kind]:6} of {hits[kind]:5}{refused[kind] / hits[kind]:8.1%}")
     bad = [kind for kind in hits if "," not in kind and kind != "none: good"]
     total = sum(hits[kind] for kind in bad)
     print(f"bad hits that bias, missed: {total - sum(refused[kind] for kind in bad)} of {total}")
+    far = [sum(move > most for move in moves) for most in (1, 2)]
+    print(f"that move the FRF of their point by more than its sd: {far[0]}, by more than two: {far[1]}; ", end="")
+    print(f"that are used alone: {int(np.isnan(moves).sum())}")
     print(f"without those that fewer than two good hits could show: {shown[True]} of {shown.total()}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -57,6 +58,13 @@ class Places:
         found = np.zeros((*self.functions.shape[:1], 3, self.functions.shape[1], 6))
         found[..., 3:] = self.functions[:, None, :, None] * np.eye(3)[:, None]
         return found
+
+
+def place_in_words(place: Sequence[float]) -> str:
+    """A place of a body, such as `x = 0.25 m, y = 0.02 m`."""
+    return (
+        ", ".join(f"{name} = {value:.3g} m" for name, value in zip("xyz", place, strict=True) if value) or "the origin"
+    )
 
 
 def evenly_spread(places: FloatArray, most: int) -> list[int]:

@@ -1,13 +1,13 @@
 """Time blocks of hammer hits to FRFs with variance: blocks, pulse, traits, comparison, judgement, windows, estimators,
-inspection, process.
+points, process.
 """
 
 from fecore.signal.blocks import Block, ChannelQuantity, Hit
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate, Estimator, estimate
 from fecore.signal.heights import Strip
-from fecore.signal.inspection import EachHit, Inspection, each_hit, inspect
 from fecore.signal.judgement import FALSE_DISCOVERY, Verdict
+from fecore.signal.points import EachHit, Inspection, each_hit, inspect
 from fecore.signal.process import Shelf, process, process_in_parts
 from fecore.signal.reasons import Finding
 from fecore.signal.spectra import Source, by_point

@@ -27,7 +27,7 @@ MOST_LINES = 2048  # that are compared; of more, every k-th
 _PARTNERS = 8  # hits of its point that a hit is compared with, the following ones and then from the first on
 _SIGNS = 2  # partners below which no sign is decided
 _HALF = 0.42  # of the weight: a median, but of two that weigh nearly the same not the larger
-_FEWEST = 1.2  # partners that seem good, each by its probability, below which nobody can say which hit is wrong
+_FEWEST = 0.9  # partners that seem good, each by its probability, below which nobody can say which hit is wrong
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from fecore.signal.weights import ALONE, CONSTANT, LEAST, WEIGHTS, Weight
 FALSE_DISCOVERY = 0.75
 """Largest probability of being good that a refused hit has."""
 
-_PRIOR = 10.0  # n₀
+_PRIOR = 20.0  # n₀
 _BESIDE = 2.5  # standard deviations about the shortest half up to which a value is a usual one
 _FAR_M = 0.008  # that good hits land beside their point
 _TYPICAL_M = 0.006  # that a typical distance stands for at most

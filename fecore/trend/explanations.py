@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
+from fecore.body.locate import place_in_words
 from fecore.errors import InputError
 
 SENSOR = 0.01
@@ -158,13 +159,9 @@ def _masses(effects: Effects) -> list[_Candidate]:
     apart = np.sum((effects.sites[:, None] - effects.sites) ** 2, axis=2)
     nearest = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
     return [
-        _Candidate({_place(site): (g, SENSOR)}, (effects.mass[:, beside] - g[:, None]).T / np.sqrt(24))
+        _Candidate({place_in_words(site): (g, SENSOR)}, (effects.mass[:, beside] - g[:, None]).T / np.sqrt(24))
         for site, g, beside in zip(effects.sites, effects.mass.T, nearest, strict=True)
     ]
-
-
-def _place(site: FloatArray) -> str:
-    return ", ".join(f"{name} = {value:.3g} m" for name, value in zip("xyz", site, strict=True) if value)
 
 
 def _climate(effects: Effects) -> list[_Candidate]:

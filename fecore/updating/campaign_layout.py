@@ -18,10 +18,10 @@ from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.discretisation import AnyBody
+from fecore.updating.discretisation import AnyBody, meshed
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs, tolerance_of
+from fecore.updating.inputs import Inputs
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
 
@@ -128,6 +128,14 @@ def _check_priors(campaigns: Sequence[Campaign], forwards: Sequence[ForwardModel
                 )
 
 
+def as_updated(campaigns: Sequence[Campaign]) -> list[Campaign]:
+    """The campaigns with bodies as an update has them: clamps that may yield, meshes as fine as their modes need."""
+    return [
+        replace(each, body=meshed(yielding(each.body, each.inputs), 1.05 * float(each.modes.frequency_hz[-1]))[0])
+        for each in campaigns
+    ]
+
+
 def yielding(body: AnyBody, inputs: Inputs) -> AnyBody:
     """The body with a clamp that may yield as far as the inputs say; as it is where none is modelled."""
     compliance = _HALF_NORMAL_MEDIAN * inputs.standard_deviation("clamp_compliance")
@@ -207,11 +215,9 @@ def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardMode
 
 def _with_own(parametrisation: Parametrisation, campaign: Campaign) -> Parametrisation:
     """The parameters, and the body's own constants as far as they are not known exactly."""
-    body, inputs = campaign.body, campaign.inputs
-    nominal = body.nominal
+    body, nominal = campaign.body, campaign.body.nominal
     own = (*SPECIMENS_OWN, CAMPAIGNS_OWN[0]) if isinstance(body, OrientedSpecimen) else nominal
-    known = {name: tolerance for name in own if (tolerance := tolerance_of(name)) is not None}
-    sds = {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
+    sds = campaign.inputs.standard_deviations({name: nominal[name] for name in own})
     if CLAMP in nominal:
         sds[CLAMP] = nominal[CLAMP] * float(np.sqrt(np.expm1(_CLAMP_LOG_SD**2)))
     return parametrisation.with_inputs(sds)

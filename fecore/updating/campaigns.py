@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
-from fecore.updating.campaign_layout import MATERIAL, MATERIAL_PARAMETERS, Campaign, check_material, lay_out, yielding
-from fecore.updating.contradictions import Agreement, Conflict, compare_sources
-from fecore.updating.discretisation import meshed
+from fecore.updating.campaign_layout import (
+    MATERIAL,
+    MATERIAL_PARAMETERS,
+    Campaign,
+    as_updated,
+    check_material,
+    lay_out,
+    yielding,
+)
+from fecore.updating.conflicts import Conflict
+from fecore.updating.contradictions import Agreement, compare_sources
 from fecore.updating.elastic_findings import USUAL_MISS, contradiction, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
@@ -30,6 +38,7 @@ __all__ = [
     "CampaignsRecipe",
     "CampaignsResult",
     "Coupon",
+    "as_updated",
     "check_material",
     "lay_out",
     "update_campaigns",
@@ -130,7 +139,7 @@ def update_campaigns(
     """
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
-    ready = [replace(each, body=meshed(yielding(each.body, each.inputs), _highest_hz(each))[0]) for each in campaigns]
+    ready = as_updated(campaigns)
     layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons)
     elastic = update_from_several_starts(layout, lambda share: progress("updating the material", 0.1 + 0.6 * share))
     progress("comparing the campaigns", 0.7)
@@ -159,10 +168,6 @@ def update_campaigns(
         conflicts=against,
         damping=common_damping(elastic),
     )
-
-
-def _highest_hz(campaign: Campaign) -> float:
-    return 1.05 * float(campaign.modes.frequency_hz[-1])
 
 
 def _part(

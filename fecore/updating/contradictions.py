@@ -8,7 +8,7 @@ and the rest of the data, the source left out, m ± v. Of a source that is as go
 over the posterior c of the discrepancy. The scatter between specimens is its prior's scale there, as an estimate of it would
 grow with every contradiction and hide it; that specimens scatter more is one of the possible causes. An input speaks of itself,
 a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
-all of them together (posterior predictive χ²).
+all of them together (posterior predictive χ²). That a body carries no other mass than stated is a source too (`added_mass`).
 
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
 of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
@@ -28,7 +28,10 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
+from fecore.updating.added_mass import AddedMass, added_mass
+from fecore.updating.conflicts import Check, Conflict, Said
 from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.inputs import UNSTATED_SENSOR
 from fecore.updating.layout import Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 
@@ -48,57 +51,6 @@ RIVAL = float(np.log(20.0))
 
 
 _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrices can be inverted
-
-
-@dataclass(frozen=True)
-class Said:
-    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
-
-    constant: str
-    stated: float
-    stated_sd: float
-    rest: float
-    rest_sd: float
-
-
-@dataclass(frozen=True)
-class Check:
-    """A source beside all others.
-
-    Attributes:
-        kind: `input`, `coupons`, `campaign`, or `scatter` of the specimens.
-        name: of the source, as a sentence names it.
-        p: probability of a difference from the rest that is larger than the one found.
-        evidence: logarithm of how much likelier the data are where this source is off by a slip.
-        owner: the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it.
-        said: of each constant that it says; nothing of a campaign.
-        slip: the likeliest standard deviation of a slip of a coupon or an input, in those that are stated.
-    """
-
-    kind: str
-    name: str
-    p: float
-    evidence: float
-    owner: str = ""
-    said: tuple[Said, ...] = ()
-    slip: float = 1.0
-
-
-@dataclass(frozen=True)
-class Conflict:
-    """A source that contradicts the others.
-
-    Attributes:
-        cause: the likeliest.
-        rivals: other explanations that the data do not rule out, the likeliest first.
-        cleared: names of sources that contradict no more once the cause is allowed for.
-        moved: how far a constant then moves at most, in its stated standard deviations.
-    """
-
-    cause: Check
-    rivals: tuple[Check, ...]
-    cleared: tuple[str, ...]
-    moved: float
 
 
 @dataclass(frozen=True)
@@ -166,6 +118,7 @@ class _Sources:
     scatter: float
     statements: tuple[_Statement, ...]
     campaigns: tuple[int, ...]
+    masses: tuple[int, ...]
     count: float
     may_scatter_more: bool = True
 
@@ -180,9 +133,10 @@ class _Sources:
         for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
             own = [coupon.batch == batch for coupon in layout.coupons]
             statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
-        campaigns = tuple(range(len(elastic.rows))) if len(elastic.rows) > 1 else ()
-        found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), campaigns, 1.0)
-        return replace(found, count=found.independent + 2 * len(campaigns))
+        bodies = tuple(range(len(elastic.rows)))
+        campaigns = bodies if len(bodies) > 1 else ()
+        found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), campaigns, bodies, 1.0)
+        return replace(found, count=found.independent + 2 * len(campaigns) + len(bodies))
 
     @property
     def independent(self) -> float:
@@ -233,7 +187,8 @@ class _Sources:
     @cached_property
     def checks(self) -> list[Check]:
         """Each source that is not allowed a slip beside all others."""
-        return [*map(self._of_statement, self.statements), *map(self._of_campaign, self.campaigns), *self.of_scatter]
+        of_campaigns = (*map(self._of_campaign, self.campaigns), *map(self._of_mass, self.masses))
+        return [*map(self._of_statement, self.statements), *of_campaigns, *self.of_scatter]
 
     @cached_property
     def beside_the_rest(self) -> dict[int, tuple[FloatArray, FloatArray, FloatArray]]:
@@ -256,16 +211,18 @@ class _Sources:
         """The same where one source may be off by a slip."""
         if check.kind == "scatter":
             return replace(self, scatter=check.said[0].rest, may_scatter_more=False)
-        for number in self.campaigns:
-            if self._named(number) == check.name:
-                at = self.elastic.rows[number]
-                noise = self.problem.noise.copy()
-                noise[at, at] += ANYTHING**2 * np.eye(at.stop - at.start)
+        for number, at in enumerate(self.elastic.rows):
+            if check.name == self._named(number):
+                more = np.diag(np.where(_among(self.problem, at), ANYTHING**2, 0.0))
                 rest = tuple(other for other in self.campaigns if other != number)
-                return replace(self, problem=replace(self.problem, noise=noise), campaigns=rest)
+                return replace(self, problem=replace(self.problem, noise=self.problem.noise + more), campaigns=rest)
+            if check.name == self._mass_on(number):
+                noise = self.problem.noise + self.added_masses[number].covariance
+                others = tuple(other for other in self.masses if other != number)
+                return replace(self, problem=replace(self.problem, noise=noise), masses=others)
         (source,) = (each for each in self.statements if each.name == check.name)
-        others = tuple(each for each in self.statements if each is not source)
-        return replace(self, problem=_loosened(self.problem, source, check.slip), statements=others)
+        left = tuple(each for each in self.statements if each is not source)
+        return replace(self, problem=_loosened(self.problem, source, check.slip), statements=left)
 
     def _of_statement(self, source: _Statement) -> Check:
         (posterior, logs), A, own = self.posterior_with_logs, source.rows, np.diag(source.sds**2)
@@ -306,8 +263,24 @@ class _Sources:
         evidence = np.logaddexp(another, any_body) - np.log(2) - as_stated
         return Check("campaign", self._named(number), float(p), float(evidence), self._named(number))
 
+    def _of_mass(self, number: int) -> Check:
+        found = self.added_masses[number]
+        said = (Said("mass", 0.0, UNSTATED_SENSOR, found.mean, found.sd),)
+        p, name = float(np.exp(-max(found.evidence, 0.0))), self._mass_on(number)
+        return Check("mass", name, p, found.evidence, self._named(number), said=said, place=found.place)
+
+    @cached_property
+    def added_masses(self) -> dict[int, AddedMass]:
+        """What the frequencies say of a mass on each campaign's body."""
+        known, sizes = self.posterior_with_logs, [slip * UNSTATED_SENSOR for slip in SLIPS]
+        return {number: added_mass(self.elastic, number, self.problem, known, sizes) for number in self.masses}
+
     def _named(self, number: int) -> str:
-        return f"campaign {self.elastic.layout.campaigns[number].name}"
+        name = self.elastic.layout.campaigns[number].name
+        return f"campaign {name}" if name else ""
+
+    def _mass_on(self, number: int) -> str:
+        return f"mass on {self._named(number) or 'the body'}"
 
     def _by_material(self, number: int) -> FloatArray:
         """(n, n) covariance of a campaign's frequencies where its material is any that the priors allow."""

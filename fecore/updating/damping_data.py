@@ -119,6 +119,14 @@ class DampingData:
         """(n, q) shares of strain energy of the modes that the law damps."""
         return None if self.model.strain is None else self.model.strain[self.lawful]
 
+    def mixed(self, strain: FloatArray | None) -> DampingData:
+        """The same with (n, q) shares of strain energy of the modes that the law damps; None: as they are."""
+        if strain is None or self.model.strain is None:
+            return self
+        whole = self.model.strain.copy()
+        whole[self.lawful] = strain
+        return replace(self, model=replace(self.model, strain=whole))
+
     def as_accelerance(self, factor: float = 1.0) -> DampingData:
         """The same with accelerances, times a factor.
 

@@ -195,12 +195,28 @@ def fit_damping(
     reference: ReferenceFit,
     law: DampingLaw,
     progress: Callable[[float], None] = lambda _: None,
+    strain: FloatArray | None = None,
 ) -> DampingResult:
     """Fit a law from several starts that lie far apart.
+
+    Args:
+        data: as the reference was fitted to them.
+        reference: every mode by itself.
+        law: the law.
+        progress: called with the share that is done.
+        strain: (n, q) shares of the lawful modes' strain energy, where close modes are not mixed as the model's
+            (`fecore.updating.mixing`): else such a pair passes for a law that is off, and its deviation for all modes'.
 
     Raises:
         UpdatingError: no start converged.
     """
+    data = data.mixed(strain)
+    reference = replace(
+        reference,
+        misfit=replace(reference.misfit, model=data.model),
+        ratios=replace(reference.ratios, strain=data.lawful_strain),
+        own_ratios=replace(reference.own_ratios, strain=data.lawful_strain),
+    )
     start, ratios = data.start(law), reference.ratios
     scale = scale_of_deviations(
         np.log(law_ratio(law, ratios) / ratios.ratio),

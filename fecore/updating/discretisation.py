@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body
@@ -59,6 +60,13 @@ def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | 
     rigid = replace(body, clamp_compliance=0.0) if isinstance(body, OrientedSpecimen) else body
     mesh = discretise(rigid, highest_hz)
     return replace(body, divisions=mesh.divisions), mesh
+
+
+def nominal_matrices(body: Body) -> tuple[scipy.sparse.csc_array, scipy.sparse.csc_array]:
+    """K and M of a body at its nominal constants."""
+    constants, springs = np.array(list(body.nominal.values())), [spring.stiffness for spring in body.springs]
+    stiffness = np.concatenate([body.stiffness_coefficients(constants), springs])
+    return body.model.stiffness.at(stiffness), body.model.mass.at(body.mass_coefficients(constants))
 
 
 def discretise(specimen: Specimen | LayeredSpecimen, highest_hz: float) -> Discretisation:
@@ -122,10 +130,7 @@ def _frequencies(
 ) -> FloatArray:
     """(n,) elastic natural frequencies up to the highest, or as many as are asked for, Hz."""
     meshed = replace(specimen, divisions=divisions)
-    constants = np.array(list(meshed.nominal.values()))
-    model = meshed.model
-    stiffness = np.concatenate([meshed.stiffness_coefficients(constants), [s.stiffness for s in meshed.springs]])
-    K, M = model.stiffness.at(stiffness), model.mass.at(meshed.mass_coefficients(constants))
+    model, (K, M) = meshed.model, nominal_matrices(meshed)
     rigid = model.rigid_modes.shape[1]
     wanted = count or max(modes_below(K, M, (2 * np.pi * highest_hz) ** 2) - rigid, 1)
     frequencies: FloatArray = body_modes(model, K, M, wanted).frequency_hz[rigid:]

@@ -62,24 +62,24 @@ def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> 
         for place, name in free.items()
         if name in prior.reported and name not in at_support and prior.logarithmic[place] and _is_stiffness(name)
     }
-    sites, moved = _nodes(elastic.updated)
+    sites, moved = motion_at_sites(elastic.updated)
     return FrequencyEffects(
         parameter={name: of_measured(each) for name, each in by_one_sd.items() if name in prior.reported},
         stiffness={name: of_measured(each) for name, each in stiffness.items()},
         support={name: of_measured(each) for name, each in support.items()},
         sites=sites,
-        mass=of_measured(-np.sum(moved[:, columns] ** 2, axis=2).T / 2),
+        mass=of_measured(-np.sum(moved[elastic.updated.modes.rigid + columns] ** 2, axis=2) / 2),
         frf_scale=None if prediction is None else _scale(prediction),
     )
 
 
-def _nodes(state: ForwardState) -> tuple[FloatArray, FloatArray]:
-    """(P, 3) some nodes, evenly spread, and (P, n, 3) their displacements in the elastic modes, held ones 0."""
-    model, shapes = state.forward.specimen.model, state.full_shapes
-    moved = model.at_nodes(shapes)
+def motion_at_sites(state: ForwardState) -> tuple[FloatArray, FloatArray]:
+    """(P, 3) some nodes, evenly spread, and (m, P, 3) their mass-normalised displacements in all modes, held ones 0."""
+    model, shapes = state.forward.specimen.model, state.modes.shapes
+    moved = model.at_nodes(shapes if state.basis is None else state.basis @ shapes)
     nodes = np.flatnonzero(model.free[:, [dof < 3 for dof in model.dofs]].any(axis=1))
     chosen = nodes[evenly_spread(model.mesh.nodes[nodes], _SITES)]
-    return model.mesh.nodes[chosen], moved[:, chosen].transpose(1, 0, 2)
+    return model.mesh.nodes[chosen], moved[:, chosen]
 
 
 def _is_stiffness(name: str) -> bool:

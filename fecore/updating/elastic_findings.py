@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from fecore.body.locate import place_in_words
 from fecore.body.named import OfStructure
 from fecore.body.specimen import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
-from fecore.updating.contradictions import Check, Conflict, compare_sources
+from fecore.updating.conflicts import Check, Conflict
+from fecore.updating.contradictions import compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
 from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
 from fecore.updating.forward import ForwardModel
@@ -150,6 +152,9 @@ def _explained(check: Check) -> str:
     """A cause as a sentence says it: `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`."""
     if check.kind == "campaign":
         return f"{check.name} as one of another material, angle or boundary than stated"
+    if check.kind == "mass":
+        (said,) = check.said
+        return f"{check.name} of {1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g near {place_in_words(check.place)}"
     if check.kind == "scatter":
         (said,) = check.said
         return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy
@@ -32,7 +31,7 @@ from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.eigen import NormalModes, modes_below
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
-from fecore.updating.discretisation import meshed
+from fecore.updating.discretisation import meshed, nominal_matrices
 from fecore.updating.state import PointPairs
 
 CANDIDATES = 200
@@ -163,26 +162,11 @@ def _solved(body: Body, order: ForecastOrder) -> tuple[Body, _Nominal, NormalMod
     return fine, nominal, modes, order.modes
 
 
-@dataclass(frozen=True)
 class _Nominal:
     """A body's matrices at nominal constants."""
 
-    body: Body
-
-    @cached_property
-    def stiffness(self) -> scipy.sparse.csc_array:
-        springs = [spring.stiffness for spring in self.body.springs]
-        return self.body.model.stiffness.at(
-            np.concatenate([self.body.stiffness_coefficients(self._constants), springs])
-        )
-
-    @cached_property
-    def mass(self) -> scipy.sparse.csc_array:
-        return self.body.model.mass.at(self.body.mass_coefficients(self._constants))
-
-    @property
-    def _constants(self) -> FloatArray:
-        return np.array(list(self.body.nominal.values()))
+    def __init__(self, body: Body) -> None:
+        self.body, (self.stiffness, self.mass) = body, nominal_matrices(body)
 
     def lowest(self, count: int) -> NormalModes:
         """So many elastic modes, and half as many more that FRFs are summed of."""

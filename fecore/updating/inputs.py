@@ -24,6 +24,7 @@ A clamp gives way in translation too, as the elastic jaw does that lets it rotat
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -93,6 +94,11 @@ class Inputs:
     def is_stated(self, name: str) -> bool:
         """Whether the laboratory stated a standard deviation itself; names as of `TOLERANCES`."""
         return getattr(self, f"{name}_sd") is not None
+
+    def standard_deviations(self, constants: Mapping[str, float]) -> dict[str, float]:
+        """Of those of a body's constants that are inputs, by the constants' names, SI."""
+        known = {name: tolerance for name in constants if (tolerance := tolerance_of(name)) is not None}
+        return {name: self.standard_deviation(tolerance, constants[name]) for name, tolerance in known.items()}
 
     def standard_deviation(self, name: str, value: float = 1.0) -> float:
         """Of an input by its name, SI; relative tolerances are shares of its value."""

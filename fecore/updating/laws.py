@@ -140,6 +140,7 @@ class RankedLaw:
         chi_squared: misfit of the ratios.
         missed: (n,) relative miss of each ratio.
         named: number and relative miss of each mode that it misses by more than three standard deviations.
+        strain: (n, q) shares of the modes' strain energy, close ones mixed as suits the law; None where it looks at none.
     """
 
     law: DampingLaw
@@ -150,6 +151,7 @@ class RankedLaw:
     chi_squared: float
     missed: FloatArray
     named: tuple[tuple[int, float], ...]
+    strain: FloatArray | None
 
     @property
     def described(self) -> dict[str, Any]:
@@ -213,6 +215,7 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedL
         chi_squared=fit.chi_squared,
         missed=fit.missed,
         named=tuple((rows[k] + 1, float(fit.missed[k])) for k in np.flatnonzero(named)),
+        strain=fit.ratios.strain,
     )
 
 

@@ -142,15 +142,23 @@ class CampaignModel:
 
 @dataclass(frozen=True)
 class Coupon:
-    """What static tests say of one of the material's constants: a mean with its standard deviation, SI, of a batch.
+    """What static tests of a batch say of one of the material's constants.
 
-    Where specimens scatter a batch is of one more specimen: the standard deviation is that of its own mean.
+    Where specimens scatter a batch is of one more specimen, of which its own mean is known better: σ/√(n + 1).
+
+    Attributes:
+        name: of the constant.
+        mean: SI.
+        standard_deviation: σ, with which the mean says what one more piece is (`fecore.coupons.batch.prior`), SI.
+        batch: name of the batch.
+        pieces: n; 0 where σ is that of the mean itself.
     """
 
     name: str
     mean: float
     standard_deviation: float
     batch: str = "coupons"
+    pieces: int = 0
 
 
 @dataclass(frozen=True)
@@ -296,6 +304,7 @@ class Layout:
                 known = ", ".join(self.shared)
                 raise InputError(f"coupons.{index}", f"{coupon.name} is not updated; expected one of {known}")
             place, mean, sd = self.shared.index(coupon.name), coupon.mean, coupon.standard_deviation
+            sd /= np.sqrt(coupon.pieces + 1) if self.specimens_scatter else 1.0
             own = Unknown.of_scatter(coupon.name, coupon.batch).label
             rows[index] = [at == place or label == own for at, label in enumerate(self.labels)]
             if self.prior.logarithmic[place]:

@@ -69,14 +69,14 @@ class Prepared:
         warnings: what a user must know.
     """
 
-    frfs: FrfSet | None
-    fitted: FrfSet | None
-    fitted_rows: list[int]
-    held: FrfSet | None
-    held_rows: list[int]
-    modes: MeasuredModes | None
-    identification: Identification | None
-    warnings: tuple[str, ...]
+    frfs: FrfSet | None = None
+    fitted: FrfSet | None = None
+    fitted_rows: list[int] = field(default_factory=list)
+    held: FrfSet | None = None
+    held_rows: list[int] = field(default_factory=list)
+    modes: MeasuredModes | None = None
+    identification: Identification | None = None
+    warnings: tuple[str, ...] = ()
 
 
 def prepare(
@@ -176,16 +176,7 @@ def _of_modes_alone(measurement: Measurement, model: Model) -> Prepared:
     warnings: tuple[str, ...] = ()
     if modes.shapes is not None:
         modes, warnings = _seen_shapes(set(measurement.points), modes, measurement, model)
-    return Prepared(
-        frfs=None,
-        fitted=None,
-        fitted_rows=[],
-        held=None,
-        held_rows=[],
-        modes=modes,
-        identification=None,
-        warnings=warnings,
-    )
+    return Prepared(modes=modes, warnings=warnings)
 
 
 def _moves(dofs: Sequence[Dof], measurement: Measurement, model: Model) -> list[bool]:

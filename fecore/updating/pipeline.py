@@ -27,7 +27,7 @@ from fecore.updating.elastic_starts import sparse_factors, update_from_several_s
 from fecore.updating.excursions import excursions, fixed_points
 from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs, tolerance_of
+from fecore.updating.inputs import Inputs
 from fecore.updating.joint import update_jointly
 from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
@@ -72,7 +72,7 @@ def update(
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
     parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
-    parametrisation = _with_inputs(parametrise(specimen, parameters), inputs)
+    parametrisation = parametrise(specimen, parameters).with_inputs(inputs.standard_deviations(specimen.nominal))
     data = _prepared(measurement, specimen, recipe, progress)
     body, mesh = meshed(specimen, _highest_hz(data))
     forward = _forward(replace(parametrisation, body=body), measurement, data)
@@ -116,15 +116,6 @@ def _prepared(measurement: Measurement, specimen: Body, recipe: Recipe, progress
         find_modes=find_modes,
     )
     return data if data.modes is None else replace(data, modes=_unwindowed(data.modes, measurement.inputs))
-
-
-def _with_inputs(parametrisation: Parametrisation, inputs: Inputs) -> Parametrisation:
-    """The recipe's parameters, and the inputs that the body's own constants are."""
-    nominal = parametrisation.body.nominal
-    known = {name: tolerance for name in nominal if (tolerance := tolerance_of(name)) is not None}
-    return parametrisation.with_inputs(
-        {name: inputs.standard_deviation(tolerance, nominal[name]) for name, tolerance in known.items()}
-    )
 
 
 def _coarse(mesh: Discretisation) -> list[Finding]:
@@ -301,7 +292,7 @@ def _damping_of_frfs(
     said += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
     reference = fit_reference(stage)
     ranking = rank_laws(reference.ratios, stage.rows, laws)
-    result = fit_damping(stage, reference, laws[0], progress=progress)
+    result = fit_damping(stage, reference, laws[0], progress, ranking.laws[0].strain)
     said += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
     return DampingOutcome("succeeded", "", band, ranking, result)
 

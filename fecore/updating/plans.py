@@ -32,13 +32,13 @@ from fecore.body.supports import PointMass
 from fecore.errors import InputError, within
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out, yielding
+from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, as_updated, lay_out, yielding
 from fecore.updating.discretisation import meshed
 from fecore.updating.elastic import fit
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.layout import Layout, Unknown
+from fecore.updating.layout import Coupon, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY, SCATTER, prior_of_scatter
 
@@ -96,12 +96,19 @@ class PlannedCoupons:
     Attributes:
         name: in the plan.
         constants: names of the parameters that they give.
-        relative_sd: with which they will say what the body's are (`fecore.coupons.batch.prior`).
+        relative_sd: with which they will say what one more piece's are (`fecore.coupons.batch.prior`).
+        pieces: that are tested.
     """
 
     name: str
     constants: tuple[str, ...]
     relative_sd: float
+    pieces: int
+
+    def tested(self, theta: Mapping[str, float]) -> tuple[Coupon, ...]:
+        """What they will say where the parameters are these, SI."""
+        of_one = [(name, theta[name], self.relative_sd * theta[name]) for name in self.constants]
+        return tuple(Coupon(*said, self.name, self.pieces) for said in of_one)
 
 
 @dataclass(frozen=True)
@@ -157,15 +164,15 @@ def plan_tests(
     """
     if not tests:
         raise InputError("tests", "is empty, expected at least one that could be made")
+    campaigns = as_updated(campaigns)
     fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
     simulated = []
     for number, test in enumerate(tests):
         with within(f"tests.{number}"):
             simulated.append(_Simulated.of(test, parameters, theta))
-    known = _Known(tuple(campaigns), tuple(parameters), fitted)
-    scatter = SCATTER if len({campaign.specimen for campaign in campaigns}) > 1 else 0.0
-    now = known.standard_deviations(lay_out([*campaigns, simulated[0].campaign], parameters, scatter))
+    now = lay_out(campaigns or [simulated[0].campaign], parameters, SCATTER)
+    known = _Known(tuple(campaigns), tuple(parameters), fitted, now)
     prior = simulated[0].prior
     slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
     named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
@@ -177,18 +184,30 @@ def plan_tests(
     found = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
     found += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
-        by_name(prior.reported, now * slope),
+        by_name(prior.reported, known.standard_deviations(now) * slope),
         tuple(sorted(found, key=lambda each: -each.information)),
     )
 
 
 @dataclass(frozen=True)
 class _Known:
-    """What the campaigns so far say, as the update states it whose data they are."""
+    """What the campaigns so far say, as the update states it whose data they are: of one specimen nothing of a scatter.
+
+    Attributes:
+        campaigns, parameters: as they came in.
+        fitted: their update; None where there are none.
+        now: the unknowns of an update of them, or of one test.
+    """
 
     campaigns: tuple[Campaign, ...]
     parameters: tuple[Parameter, ...]
     fitted: ElasticResult | None
+    now: Layout
+
+    @property
+    def discrepancy(self) -> float:
+        """That of the next test's frequencies: as the campaigns so far show it, else its prior's scale."""
+        return DISCREPANCY if self.fitted is None else self.fitted.discrepancy
 
     def layout(self, campaign: Campaign) -> Layout:
         """The unknowns of an update with one more campaign, the last of the layout's."""
@@ -297,27 +316,26 @@ def _loudness(test: PlannedTest, shapes: FloatArray, hz: FloatArray) -> FloatArr
 
 def _information(known: _Known, layout: Layout, about: str | None) -> Callable[[FloatArray], float]:
     """The expected information that (X, X) more precision brings: of one parameter, or of all of the material's."""
-    probabilities = known.scatters(layout)[1]
     rows = [row for row, name in enumerate(layout.shared) if about in (None, name)]
 
-    def volume(more: FloatArray | float) -> FloatArray:
-        return np.asarray(np.linalg.slogdet(known.covariances(layout, more)[:, rows][:, :, rows])[1])
+    def volume(of: Layout, more: FloatArray | float) -> float:
+        logs = np.linalg.slogdet(known.covariances(of, more)[:, rows][:, :, rows])[1]
+        return float(known.scatters(of)[1] @ logs) / 2
 
-    base = volume(0.0)
-    return lambda brought: float(probabilities @ (base - volume(brought))) / 2
+    base = volume(known.now, 0.0)
+    return lambda brought: base - volume(layout, brought)
 
 
 def _forecast_coupons(
     coupons: PlannedCoupons, known: _Known, beside: _Simulated, slope: FloatArray, about: str | None
 ) -> Forecast:
-    """What coupons would bring, in the unknowns of an update with a test."""
-    layout = known.layout(beside.campaign)
-    S = np.array([[float(name == label) for label in layout.labels] for name in coupons.constants])
-    theta = _at(beside.prior, beside.theta)
-    values = by_name(beside.prior.names, coupons.relative_sd * theta / beside.prior.slope(theta))
-    brought = S.T @ (S / np.array([[values[name] ** 2] for name in coupons.constants]))
-    sds = by_name(layout.shared, known.standard_deviations(layout, brought) * slope)
-    return Forecast(coupons.name, _information(known, layout, about)(brought), sds, np.zeros(0), (), 1.0)
+    """What coupons would bring to an update of the campaigns so far, or of a test where there are none."""
+    campaigns = known.campaigns or (beside.campaign,)
+    layout = lay_out(campaigns, known.parameters, SCATTER, coupons.tested(beside.theta))
+    said, _, sds = layout.of_coupons
+    brought = said.T @ (said / sds[:, None] ** 2)
+    expected = by_name(layout.shared, known.standard_deviations(layout, brought) * slope)
+    return Forecast(coupons.name, _information(known, layout, about)(brought), expected, np.zeros(0), (), 1.0)
 
 
 def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int | None, about: str | None) -> Forecast:
@@ -327,7 +345,7 @@ def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int 
     rows = min(len(campaign.modes), state.frequency_hz.size)  # each mode is taken for the model's of its number
     by = state.frequency_jacobian[:rows] / state.frequency_hz[:rows, None]
     S = by * campaign.prior.slope(state.theta) @ campaign.pick
-    gained, error = _information(known, layout, about), DISCREPANCY**2 + each.test.body.model_error**2
+    gained, error = _information(known, layout, about), known.discrepancy**2 + each.test.body.model_error**2
 
     def brought(points: Sequence[int]) -> FloatArray:
         return np.asarray(S.T @ ((1 / (each.noise(points) + error))[:, None] * S))

@@ -33,10 +33,7 @@ class Predictor:
 
     def predict(self, frfs: FrfSet) -> tuple[ComplexArray, FloatArray]:
         """(N, L) predicted FRFs, and (2, N, L) variances of their real and imaginary parts, noise not included."""
-        model = self.elastic.updated.frf_model(frfs.responses, frfs.references)
-        rate = self.damping.fit.rates(model)
-        predicted = self.damping.fit.synthesise(model, frfs.frequency_hz, frfs.quantity)
-        changes = self._changes(frfs, model, rate)
+        predicted, changes = self._with_changes(frfs)
         return predicted, _squares(changes)
 
     def spread(self, frfs: FrfSet) -> tuple[FloatArray, FloatArray]:
@@ -48,17 +45,20 @@ class Predictor:
         parts = []
         for first in range(0, len(frfs.responses), few):
             some = frfs.select(list(range(first, min(first + few, len(frfs.responses)))))
-            model = self.elastic.updated.frf_model(some.responses, some.references)
-            predicted = self.damping.fit.synthesise(model, some.frequency_hz, some.quantity)
-            changes = self._changes(some, model, self.damping.fit.rates(model))
+            predicted, changes = self._with_changes(some)
             with np.errstate(divide="ignore", invalid="ignore"):  # at a zero of H nothing is known of its logarithm
                 changes *= 1 / predicted
             parts.append(np.sqrt(_squares(changes)))
         log_magnitude, phase = (np.nan_to_num(np.vstack(part), nan=np.inf) for part in zip(*parts, strict=True))
         return log_magnitude, phase
 
+    def _with_changes(self, frfs: FrfSet) -> tuple[ComplexArray, ComplexArray]:
+        """(N, L) predicted FRFs, and (q, N, L) their change by one standard deviation of each of q independent causes."""
+        model, fit = self.elastic.updated.frf_model(frfs.responses, frfs.references), self.damping.fit
+        return fit.synthesise(model, frfs.frequency_hz, frfs.quantity), self._changes(frfs, model, fit.rates(model))
+
     def _changes(self, frfs: FrfSet, model: ModalFrfModel, rate: FloatArray) -> ComplexArray:
-        """(q, N, L) change of the FRFs by one standard deviation of each of q independent causes."""
+        """(q, N, L) those changes, of a roving mass too."""
         change = self._plain_changes(frfs, frfs.references, model, rate)
         factors = model.load_factors(frfs.frequency_hz, rate, frfs.quantity)
         if factors is None or model.roving is None:

@@ -32,7 +32,9 @@ def _schema(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
             "long", "has {size} characters as JSON, at most {most} are read", {"size": size, "most": LONGEST}
         )
     if found := sorted(_keys(value) & _REFERENCES):
-        raise PydanticCustomError("reference", "has {key}; a schema here is of one piece", {"key": found[0]})
+        raise PydanticCustomError(
+            "reference", "has {key}; a schema must stand alone, without references", {"key": found[0]}
+        )
     try:
         _validator(value)
     except (jsonschema_rs.ValidationError, ValueError) as error:

@@ -168,7 +168,11 @@ def found_key(session: Session, key: str) -> tuple[ApiKey, User]:
             which.
     """
     if is_session_token(key):
-        return _key_of_session(session, key)
+        opened = key_of_session(session, key)
+        if opened is None or not _opens(*opened):
+            raise Unauthorized("the session has ended; sign in again")
+        _touch(session, opened[0])
+        return opened
     scheme, _, rest = key.partition("_")
     prefix, _, secret = rest.partition("_")
     found = None
@@ -202,14 +206,6 @@ def revoke_key(session: Session, by: User, key: ApiKey) -> None:
     if key.revoked_at is None:
         key.revoked_at = transaction_time(session)
         audit(session, by, "api_key.revoke", "api_key", key.id)
-
-
-def _key_of_session(session: Session, token: str) -> tuple[ApiKey, User]:
-    found = key_of_session(session, token)
-    if found is None or not _opens(*found):
-        raise Unauthorized("the session has ended; sign in again")
-    _touch(session, found[0])
-    return found
 
 
 def _opens(key: ApiKey, user: User) -> bool:

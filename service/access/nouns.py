@@ -201,13 +201,15 @@ class NounRoutes(Generic[Row, Out]):
         given: dict[str, Any] = {"status_code": 204, "openapi_extra": IF_MATCH, "response_model": None}
         self._add(name, text, delete, methods=["DELETE"], **given)
 
-    def restoring(self, name: str, text: str) -> None:
-        """Add `POST …/{id}/restore`, which brings a hidden row back."""
+    def restoring(self, name: str, text: str, then: Callable[[Session, Row], None] | None = None) -> None:
+        """Add `POST …/{id}/restore`, which brings a hidden row back, and does `then` with it."""
         row_id = Path(alias=self._id)
 
         def restore(session: SessionDep, user: CurrentUser, response: Response, key: UUID = row_id) -> Any:
             row = self._find(session, user, key, "editor", deleted=True, lock=True)
             self._find.bring_back(session, user, row)
+            if then is not None:
+                then(session, row)
             return self.tagged(session, row, response)
 
         self._add(name, text, restore, f"{self._path}/restore", methods=["POST"])

@@ -21,23 +21,24 @@ from service.errors import Invalid
 
 MOST_FRFS = 10_000  # of one body: each is a row of the answer
 
-COLUMNS = {
-    "label": "text",
-    **dict.fromkeys(("response_point", "reference_point"), "int8"),
-    **dict.fromkeys(("response_direction", "reference_direction"), "int4"),
-    "quantity": "text",
-    "averages": "int4",
-    **dict.fromkeys(("start_hz", "end_hz", "step_hz"), "float8"),
-    "axis": "bytea",
-    "dtype": "text",
-    "lines": "int4",
-    "data": "bytea",
-    "sha256": "bytea",
-    "coherence": "bytea",
-    "coherence_dtype": "text",
-    "coherence_sha256": "bytea",
-}
-"""What a row says of an FRF, and the types of the columns."""
+COLUMNS = (
+    *(
+        "label",
+        *DOFS,
+        "quantity",
+        "averages",
+        "start_hz",
+        "end_hz",
+        "step_hz",
+        "axis",
+        "dtype",
+        "lines",
+        "data",
+        "sha256",
+    ),
+    *("coherence", "coherence_dtype", "coherence_sha256"),
+)
+"""What a row says of an FRF."""
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,17 @@ stores while the next row is still being made, and reads ahead while one is work
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, cast
 from uuid import UUID
 
 import psycopg
-from sqlalchemy import text
+from sqlalchemy import BigInteger, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
+
+from service.db.base import Base
 
 
 def stream_rows(
@@ -42,27 +44,33 @@ def stream_rows(
 
 
 @contextmanager
-def copy_rows(session: Session, table: str, columns: Mapping[str, str]) -> Iterator[Callable[[Sequence[Any]], None]]:
+def copy_rows(
+    session: Session, table: type[Base], names: Sequence[str] | None = None
+) -> Iterator[Callable[[Sequence[Any]], None]]:
     """Stream rows into a table, in the session's transaction; while the block runs, the session can do nothing else.
 
     Args:
         session: where; what it has pending is flushed first.
         table: of the rows.
-        columns: name of each column to its type; the others take their defaults.
+        names: of the columns that are stated, the others take their defaults; all of them where none are named.
 
     Yields:
         What takes a row, its values in the order of the columns.
     """
     session.flush()
-    connection = _connection(session)
-    command = f"COPY {table} ({', '.join(columns)}) FROM STDIN (FORMAT BINARY)"
+    columns = Base.metadata.tables[table.__tablename__].c
+    stated = [columns[name] for name in names or columns.keys()]
+    command = f"COPY {table.__tablename__} ({', '.join(one.name for one in stated)}) FROM STDIN (FORMAT BINARY)"
     with (
         _translated(session, command),
-        connection.cursor() as cursor,
+        _connection(session).cursor() as cursor,
         cursor.copy(cast("Any", command)) as copy,
     ):
-        copy.set_types(list(columns.values()))
+        copy.set_types(["int8" if isinstance(c.type, BigInteger) else _TYPES[c.type.python_type] for c in stated])
         yield copy.write_row
+
+
+_TYPES = {int: "int4", float: "float8", str: "text", bytes: "bytea", UUID: "uuid"}
 
 
 def new_keys(session: Session, count: int) -> list[UUID]:

@@ -1,9 +1,12 @@
-"""Engine and sessions: synchronous SQLAlchemy on psycopg 3."""
+"""Engine and sessions: synchronous SQLAlchemy on psycopg 3; documents on their way into the database, as JSON has them."""
 
 from __future__ import annotations
 
+import json
+import math
 import select
 import time
+from collections.abc import Iterator
 from typing import Any
 
 from psycopg import Error as PsycopgError
@@ -11,7 +14,7 @@ from sqlalchemy import Engine, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, InvalidatePoolError
 from sqlalchemy.orm import Session, sessionmaker
 
-from service.db.documents import dumps
+from service.errors import NotFinite
 
 Sessions = sessionmaker[Session]
 IDLE_SECONDS = 30.0  # after which a connection is asked whether it still lives though nothing came on it
@@ -125,3 +128,29 @@ def make_sessions(engine: Engine, *, project_quota_bytes: int | None = None) -> 
         project_quota_bytes: that one project may store through these sessions; no limit by default.
     """
     return sessionmaker(engine, expire_on_commit=False, info={QUOTA: project_quota_bytes})
+
+
+MOST_PLACES = 3  # that a message names
+
+
+def dumps(document: Any) -> str:
+    """A document as JSON, for every column that holds one.
+
+    Raises:
+        NotFinite: a number is NaN or infinite; names the first places.
+    """
+    try:
+        return json.dumps(document, allow_nan=False)
+    except ValueError:
+        places = [place for place, _ in zip(_not_finite(document, ""), range(MOST_PLACES), strict=False)]
+        raise NotFinite(places) from None
+
+
+def _not_finite(value: Any, at: str) -> Iterator[str]:
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            yield at
+        return
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    for key, member in inside:
+        yield from _not_finite(member, f"{at}/{key}")

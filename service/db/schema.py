@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import psycopg
 
@@ -43,8 +43,7 @@ def current_revision(engine: Engine) -> str | None:
         SchemaError: the server's PostgreSQL is too old.
     """
     with engine.connect() as connection:
-        require_version(connection)
-        return _revision(connection)
+        return _revision(_raw(connection))
 
 
 def revision_at(url: str) -> str | None:
@@ -55,13 +54,7 @@ def revision_at(url: str) -> str | None:
         psycopg.OperationalError: the database does not answer.
     """
     with psycopg.connect(url, autocommit=True, connect_timeout=10) as connection:
-        _require_new(connection.info.server_version)
-
-        def scalar(statement: str) -> Any:
-            row = connection.execute(statement.encode()).fetchone()
-            return row and row[0]
-
-        return _ask_revision(scalar)
+        return _revision(connection)
 
 
 def require_version(connection: Connection) -> None:
@@ -70,10 +63,11 @@ def require_version(connection: Connection) -> None:
     Raises:
         SchemaError: with its version and the one that is needed.
     """
-    _require_new(connection.connection.driver_connection.info.server_version)  # type: ignore[union-attr]  # psycopg's
+    _require_new(_raw(connection))
 
 
-def _require_new(version: int) -> None:
+def _require_new(connection: psycopg.Connection[Any]) -> None:
+    version = connection.info.server_version
     if version < 10_000 * POSTGRESQL:
         found = f"{version // 10_000}.{version % 10_000}"
         raise SchemaError(
@@ -92,8 +86,7 @@ def require_known(connection: Connection) -> str:
     Raises:
         SchemaError: it has none, or a newer version's.
     """
-    require_version(connection)
-    current = _revision(connection)
+    current = _revision(_raw(connection))
     if current is None:
         raise SchemaError(NO_SCHEMA)
     if current not in known_revisions():
@@ -167,16 +160,17 @@ def upgrade_on(connection: Connection, revision: str) -> None:
     command.upgrade(_config(connection), revision)
 
 
-def _revision(connection: Connection) -> str | None:
-    return _ask_revision(lambda statement: connection.exec_driver_sql(statement).scalar())
+def _raw(connection: Connection) -> psycopg.Connection[Any]:
+    return cast("psycopg.Connection[Any]", connection.connection.driver_connection)
 
 
-def _ask_revision(scalar: Callable[[str], Any]) -> str | None:
-    """The revision, from a function that gives the value of a statement."""
-    if scalar("SELECT to_regclass('alembic_version')") is None:
+def _revision(connection: psycopg.Connection[Any]) -> str | None:
+    """The revision of a database whose server is new enough; None where it is empty."""
+    _require_new(connection)
+    if connection.execute("SELECT to_regclass('alembic_version')").fetchone() == (None,):
         return None
-    revision: str | None = scalar("SELECT version_num FROM alembic_version")
-    return revision
+    row = connection.execute("SELECT version_num FROM alembic_version").fetchone()
+    return None if row is None else str(row[0])
 
 
 @cache

@@ -3,15 +3,18 @@
 A series is judged when what it would be judged on differs from what it was judged on last: a new value, a corrected
 temperature, a deleted campaign, an acknowledgement, a campaign that has become late. While runs are under way it waits
 for them, so a backfill is judged once and in time order.
+
+Alarms are raised once, acknowledged by somebody, and cleared or withdrawn by a later judgement. Each step is announced.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy import select
@@ -21,14 +24,20 @@ from sqlalchemy.orm import Session
 from fecore.trend import Acknowledgement, State, Watch
 from fecore.trend import Chart as CoreChart
 from fecore.trend.states import WORST_FIRST
-from service.compute.judging import Judgement, JudgementInputs, Observation, judge
+from service.access import Lookup, User, audit
+from service.compute.judging import Episode, Judgement, JudgementInputs, Observation, judge
+from service.errors import Conflict, NotFound
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
-from service.monitoring.alarms import state_changed, update_alarms
 from service.monitoring.campaigns import Seen, seen_campaigns
-from service.monitoring.runs import counted, latest_runs, monitor_for, moves_of
-from service.monitoring.tables import Alarm, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+from service.monitoring.notifications.messages import announce
+from service.monitoring.runs import counted, latest_runs, monitor_for, moves_of, unit_of
+from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
+from service.store.structures.operations import structure_of
+
+if TYPE_CHECKING:
+    from service.store.structures.operations import Structure
 
 GRACE = 1.5
 """A campaign is late when this many expected intervals have passed since the one before."""
@@ -215,3 +224,129 @@ def rank(state: str) -> int:
 
 
 JUDGE = JobKind("judge", load=_load, compute=judge, store=_store, libraries=CORE_LIBRARIES)
+
+
+alarm_for = Lookup(Alarm, "alarm", "monitor_id", monitor_for)
+"""The alarm, if the user has at least a role in its project; none of a deleted monitor."""
+
+
+def update_alarms(session: Session, monitor: Monitor, series: MonitorSeries, episodes: Sequence[Episode]) -> None:
+    """Bring a monitor's alarms to what its series now says.
+
+    An episode is the alarm that its campaign raised before, whichever series said so; else the oldest one of its parameter
+    that has lost its campaign to a late or corrected one; else it is new. An alarm that no episode is left for is withdrawn.
+    """
+    rows = session.scalars(
+        select(Alarm).where(Alarm.monitor_id == monitor.id, Alarm.state != "withdrawn").order_by(Alarm.id)
+    ).all()
+    known = {(alarm.parameter, str(alarm.campaign_id)): alarm for alarm in rows}
+    wanted = {(e.parameter, e.campaign) for e in episodes}
+    orphans = [alarm for key, alarm in known.items() if key not in wanted]
+    for episode in episodes:
+        alarm = known.get((episode.parameter, episode.campaign)) or _adopt(session, orphans, episode)
+        if alarm is None:
+            _raise(session, monitor, series, episode)
+        else:
+            alarm.details, alarm.series = episode.details, series.number
+            if alarm.state == "acknowledged" and episode.state == "cleared":
+                _step(session, monitor, alarm, "cleared", "the parameter came back")
+            elif alarm.state == "cleared" and episode.state != "cleared":
+                alarm.state = "acknowledged"
+                session.add(AlarmEvent(alarm_id=alarm.id, event="reopened", note="late or corrected campaigns"))
+    for alarm in orphans:
+        if alarm.state != "cleared":
+            why = f"series {series.number} as it stands now does not confirm it"
+            _step(session, monitor, alarm, "withdrawn", why)
+    session.flush()
+
+
+def _adopt(session: Session, orphans: list[Alarm], episode: Episode) -> Alarm | None:
+    for alarm in orphans:
+        if alarm.parameter == episode.parameter and alarm.state != "cleared":
+            orphans.remove(alarm)
+            note = f"campaign {episode.campaign} raises it now; before it was {alarm.campaign_id}"
+            alarm.campaign_id = UUID(episode.campaign)
+            session.add(AlarmEvent(alarm_id=alarm.id, event="moved", note=note))
+            session.flush()
+            return alarm
+    return None
+
+
+def _raise(session: Session, monitor: Monitor, series: MonitorSeries, episode: Episode) -> None:
+    alarm = Alarm(
+        monitor_id=monitor.id,
+        parameter=episode.parameter,
+        campaign_id=UUID(episode.campaign),
+        series=series.number,
+        state="alarm",
+        details=episode.details,
+    )
+    session.add(alarm)
+    session.flush()
+    session.refresh(alarm)
+    _record(session, monitor, alarm, "raised", None, f"by campaign {episode.campaign}")
+
+
+def _step(session: Session, monitor: Monitor, alarm: Alarm, state: str, note: str, user: User | None = None) -> None:
+    alarm.state = state
+    _record(session, monitor, alarm, state, user, note)
+
+
+def _record(session: Session, monitor: Monitor, alarm: Alarm, event: str, user: User | None, note: str) -> None:
+    """Write a step into the history, the audit trail and the outbox."""
+    structure = structure_of(session, monitor.structure_id)
+    session.add(AlarmEvent(alarm_id=alarm.id, event=event, user_id=user and user.id, note=note))
+    audit(
+        session, user, f"alarm.{event}", "alarm", alarm.id, structure.project_id, parameter=alarm.parameter, note=note
+    )
+    data = {"alarm": _summary(alarm), "note": note, "by": user and user.name}
+    _announce(session, monitor, structure, f"alarm.{event}", data)
+
+
+def _announce(session: Session, monitor: Monitor, structure: Structure, event: str, data: dict[str, Any]) -> None:
+    project_id = structure.project_id
+    about = {
+        "project_id": str(project_id),
+        "structure": {"id": str(structure.id), "name": structure.name},
+        "monitor": {"id": str(monitor.id), "name": monitor.name, "state": monitor.state},
+    }
+    data = {**about, **data}
+    announce(session, event, data, project_id=project_id, monitor_id=monitor.id, mail_to=monitor.mail_to)
+
+
+def _summary(alarm: Alarm) -> dict[str, Any]:
+    return {
+        "id": str(alarm.id),
+        "parameter": alarm.parameter,
+        "unit": unit_of(alarm.parameter),
+        "campaign_id": str(alarm.campaign_id),
+        "series": alarm.series,
+        "state": alarm.state,
+        "details": alarm.details,
+    }
+
+
+def state_changed(session: Session, monitor: Monitor, before: str) -> None:
+    """Announce that data stopped coming: silence would look like health."""
+    if monitor.state == "no data":
+        structure = structure_of(session, monitor.structure_id)
+        _announce(session, monitor, structure, "monitor.no_data", {"before": before})
+
+
+def acknowledge(session: Session, user: User, alarm: Alarm, note: str) -> None:
+    """Note that somebody has seen an alarm. The monitor is judged anew with it.
+
+    Raises:
+        Conflict: it is no alarm, or no longer one.
+        NotFound: its monitor has been deleted in between.
+    """
+    monitor = session.get_one(Monitor, alarm.monitor_id)
+    session.refresh(monitor, with_for_update=True)  # a judgement changes alarms too; first the monitor's row, always
+    if monitor.deleted_at is not None:
+        raise NotFound("alarm", alarm.id)
+    session.refresh(alarm, with_for_update=True)
+    if alarm.state != "alarm":
+        raise Conflict(f"the alarm is {alarm.state}; only one that is open can be acknowledged")
+    alarm.acknowledged_at, alarm.acknowledged_by, alarm.note = datetime.now(UTC), user.id, note
+    _step(session, monitor, alarm, "acknowledged", note, user)
+    session.flush()

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
 from fecore.updating.parameters import parametrise
-from service.access import User, audit, projects_of
+from service.access import User, projects_of
 from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring import runs
@@ -36,6 +36,7 @@ from service.store.structures.operations import (
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
 from service.store.updating.operations import check_prior_batch
+from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -63,28 +64,26 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
         structure_id=structure.id,
         structure_version_id=version.id,
         user_id=user.id,
-        name=body.name,
-        boundary=body.boundary,
-        recipe=body.recipe.model_dump(mode="json"),
-        modes=body.modes,
-        priors=body.priors,
+        **body.model_dump(mode="json", include=_AS_STATED),
         watch=_frozen_watch(body, watched),
         since=body.baseline.since,
-        expected_interval_days=body.expected_interval_days,
-        runs_on=body.runs_on,
-        schedule=body.schedule,
         next_run_at=None if body.schedule is None else next_time(body.schedule, now),
-        mail_to=body.mail_to,
-        active=body.active,
         state_rank=rank("no data"),
     )
     session.add(monitor)
     session.flush()
     session.refresh(monitor)
     runs.newest_series(session, monitor)
-    audit(session, user, "monitor.create", "monitor", monitor.id, structure.project_id, name=body.name)
+    monitor_for.note(session, user, monitor, "create", name=body.name)
     request_check(session, monitor.id)
     return monitor
+
+
+_AS_STATED = {
+    *("name", "boundary", "recipe", "modes", "priors"),
+    *("expected_interval_days", "runs_on", "schedule", "mail_to", "active"),
+}
+"""What a monitor's row has as the body states it."""
 
 
 def _frozen_watch(body: MonitorIn, watched: Sequence[WatchedIn]) -> dict[str, Any]:
@@ -133,8 +132,7 @@ def change_monitor(session: Session, user: User, monitor: Monitor, patch: Monito
         setattr(monitor, field, value)
     monitor.updated_at = transaction_time(session)
     session.flush()
-    project_id = monitor_for.project_of(session, monitor)
-    audit(session, user, "monitor.change", "monitor", monitor.id, project_id, was=was, now=now)
+    monitor_for.note(session, user, monitor, "change", was=was, now=now)
     request_check(session, monitor.id)
 
 
@@ -152,12 +150,11 @@ def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUI
         raise Conflict("the monitor is at rest; set `active` first")
     if campaign_id is not None:
         _check_campaign(session, monitor, campaign_id)
-    project = monitor_for.project_of(session, monitor)
     runs.collect(session, runs.newest_series(session, monitor))
     started = runs.bring_up_to_date(
         session, monitor, runs.Moment(datetime.now(UTC), NOW), by_hand=True, only=campaign_id
     )
-    audit(session, user, "monitor.run", "monitor", monitor.id, project, runs=[str(run.id) for run in started])
+    monitor_for.note(session, user, monitor, "run", runs=[str(run.id) for run in started])
     request_check(session, monitor.id)
     return started
 
@@ -196,13 +193,12 @@ def complete_campaign(session: Session, user: User, campaign: Campaign) -> tuple
     if campaign.performed_at is None:
         raise Conflict("the campaign states no performed_at, so it has no place in a series; state it first")
     row = session.get(CampaignCompletion, campaign.id)
-    project = campaign_for.project_of(session, campaign)
     if row is None:
         row = CampaignCompletion(campaign_id=campaign.id, user_id=user.id)
         session.add(row)
         session.flush()
         session.refresh(row)
-        audit(session, user, "campaign.complete", "campaign", campaign.id, project)
+        campaign_for.note(session, user, campaign, "complete")
     monitors = session.scalars(
         select(Monitor)
         .where(Monitor.structure_id == campaign.structure_id, AT_WORK, Monitor.runs_on == "campaign")
@@ -272,10 +268,10 @@ def describe_all(session: Session, monitors: Sequence[Monitor]) -> list[MonitorO
 
 def _described(monitor: Monitor, structure: Structure, maker: str, open_alarms: int) -> MonitorOut:
     watch = monitor.watch
-    same = {name: getattr(monitor, name) for name in MonitorOut.model_fields if hasattr(monitor, name)}
     frozen = {name: watch[name] for name in ("covariates", "false_alarm_rate", "horizon", "pending")}
-    return MonitorOut(
-        **same,
+    return shown_as(
+        MonitorOut,
+        monitor,
         **frozen,
         structure_name=structure.name,
         project_id=structure.project_id,

@@ -17,6 +17,7 @@ from service.monitoring.schemas import AlarmEventOut, AlarmOut, RunOut
 from service.monitoring.tables import Alarm, AlarmEvent, Monitor, MonitorJudgement, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaigns_of
 from service.store.structures.operations import structure_of, structures_of
+from service.web import shown_as
 
 if TYPE_CHECKING:
     from service.store.structures.operations import Structure
@@ -105,8 +106,7 @@ def describe_runs(session: Session, rows: Sequence[MonitorRun]) -> list[RunOut]:
     )
     for row in rows:
         session.refresh(row)
-    shared = set(RunOut.model_fields) - {"series"}
-    return [RunOut(series=numbers[row.series_id], **{name: getattr(row, name) for name in shared}) for row in rows]
+    return [shown_as(RunOut, row, series=numbers[row.series_id]) for row in rows]
 
 
 def describe_alarms(session: Session, alarms: Sequence[Alarm]) -> list[AlarmOut]:
@@ -128,9 +128,10 @@ def _described(
 ) -> AlarmOut:
     structure = structures[monitor.structure_id]
     by = next((step.by for step in reversed(history) if step.event == "acknowledged"), None)
-    same = {name: getattr(alarm, name) for name in AlarmOut.model_fields if hasattr(alarm, name)}
-    return AlarmOut(
-        **{**same, "acknowledged_by": by},  # by name, where the row has the user's id
+    return shown_as(
+        AlarmOut,
+        alarm,
+        acknowledged_by=by,  # by name, where the row has the user's id
         monitor_name=monitor.name,
         structure_id=structure.id,
         project_id=structure.project_id,

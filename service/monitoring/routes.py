@@ -12,9 +12,8 @@ from sqlalchemy import select
 from service.access import CurrentUser, SessionDep, SettingsDep, project_for, projects_of
 from service.access.nouns import NounRoutes
 from service.errors import Invalid
-from service.monitoring import alarms as steps
 from service.monitoring import monitors
-from service.monitoring.alarms import alarm_for
+from service.monitoring.judgements import acknowledge, alarm_for
 from service.monitoring.notifications.routes import DeliveryOut, deliveries_of_monitor
 from service.monitoring.presentation import describe_alarms, describe_runs, series_document
 from service.monitoring.runs import monitor_for
@@ -61,17 +60,7 @@ def create_monitor(
     return nouns.tagged(session, monitor, response)
 
 
-@router.get("/structures/{structure_id}/monitors")
-def list_monitors_of_structure(
-    structure_id: UUID,
-    session: SessionDep,
-    user: CurrentUser,
-    cursor: Cursor = None,
-    limit: Limit = 100,
-    deleted: Deleted = False,
-) -> Page[MonitorOut]:
-    """Monitors of a structure."""
-    return nouns.page(session, user, structure_id, cursor, limit, deleted=deleted)
+nouns.listing("list_monitors_of_structure", "Monitors of a structure.", hides=True)
 
 
 @router.get("/monitors")
@@ -117,13 +106,11 @@ nouns.deleting(
 )
 
 
-@router.post("/monitors/{monitor_id}/restore")
-def restore_monitor(monitor_id: UUID, session: SessionDep, user: CurrentUser, response: Response) -> MonitorOut:
-    """Bring a deleted monitor back; campaigns that came in between are run."""
-    monitor = monitor_for(session, user, monitor_id, "editor", lock=True, deleted=True)
-    monitor_for.bring_back(session, user, monitor)
-    request_check(session, monitor.id)
-    return nouns.tagged(session, monitor, response)
+nouns.restoring(
+    "restore_monitor",
+    "Bring a deleted monitor back; campaigns that came in between are run.",
+    lambda session, monitor: request_check(session, monitor.id),
+)
 
 
 @router.post(
@@ -215,7 +202,7 @@ def get_alarm(alarm_id: UUID, session: SessionDep, user: CurrentUser) -> AlarmOu
 def acknowledge_alarm(alarm_id: UUID, body: AcknowledgementIn, session: SessionDep, user: CurrentUser) -> AlarmOut:
     """Say that you have seen an alarm, and what you make of it. The monitor is judged anew with that."""
     alarm = alarm_for(session, user, alarm_id, "editor")
-    steps.acknowledge(session, user, alarm, body.note)
+    acknowledge(session, user, alarm, body.note)
     request_check(session, alarm.monitor_id)
     return describe_alarms(session, [alarm])[0]
 

@@ -143,14 +143,8 @@ def _list_errors(path: str, operation: Node) -> None:
 
 
 RESPONSES: dict[int | str, dict[str, Any]] = {
-    "4XX": {
-        "description": "The request cannot be answered: what was found, what was expected, what to do",
-        "content": _CONTENT,
-    },
-    "5XX": {
-        "description": "The service cannot answer now",
-        "content": _CONTENT,
-    },
+    f"{digit}XX": {"description": text, "content": _CONTENT}
+    for digit, text in ((4, "The request cannot be answered: the body says why"), (5, "The service cannot answer now"))
 }
 """Responses that every operation has besides its own."""
 

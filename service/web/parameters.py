@@ -15,13 +15,14 @@ from itertools import accumulate
 from typing import Annotated, Any, TypeVar
 from uuid import UUID
 
-from fastapi import Query, Request, Response
+from fastapi import Depends, Header, Query, Request, Response
 from pydantic import BaseModel
 from sqlalchemy import ColumnElement, Select, func
 from sqlalchemy.orm import Session
 
 from service.errors import Invalid, PreconditionFailed, PreconditionRequired, Unusual
 from service.web.bodies import Page
+from service.web.negotiation import choose_format, one_of
 from service.web.quantities import unusual
 
 Cursor = Annotated[str | None, Query(max_length=100, description="`next_cursor` of the page before")]
@@ -33,6 +34,24 @@ Item = TypeVar("Item")
 
 HEAVIEST_BYTES = 1024 * 1024
 """Of the weights of a page's rows together, as they are stored."""
+
+
+def form_of(media_types: Mapping[str, str], description: str = "default: by Accept") -> Any:
+    """The dependency of a route that is the name of the format which a request wants, by `?format=` or by Accept.
+
+    Args:
+        media_types: name of each format to its media type; the first one is the default.
+        description: of the parameter.
+    """
+
+    async def chosen(
+        file_format: Any = None, accept: Annotated[str | None, Header(include_in_schema=False)] = None
+    ) -> str:
+        return choose_format(file_format, accept, media_types)
+
+    wanted = Annotated[Annotated[str, one_of(media_types)] | None, Query(alias="format", description=description)]
+    chosen.__annotations__["file_format"] = wanted
+    return Depends(chosen)
 
 
 def paged(

@@ -197,7 +197,7 @@ def test_time_series_of_sep_5_go_in_and_come_back(lab: modalbase.Laboratory) -> 
     back = campaign.judge((4, 2), good=None, why="it was another's")
     assert [one["good"] for one in campaign.hit_decisions()] == [None, False, False, False]
     assert campaign.hit_decisions()[0] == back
-    with pytest.raises(modalbase.ClientError, match="hit 7 of point 4, which there is not"):
+    with pytest.raises(modalbase.ClientError, match="hit 7 of point 4, which does not exist"):
         campaign.judge((4, 7), good=True, why="x")
 
 

@@ -52,6 +52,11 @@ def plate(before_step: str) -> FiniteElementModel:
     return read_inp(INP.replace("*STEP", before_step + "*STEP", 1).encode())
 
 
+def folded_over() -> FiniteElementModel:
+    deck = INP.replace("5, 0.1, 0.1, 0.", "5, 0.02, 0.02, 0.").replace("1, 1, 2, 5, 4\n", "*INCLUDE, INPUT=a.inp\n")
+    return read_inp(deck.encode(), {"a.inp": b"** one\n1, 1, 2, 5, 4\n"})
+
+
 def npz(**arrays: object) -> bytes:
     stream = io.BytesIO()
     np.savez(stream, **arrays)
@@ -69,6 +74,13 @@ FILES: list[tuple[Callable[[], object], str]] = [
     (lambda: bdf(PLATE + "NSM1,1,PSHELL,-100.,1\n"), "line 6: the set pshell_1 weighs -73 with its non-structural mass"),
     (lambda: bdf(BAR.format(",-1.")), "line 6: the set pbar_1 weighs -0.73 with its non-structural mass"),
     (lambda: bdf(PLATE + "RBE3,7,,1,123,1.,123,4,THRU\n,2\n"), "line 9: RBE3 7: G (field 2) is '2', expected a number above 4"),
+    (lambda: bdf(GRIDS + "INCLUDE 'a.bdf'", {"a.bdf": b"$\nCQUAD4,1,1,1,2,3,X\n"}), "a.bdf line 2: CQUAD4 1: PID (field 3) is"),
+    (lambda: bdf(GRIDS + "INCLUDE 'a.bdf'", {"a.bdf": b"INCLUDE 'b.bdf'", "b.bdf": b"INCLUDE 'a.bdf'"}),
+     "b.bdf line 1: INCLUDE 'a.bdf' stands for the second time; its cards would be there twice"),
+    (lambda: read_inp(b"*INCLUDE, INPUT=a.inp\n", {"a.inp": b"*NODE\n9, x\n"}), "a.inp line 2: *NODE x is 'x', expected"),
+    (lambda: read_inp(b"*INCLUDE, INPUT=a.inp\n", {"a.inp": b"*INCLUDE, INPUT=b.inp\n", "b.inp": b"*INCLUDE, INPUT=a.inp\n"}),
+     "b.inp line 1: *INCLUDE of 'a.inp' goes in a circle: a.inp → b.inp → a.inp"),
+    (folded_over, "a.inp line 2: element 1 of the set plate folds over"),
     (lambda: plate("*MPC\n,\n"), "line 21: *MPC has no field, expected at least one"),
     (lambda: plate("*KINEMATIC COUPLING, REF NODE=1\n,\n"), "line 21: *KINEMATIC COUPLING has no field, expected at least one"),
     (lambda: plate("*BOUNDARY\n,\n"), "line 21: *BOUNDARY has no field, expected at least one"),

@@ -204,7 +204,7 @@ FOR_EACH: dict[str, list[tuple[Any, str, str]]] = {
         ({"weightings": "noise"}, "/weightings", ""),
         ({"band_hz": [3, 1]}, "/band_hz", "its low end below its high end"),
         ({"band_hz": [8, 9]}, "/band_hz", "8 to 9 Hz holds no line; the campaign's"),
-        ({"identification": {"band_hz": [3, 1]}}, "/identification/band_hz", "its low end below its high end"),
+        ({"identification": {"band_hz": [3, 1]}}, "/identification/band_hz", "is (3, 1), expected low < high"),
         ({"damping_models": []}, "/damping_models", ""),
         ({"damping_models": ["modal", "modal"]}, "/damping_models", "a law twice"),
         ({"hold_out": {"points": [1]}}, "/hold_out/points", "holds out every FRF"),

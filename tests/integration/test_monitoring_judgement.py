@@ -21,9 +21,8 @@ from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
 from service.jobs.tables import Job
-from service.monitoring.alarms import acknowledge, alarm_for, update_alarms
 from service.monitoring.campaigns import seen_campaigns
-from service.monitoring.judgements import JUDGE, judge_if_changed, set_state
+from service.monitoring.judgements import JUDGE, acknowledge, alarm_for, judge_if_changed, set_state, update_alarms
 from service.monitoring.monitors import create_monitor
 from service.monitoring.notifications.tables import Delivery
 from service.monitoring.runs import monitor_for, newest_series, unit_of

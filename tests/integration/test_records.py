@@ -234,10 +234,10 @@ def test_a_user_overrules_and_the_document_says_so(api: httpx.Client, campaign: 
     for wrong, text in (
         (
             [{**decision, "point": 99}],
-            f"means hit {number} of point 99, which there is not; there are point 1, direction 3",
+            f"means hit {number} of point 99, which does not exist; there are point 1, direction 3",
         ),
         ([{**decision, "hit": 99}], f"means hit 99 of point {point}"),
-        ([{**decision, "direction": -3}], "in direction -3, which there is not"),
+        ([{**decision, "direction": -3}], "in direction -3, which does not exist"),
         ([decision, {**decision, "direction": 3, "use": True}], "contradicts another about"),
     ):
         refused = ok(api.post(f"campaigns/{campaign}/processings", json={"overrules": wrong}), 422)
@@ -296,8 +296,8 @@ def test_a_decision_by_hand_is_kept_with_who_and_when_and_later_processings_keep
     assert used() == (True, None)
 
     for wrong, text in (
-        ({"point": 99}, f"means hit {number} of point 99, which there is not; there are no hits at all"),
-        ({"direction": -3}, "in direction -3, which there is not; there are point 1, direction 3"),
+        ({"point": 99}, f"means hit {number} of point 99, which does not exist; there are no hits at all"),
+        ({"direction": -3}, "in direction -3, which does not exist; there are point 1, direction 3"),
         ({"why": ""}, "at least 1 character"),
     ):
         refused = ok(api.post(url, json={**named, "good": True, "why": "y", **wrong}), 422)

@@ -22,7 +22,7 @@ from service.store.search.nouns import NOUNS, SEARCHED
 from tests.support.command import modalbase_here
 from tests.support.furnished import frfs
 from tests.support.laboratory import BEAM
-from tests.support.rest import ok
+from tests.support.rest import every_page, ok
 
 assert composition.ROUTERS  # so that every table is known
 
@@ -158,16 +158,7 @@ def require_pages(api: httpx.Client, bridge: dict[str, str], sort: str | None) -
         "boundary": {"cantilever": 2, "free": 2},
         "structure.name": {"bridge north": 2, "panel": 2},
     }
-    paged: list[Any] = []
-    cursor = None
-    while True:
-        body = ok(
-            api.get("search/campaigns", params=query | {"limit": 1} | ({"cursor": cursor} if cursor else {})), 200
-        )
-        paged += body["items"]
-        cursor = body["next_cursor"]
-        if cursor is None:
-            break
+    paged = every_page(api, "search/campaigns", query | {"limit": 1})
     assert paged == whole["items"]
     if sort:
         values = [row[sort.removeprefix("-")] for row in paged]

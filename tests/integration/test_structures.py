@@ -18,7 +18,7 @@ from service.errors import NotFound
 from service.store.structures.operations import Structure, structure_for
 from tests.support.furnished import MODES, frfs, record
 from tests.support.laboratory import BEAM
-from tests.support.rest import client_of, finished, ok
+from tests.support.rest import client_of, every_page, finished, ok
 from tests.support.waiting import until
 
 PLY = {
@@ -107,18 +107,7 @@ def test_an_edit_needs_the_version_that_it_edits(api: httpx.Client, structure: s
 
 def test_structures_are_listed_in_pages(api: httpx.Client, project: str, beam: dict[str, Any]) -> None:
     made = [ok(api.post(f"projects/{project}/structures", json={**beam, "name": n}), 201) for n in "abcde"]
-    seen: list[Any] = []
-    cursor = None
-    while True:
-        page = ok(
-            api.get(f"projects/{project}/structures", params={"limit": 2, **({"cursor": cursor} if cursor else {})}),
-            200,
-        )
-        seen += page["items"]
-        cursor = page["next_cursor"]
-        if cursor is None:
-            break
-    assert seen == made
+    assert every_page(api, f"projects/{project}/structures", {"limit": 2}) == made
 
 
 def test_what_was_removed_since_it_was_found_is_not_found(sessions: Sessions) -> None:

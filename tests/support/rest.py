@@ -55,6 +55,13 @@ def ok(answer: httpx.Response, status: int | None = None) -> Any:
     return answer.json() if answer.content else None
 
 
+def every_page(api: httpx.Client, path: str, params: dict[str, Any]) -> list[Any]:
+    """The items of a list, page by page to its end."""
+    page = ok(api.get(path, params=params), 200)
+    cursor = page["next_cursor"]
+    return page["items"] + (every_page(api, path, params | {"cursor": cursor}) if cursor else [])
+
+
 def finished(api: httpx.Client, location: str) -> dict[str, Any]:
     """The last state of a job or an import at an address, once it has ended."""
     address = api.base_url.join(location)

@@ -10,6 +10,7 @@ import numpy as np
 
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
+from fecore.body.supports import PointMass
 from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign
@@ -43,8 +44,9 @@ def measured(
     boundary: str = "free",
     modes: int = 9,
     truth: dict[str, float] | None = None,
+    unstated: tuple[PointMass, ...] = (),
 ) -> Campaign:
-    """One campaign: the modes of a body drawn about what the laboratory believes of it."""
+    """One campaign: the modes of a body drawn about what the laboratory believes of it, with masses that it did not state."""
     coarse = (14, 10) if size[1] > 0.1 else (16, 3)
     turned = float(np.radians(angle))
     body = OrientedSpecimen(*size, NOMINAL, boundary, divisions=coarse, fibre_angle=turned)
@@ -56,6 +58,7 @@ def measured(
         body,
         divisions=(28, 20) if size[1] > 0.1 else (32, 6),
         clamp_compliance=compliance,
+        masses=unstated,
     )
     constants = {**fine.nominal, **(truth or TRUTH), **drawn}
     x = np.linspace(0.02, 0.98, 9) * size[0]

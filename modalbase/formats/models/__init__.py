@@ -1,1 +1,14 @@
-"""Finite element models as engineers have them: decks to one neutral model, and back with updated numbers."""
+"""Finite element models that users send: a deck, matrices or a mesh to one neutral model, and a deck back with its updates.
+
+model      what a deck says, whoever wrote it
+measures   areas, normals, and whether elements fold over
+shapes     cross sections of beams from their walls
+check      what a model must satisfy before it is worth solving
+units      units by name, guessed and checked
+files      a deck and what it includes, as lines
+changes    what updated numbers change
+edits      and where they go in the deck's own lines
+bdf  inp   decks of Nastran; of Abaqus and CalculiX
+matrices   K and M of any solver
+meshes     nodes and elements to which the user gives sections
+"""

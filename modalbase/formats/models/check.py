@@ -9,7 +9,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.measures import sizes, worst_corner
-from modalbase.formats.models.model import Elements, FiniteElementModel, Integers, Link, ShellSection
+from modalbase.formats.models.model import Elements, FiniteElementModel, Integers, Link, ShellSection, where
 
 NAMED = 5
 """At most so many elements, nodes or parts are named in a message."""
@@ -43,7 +43,7 @@ def _weigh(model: FiniteElementModel) -> None:
             mass = section.extra_mass + section.area * density[section.material]
         if mass < 0:
             raise FormatError(
-                f"{section.file} line {section.line}".strip(),
+                where(section.line, section.file),
                 f"the set {name} weighs {mass:.4g} with its non-structural mass, expected not below 0",
             )
 
@@ -70,7 +70,7 @@ def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, s
     size = sizes(block, model.nodes)
     worst = worst_corner(block, model.nodes)
     for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
-        where, number = f"line {block.lines[k]}" if block.lines[k] else "", int(block.numbers[k])
+        where, number = block.where(k), int(block.numbers[k])
         if not size[k] > 0:
             yield (
                 where,
@@ -151,6 +151,6 @@ def _described(model: FiniteElementModel, part: Integers, root: int) -> str:
     for block in model.elements:
         chosen = np.flatnonzero(part[block.nodes[:, 0]] == root)
         if chosen.size:
-            line = block.lines[chosen[0]]
-            return f"element {block.numbers[chosen[0]]} of the set {block.set}" + (f" (line {line})" if line else "")
+            where = block.where(int(chosen[0]))
+            return f"element {block.numbers[chosen[0]]} of the set {block.set}" + (f" ({where})" if where else "")
     raise AssertionError(root)

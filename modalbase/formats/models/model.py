@@ -19,6 +19,11 @@ Integers = NDArray[np.int64]
 Kind = Literal["quad4", "quad8", "tri3", "tri6", "beam2", "beam3"]
 
 
+def where(line: int, file: str = "") -> str:
+    """The place of an error."""
+    return f"{file} line {line}" if file else f"line {line}"
+
+
 @dataclass(frozen=True)
 class Place:
     """Where a number stands, so that another can be written there.
@@ -49,6 +54,7 @@ class Elements:
         lines: (e,) where each begins.
         offsets: (e, n, 3) from the nodes to the beam's axis or the shell's reference surface; None where there are none.
         thickness: (e, n) thickness at the nodes where elements state their own; None where the section's holds.
+        files: the file of each line, empty for the deck itself; none where all stand there.
     """
 
     kind: Kind
@@ -59,6 +65,11 @@ class Elements:
     lines: Integers
     offsets: Floats | None = None
     thickness: Floats | None = None
+    files: tuple[str, ...] = ()
+
+    def where(self, k: int) -> str:
+        """The place of an element's error; empty where the file has no lines."""
+        return where(int(self.lines[k]), self.files[k] if self.files else "") if self.lines[k] else ""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ A section lies in the plane of y (axis 1) and z (axis 2). Those of rectangles ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -35,7 +34,7 @@ class Shape:
     extent: tuple[float, float] = (0.0, 0.0)
 
 
-def of_walls(walls: Sequence[Wall], torsion: float | None = None, shear: tuple[float, float] | None = None) -> Shape:
+def of_walls(*walls: Wall, torsion: float | None = None, shear: tuple[float, float] | None = None) -> Shape:
     """A section of rectangles that do not overlap.
 
     Args:

@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, Lookup, Role, SessionDep, SettingsDep, User, audit, project_for, projects_of
+from service.access import CurrentUser, Lookup, Role, SessionDep, SettingsDep, User, project_for, projects_of
 from service.errors import Conflict, Invalid, NotFound
 from service.monitoring.notifications.addresses import AddressError, parse_url, resolve
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
@@ -105,14 +105,8 @@ def deliveries(session: Session, wanted: ColumnElement[bool], cursor: Cursor, li
     Raises:
         Invalid: the cursor is not one of this list.
     """
-    return paged(
-        session,
-        select(Delivery).where(wanted),
-        cursor,
-        limit,
-        partial(map, DeliveryOut.model_validate),
-        newest_first=True,
-    )
+    shown = partial(map, DeliveryOut.model_validate)
+    return paged(session, select(Delivery).where(wanted), cursor, limit, shown, newest_first=True)
 
 
 def deliveries_of_monitor(session: Session, monitor_id: UUID, cursor: Cursor, limit: Limit) -> Page[DeliveryOut]:
@@ -134,7 +128,7 @@ def create_webhook(
     session.add(row)
     session.flush()
     session.refresh(row)
-    audit(session, user, "webhook.create", "webhook", row.id, project.id, url=body.url)
+    _any_webhook_for.note(session, user, row, "create", url=body.url)
     response.headers["Location"] = f"/api/v1/webhooks/{row.id}"
     return NewWebhookOut.model_validate(row)
 
@@ -162,7 +156,7 @@ def delete_webhook(webhook_id: UUID, session: SessionDep, user: CurrentUser) -> 
     waiting = select(Delivery).where(Delivery.webhook_id == row.id, Delivery.state == "waiting").with_for_update()
     for delivery in session.scalars(waiting):
         delivery.state, delivery.last_error = "failed", "the webhook was deleted"
-    audit(session, user, "webhook.delete", "webhook", row.id, row.project_id)
+    _any_webhook_for.note(session, user, row, "delete")
 
 
 @router.post("/webhooks/{webhook_id}/test", status_code=202)
@@ -190,7 +184,7 @@ def replay_delivery(delivery_id: UUID, session: SessionDep, user: CurrentUser) -
     if row.webhook_id is not None and not session.get_one(Webhook, row.webhook_id).active:
         raise Conflict("the webhook was deleted")
     copied = ("project_id", "monitor_id", "webhook_id", "recipient", "message_id", "event", "body")
-    audit(session, user, "delivery.replay", "delivery", row.id, row.project_id)
+    delivery_for.note(session, user, row, "replay")
     return _sent(session, Delivery(**{name: getattr(row, name) for name in copied}))
 
 

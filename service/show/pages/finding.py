@@ -20,9 +20,9 @@ from service.show.pages.numbers import NOTHING, in_unit, moment, unit_of, words
 from service.store.search.fields import Field, Noun
 from service.store.search.nouns import NOUNS, SEARCHED, lineage
 from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
+from service.store.search.routes import as_text
 from service.store.search.saved import list_saved
 from service.store.search.trends import COVARIATES, FOLLOWED, MODE_VALUES, trend_of
-from service.store.search.writing import as_text
 from service.store.updating.result_schemas import CONSTANTS
 from service.web.routing import page_router
 

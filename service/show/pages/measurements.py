@@ -74,7 +74,7 @@ def get_structure(
         over_time=over_time(list(newest.values()), {c.id: c.performed_at for c in listed.items}),
         parameters=_parameter_names(newest.values()),
         batches=coupons.batches.page(visit.session, visit.user, structure_id, limit=MOST).items,
-        monitors=monitoring.list_monitors_of_structure(structure_id, visit.session, visit.user, limit=MOST).items,
+        monitors=monitoring.nouns.page(visit.session, visit.user, structure_id, limit=MOST, deleted=False).items,
         boundary=boundary,
         name=name,
     )

@@ -19,7 +19,7 @@ from service.show.results.space import At, ResultMeshOut, ShapeOut, file_of_resu
 from service.store.forecasts.operations import forecast_arrays, forecast_for
 from service.store.frfs.operations import row_of_forecast
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
-from service.store.structures.mesh_answers import MESH_FILES, MeshForm, mesh_answer
+from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.negotiation import choose_format, one_of

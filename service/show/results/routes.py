@@ -34,7 +34,7 @@ from service.show.results.space import (
 )
 from service.store.frfs.data import Cut
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
-from service.store.structures.mesh_answers import MESH_FILES, MeshForm, mesh_answer
+from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
 from service.web.downloads import spooled

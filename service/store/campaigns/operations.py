@@ -259,8 +259,7 @@ def from_csv(body: bytes) -> GridPoints:
 
 def add_points(session: Session, campaign_id: UUID, points: Iterable[tuple[int, Coordinates]]) -> None:
     """Store more points, by label; none of them is there already."""
-    columns = {"campaign_id": "uuid", "label": "int8", "x_m": "float8", "y_m": "float8", "z_m": "float8"}
-    with copy_rows(session, GridPointRow.__tablename__, columns) as write:
+    with copy_rows(session, GridPointRow) as write:
         for label, xyz in points:
             write((campaign_id, label, *xyz))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import Header, Query, Request, Response
+from fastapi import Request, Response
 
 from service.access import CurrentUser, SessionDep, SettingsDep, audit
 from service.access.nouns import NounRoutes
@@ -14,8 +14,8 @@ from service.store.campaigns import operations
 from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints
 from service.web import IF_MATCH, Confirm, api_router, etag_of, require_match, require_usual
 from service.web.json_body import BULK_VALUES, checked, parse_json
-from service.web.negotiation import choose_format, one_of
 from service.web.openapi import schema_of
+from service.web.parameters import form_of
 from service.web.routing import Later
 from service.web.uploads import UploadDep
 
@@ -83,16 +83,13 @@ def get_grid_points(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None, Query(alias="format", description="default: by Accept")
-    ] = None,
+    form: Annotated[str, form_of(MEDIA_TYPES)],
 ) -> GridPoints | Response:
     """All grid points of a campaign, in the file's coordinates, as JSON or CSV."""
     campaign = operations.campaign_for(session, user, campaign_id)
     points = operations.list_points(session, campaign.id)
     headers = {"ETag": etag_of(points), "Vary": "Accept"}
-    if choose_format(file_format, accept, MEDIA_TYPES) == "csv":
+    if form == "csv":
         return Response(operations.to_csv(points), media_type="text/csv", headers=headers)
     response.headers.update(headers)
     return points

@@ -36,7 +36,6 @@ from service.store.coupons.schemas import (
     Excluded,
     ExclusionIn,
     Prior,
-    PublishedMean,
     Statistic,
     Summary,
 )
@@ -125,14 +124,7 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
         if name not in there
     ]:
         raise Invalid(faults)
-    batch = CouponBatch(
-        structure_id=structure.id,
-        name=body.name,
-        constants=list(body.constants),
-        sets=list(body.sets),
-        published={name: value.model_dump() for name, value in body.published.items()},
-        conditions=body.conditions,
-    )
+    batch = CouponBatch(structure_id=structure.id, **body.model_dump())
     session.add(batch)
     session.flush()
     session.refresh(batch)
@@ -153,7 +145,8 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
     along = [name for name in ("Ex", "Ey") if name in batch.constants]
     faults = [
         Fault(
-            f"/{i}/E_Pa" if len(bodies) > 1 else "/E_Pa", "the batch gives Ex and Ey; record each direction in a batch"
+            f"/{i}/E_Pa" if len(bodies) > 1 else "/E_Pa",
+            "the batch gives Ex and Ey, and E_Pa could be either; record each direction in a batch of its own",
         )
         for i, body in enumerate(bodies)
         if body.E_Pa is not None and len(along) == 2
@@ -326,7 +319,7 @@ def _priors(constants: dict[Constant, Statistic], warnings: list[str]) -> dict[C
         except InputError as error:
             warnings.append(f"{name}: no prior: {error}")
         else:
-            priors[name] = Prior(mean=found.mean, standard_deviation=found.standard_deviation, basis=found.basis)
+            priors[name] = shown_as(Prior, found)
     return priors
 
 
@@ -345,8 +338,8 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
                     f"{name}: {own.n} valid specimen{'s' * (own.n != 1)}; D3039 asks for at least {FEWEST_SPECIMENS}"
                 )
         elif published is not None:
-            value = PublishedMean.model_validate(published)
-            constants[name] = _statistic(Statistics(value.n, value.mean, value.standard_deviation), unit, "published")
+            value = Statistics(**published)
+            constants[name] = _statistic(value, unit, "published")
             if value.n is None:
                 warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
             elif value.n < FEWEST_SPECIMENS:
@@ -357,11 +350,4 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
 
 
 def _statistic(value: Statistics, unit: str, source: str) -> Statistic:
-    return Statistic(
-        n=value.n,
-        mean=value.mean,
-        standard_deviation=value.standard_deviation,
-        cv_percent=value.cv_percent,
-        unit=unit,
-        source=source,  # type: ignore[arg-type]  # one of two, by this module
-    )
+    return shown_as(Statistic, value, unit=unit, source=source)

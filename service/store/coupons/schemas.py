@@ -33,12 +33,17 @@ FailureCode = Annotated[
 ]
 
 
-def check_exclusion(excluded: bool, reason: str | None) -> None:
-    """A specimen is excluded with a reason, and a reason excludes."""
-    if excluded != (reason is not None):
-        raise PydanticCustomError(
-            "exclusion_reason", "a specimen is excluded with a reason, and a reason excludes: state both or neither"
-        )
+class _Excludable(StrictModel):
+    excluded: bool = False
+    exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
+
+    @model_validator(mode="after")
+    def _with_a_reason(self) -> Self:
+        if self.excluded != (self.exclusion_reason is not None):
+            raise PydanticCustomError(
+                "exclusion_reason", "a specimen is excluded with a reason, and a reason excludes: state both or neither"
+            )
+        return self
 
 
 class PublishedMean(StrictModel):
@@ -110,7 +115,7 @@ class BatchOut(StrictModel):
     created_at: datetime
 
 
-class CouponIn(StrictModel):
+class CouponIn(_Excludable):
     """Results of one specimen."""
 
     model_config = example(specimen="A1", E_Pa=33.1e9, nu=0.16, failure_code="AGM")
@@ -123,12 +128,9 @@ class CouponIn(StrictModel):
     strength_Pa: Strength | None = None
     ultimate_strain: Annotated[float, STRAIN] | None = Field(None, gt=0, lt=10, description="m/m")
     failure_code: FailureCode | None = None
-    excluded: bool = False
-    exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        check_exclusion(self.excluded, self.exclusion_reason)
         if self.standard == "D3518" and (self.E_Pa is not None or self.nu is not None):
             raise PydanticCustomError("not_of_d3518", "D3518 gives a shear modulus G_Pa, not E_Pa or nu")
         if self.standard == "D3039" and self.G_Pa is not None:
@@ -138,18 +140,12 @@ class CouponIn(StrictModel):
         return self
 
 
-class ExclusionIn(StrictModel):
+class ExclusionIn(_Excludable):
     """Whether a recorded specimen counts."""
 
     model_config = example(excluded=True, exclusion_reason="slipped in the grip")
 
     excluded: bool
-    exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        check_exclusion(self.excluded, self.exclusion_reason)
-        return self
 
 
 class CouponOut(StrictModel):
@@ -256,7 +252,7 @@ class Dimensions(StrictModel):
             yield name, metres * (getattr(self, name) or 0.0), COUPON_SIZE
 
 
-class CurveCouponIn(StrictModel):
+class CurveCouponIn(_Excludable):
     """A specimen as it was tested: its dimensions, and how its raw curve is to be read and reduced."""
 
     specimen: Name
@@ -274,12 +270,9 @@ class CurveCouponIn(StrictModel):
     )
     chord_start: Strain | None = Field(None, description="D3518, shear strain m/m; default 2000 µε")
     failure_code: FailureCode | None = None
-    excluded: bool = False
-    exclusion_reason: Text | None = Field(None, min_length=1, max_length=1000)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        check_exclusion(self.excluded, self.exclusion_reason)
         needed = ("force", "strain", *(("transverse_strain",) if self.standard == "D3518" else ()))
         missing = [name for name in needed if name not in self.columns]
         if missing:

@@ -84,19 +84,12 @@ class Frf(Identified, Labelled, Base):
     variance: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
 
-READ_COLUMNS = {"campaign_id": "uuid", "import_id": "uuid", "dataset": "int4", **COLUMNS}
-"""What an import states of an FRF, and its type in the database."""
-
-PROCESSED_COLUMNS = {
-    "id": "uuid",
-    "campaign_id": "uuid",
-    "processing_id": "uuid",
-    **COLUMNS,
-    "window_rate_per_s": "float8",
-    "window_rate_sd_per_s": "float8",
-    "variance": "bytea",
-    "variance_sha256": "bytea",
-}
+READ_COLUMNS = ("campaign_id", "import_id", "dataset", *COLUMNS)
+"""What an import states of an FRF."""
+PROCESSED_COLUMNS = (
+    *("id", "campaign_id", "processing_id", *COLUMNS),
+    *("window_rate_per_s", "window_rate_sd_per_s", "variance", "variance_sha256"),
+)
 """What a processing states of an FRF."""
 
 
@@ -173,8 +166,7 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
     project_id = campaign_for.project_of(session, campaign)
     book(session, project_id, "frfs", new.path.stat().st_size, campaign_id=campaign.id)
     keys = new_keys(session, new.count)
-    columns = {"id": "uuid", "campaign_id": "uuid", **COLUMNS}
-    with new.path.open("rb") as file, copy_rows(session, Frf.__tablename__, columns) as write:
+    with new.path.open("rb") as file, copy_rows(session, Frf, ("id", "campaign_id", *COLUMNS)) as write:
         for key in keys:
             write([key, campaign.id, *pickle.load(file)])
     audit(session, user, "frf.create", "campaign", campaign.id, project_id, count=new.count)
@@ -205,7 +197,7 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     }
     hits = new.hits.tolist()
     keys = new_keys(session, len(hits))
-    with copy_rows(session, Frf.__tablename__, PROCESSED_COLUMNS) as write:
+    with copy_rows(session, Frf, PROCESSED_COLUMNS) as write:
         for i, (key, response, force) in enumerate(zip(keys, new.frfs.responses, new.frfs.references, strict=True)):
             variance = None if new.frfs.variance is None else new.frfs.variance[i]
             known = None if variance is None or np.isnan(variance).any() else encode(variance)
@@ -243,7 +235,7 @@ def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], Non
     Yields:
         What takes an FRF: the value of each of `READ_COLUMNS`, by name.
     """
-    with copy_rows(session, Frf.__tablename__, READ_COLUMNS) as write:
+    with copy_rows(session, Frf, READ_COLUMNS) as write:
         yield lambda row: write([row[column] for column in READ_COLUMNS])
 
 

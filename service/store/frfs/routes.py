@@ -15,7 +15,7 @@ from typing import IO, Annotated
 from uuid import UUID
 
 import numpy as np
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
@@ -35,8 +35,7 @@ from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
 from service.web.bodies import Labels
 from service.web.downloads import fits_memory, in_memory, spooled
-from service.web.negotiation import choose_format, one_of
-from service.web.parameters import not_modified
+from service.web.parameters import form_of, not_modified
 
 
 def write_json(table: FrfTable, file: IO[bytes]) -> None:
@@ -203,16 +202,12 @@ class Spectra:
 
 def _spectra(
     request: Request,
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 58b, uff-ascii set 58; default: by Accept")],
     fmin: Annotated[Hertz, Query(description="Hz")] = None,
     fmax: Annotated[Hertz, Query(description="Hz")] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None,
-        Query(alias="format", description="uff is set 58b, uff-ascii set 58; default: by Accept"),
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Spectra:
-    return Spectra(request, Cut(fmin, fmax, stride), choose_format(file_format, accept, MEDIA_TYPES))
+    return Spectra(request, Cut(fmin, fmax, stride), form)
 
 
 SpectraDep = Annotated[Spectra, Depends(_spectra)]

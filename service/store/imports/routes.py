@@ -25,7 +25,7 @@ from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
-from service.store.records.judgement import judged
+from service.store.records.decisions import judged
 from service.store.records.operations import records_of_import
 from service.store.records.schemas import Proposal, StoredRecords
 from service.store.storage.originals import copy_original, forget_originals, original_sizes

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 from uuid import UUID
 
 from pydantic import Field
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.modal import Options
 from fecore.modes import MeasuredModes
 from service.access import Lookup, User
 from service.compute.identifying import IdentificationInputs, IdentificationOutput, find_modes
@@ -21,37 +20,20 @@ from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.store.frfs.data import load_measured_campaign
 from service.store.modes.operations import EVIDENCE, Identification, ModeSet, store_identified
+from service.store.modes.schemas import PolesIn
 from service.store.storage import require_room
-from service.web import Name, StrictModel, example
-
-Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
+from service.web import Name, example
 
 
-class IdentificationIn(StrictModel):
+class IdentificationIn(PolesIn):
     """How to identify; `{}` will do."""
 
     model_config = example()
 
     name: Name = "identified"
-    band_hz: tuple[Frequency, Frequency] | None = Field(None, description="lines to use; default: all")
-    highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
-    most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
-    threshold: float = Field(
-        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
-    )
     include_doubtful: bool = Field(
         False, description="keep the uncertain poles, from probability 0.1 on, in the mode set too"
     )
-
-    def options(self) -> Options:
-        """The core's options.
-
-        Raises:
-            InputError: the band is empty.
-        """
-        if self.band_hz is not None and not self.band_hz[0] < self.band_hz[1]:
-            raise InputError("band_hz", f"is ({self.band_hz[0]:g}, {self.band_hz[1]:g}), expected low < high")
-        return Options(self.band_hz, self.highest_order, self.most_modes, self.threshold)
 
 
 def _load(session: Session, job_id: UUID, _workspace: Path) -> IdentificationInputs:

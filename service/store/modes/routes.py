@@ -1,21 +1,24 @@
-"""Routes of mode sets and of identifications; a mode set as a UFF file."""
+"""Routes of mode sets and of identifications; a mode set as a UFF file, and edited by hand: poles kept or dropped, and why."""
 
 from __future__ import annotations
 
+import bisect
 import itertools
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
 from typing import IO, Annotated, Any
 from uuid import UUID
 
 import numpy as np
-from fastapi import Header, Query, Response
+from fastapi import Response
 from pydantic import Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from fecore.errors import InputError
 from modalbase.formats import uff
 from modalbase.formats.uff.write import encode
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, User
 from service.access.nouns import NounRoutes
 from service.compute.identifying import up_to_date
 from service.errors import Conflict
@@ -23,14 +26,15 @@ from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for, stored_points
-from service.store.modes import editing, operations
+from service.store.modes import operations
 from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn
 from service.store.modes.identifications import start_identification as queue_identification
-from service.store.modes.operations import Identification, Mode, ModeSet, modes_of, shape_of
-from service.store.modes.schemas import EditIn, ModeSetIn, ModeSetOut
+from service.store.modes.operations import Identification, Mode, ModeSet, mode_set_for, modes_of, shape_of, store
+from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
+from service.store.storage import book
 from service.web import api_router, shown_as
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
+from service.web.parameters import form_of
 
 router = api_router(tags=["mode sets"], bulk=True)
 
@@ -57,7 +61,7 @@ def edit_mode_set(
 ) -> ModeSetOut:
     """Keep or drop poles by hand: a new mode set that records who decided what and why; the old one stays as it is."""
     mode_set = operations.mode_set_for(session, user, mode_set_id, "editor")
-    return nouns.made(session, editing.edit_mode_set(session, user, mode_set, body), response)
+    return nouns.made(session, keep_or_drop(session, user, mode_set, body), response)
 
 
 nouns.listing("list_mode_sets", "Mode sets of a campaign.")
@@ -68,15 +72,11 @@ def get_mode_set(
     mode_set_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None,
-        Query(alias="format", description="uff is set 55; default: by Accept"),
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 55; default: by Accept")],
 ) -> ModeSetOut | Response:
     """A mode set, as JSON or as a UFF file of grid points and mode shapes."""
     mode_set = operations.mode_set_for(session, user, mode_set_id)
-    if choose_format(file_format, accept, MEDIA_TYPES) == "uff":
+    if form == "uff":
         media_type = MEDIA_TYPES["uff"]
         return spooled(lambda file: write_uff(session, mode_set, file), media_type, "modes.uff", {"Vary": "Accept"})
     return nouns.shown(session, mode_set)
@@ -163,3 +163,92 @@ def _shape(mode_set: ModeSet, row: Mode) -> uff.ModeShape:
         values=values,
         kind="complex" if np.any(values.imag) else "normal",
     )
+
+
+_SAME = 1e-3
+"""Relative distance within which a frequency names a pole, as tables round it."""
+
+_BESIDE = ("doubtful", "refused_poles")
+_MODE = ("frequency_hz", "damping_ratio", "frequency_sd_hz", "damping_sd", "shape")
+
+
+def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) -> ModeSet:
+    """A new mode set with the modes of another one, less those dropped, and with the poles beside it that were kept.
+
+    Args:
+        session: the request's transaction.
+        user: who decides.
+        mode_set: the set to start from; it stays as it is.
+        body: a name, and for each pole in question whether it is kept, and why.
+
+    Raises:
+        InputError: a decision names no pole, or one twice, or no mode is left.
+        QuotaExceeded: the project has no room for the set.
+    """
+    modes = modes_of(session, [mode_set.id])[mode_set.id]
+    rows = [{part: getattr(mode, part) for part in _MODE} for mode in modes]
+    evidence = list(mode_set.details.get("evidence", [{}] * len(rows)))
+    places: list[int | None] = list(range(len(rows)))
+    beside = {part: list(mode_set.details.get(part, [])) for part in _BESIDE}
+    decided = []
+    for number, decision in enumerate(body.decisions):
+        pole = _pole(f"decisions[{number}].frequency_hz", decision, rows, *beside.values())
+        if decision.keep and pole not in rows:
+            place = bisect.bisect([row["frequency_hz"] for row in rows], pole["frequency_hz"])
+            rows.insert(place, {part: pole.get(part) for part in _MODE})
+            evidence.insert(place, {part: pole[part] for part in ("probability", "features") if part in pole})
+            places.insert(place, None)
+            beside = {part: [one for one in poles if one is not pole] for part, poles in beside.items()}
+        elif not decision.keep and pole in rows:
+            place = rows.index(pole)
+            del rows[place], evidence[place], places[place]
+        decided.append(_record(user, decision, pole))
+    if not rows:
+        raise InputError("decisions", "drop every mode of the set; keep at least one")
+    details = {**mode_set.details, **beside, "evidence": evidence}
+    details["edited_from"] = str(mode_set.id)
+    details["decisions"] = [*mode_set.details.get("decisions", []), *decided]
+    covariance = _covariance(mode_set, places)
+    edited = ModeSet(
+        campaign_id=mode_set.campaign_id, name=body.name, origin="edited", covariance=covariance, details=details
+    )
+    project_id = mode_set_for.project_of(session, mode_set)
+    book(session, project_id, "modes", len(str(rows)) + len(str(details)), campaign_id=mode_set.campaign_id)
+    store(session, edited, rows)
+    session.refresh(edited)
+    mode_set_for.note(session, user, edited, "edit", name=body.name, edited_from=str(mode_set.id))
+    return edited
+
+
+def _pole(field: str, decision: DecisionIn, *where: list[dict[str, Any]]) -> dict[str, Any]:
+    """The pole that a decision names.
+
+    Raises:
+        InputError: there is none at that frequency.
+    """
+    poles = [pole for rows in where for pole in rows]
+    near = min(poles, key=lambda pole: abs(pole["frequency_hz"] - decision.frequency_hz), default=None)
+    if near is None or abs(near["frequency_hz"] / decision.frequency_hz - 1) > _SAME:
+        there = ", ".join(f"{pole['frequency_hz']:.6g}" for pole in poles[:30])
+        raise InputError(field, f"is {decision.frequency_hz:g}, and no pole of the set is there; it has {there} Hz")
+    return near
+
+
+def _record(user: User, decision: DecisionIn, pole: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "frequency_hz": pole["frequency_hz"],
+        "keep": decision.keep,
+        "reason": decision.reason,
+        "by": user.name,
+        "at": datetime.now(UTC).isoformat(),
+    }
+
+
+def _covariance(mode_set: ModeSet, places: list[int | None]) -> list[Any] | None:
+    """The covariance of the modes that stay; None where the set has none, or one was added."""
+    if mode_set.covariance is None or any(place is None for place in places):
+        return None
+    whole, at = np.array(mode_set.covariance), np.array(places, dtype=int)
+    both = np.concatenate([at, len(whole) // 2 + at])
+    kept: list[Any] = whole[np.ix_(both, both)].tolist()
+    return kept

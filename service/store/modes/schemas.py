@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from pydantic import Field, field_validator
 from pydantic_core import PydanticCustomError
 
+from fecore.errors import InputError
+from fecore.modal import Options
 from service.store.campaigns.schemas import Point
 from service.web import Name, StrictModel, example
 
@@ -66,6 +68,31 @@ class ModeSetIn(StrictModel):
 
     name: Name
     modes: list[ModeIn] = Field(min_length=1, max_length=10_000)
+
+
+Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
+Band = tuple[Frequency, Frequency]
+
+
+class PolesIn(StrictModel):
+    """How poles are looked for in FRFs, and from when on one is a mode."""
+
+    band_hz: Band | None = Field(None, description="lines to use; default: all")
+    highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
+    most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
+    threshold: float = Field(
+        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
+    )
+
+    def options(self) -> Options:
+        """The core's options.
+
+        Raises:
+            InputError: the band is empty.
+        """
+        if self.band_hz is not None and not self.band_hz[0] < self.band_hz[1]:
+            raise InputError("band_hz", f"is ({self.band_hz[0]:g}, {self.band_hz[1]:g}), expected low < high")
+        return Options(self.band_hz, self.highest_order, self.most_modes, self.threshold)
 
 
 class FeatureOut(StrictModel):

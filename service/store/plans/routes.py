@@ -193,7 +193,8 @@ def _test(
     body = joint_body(session, structure, asked.boundary, USUAL, masses=masses, first=first)
     if isinstance(body, MatrixBody):
         raise Invalid(
-            f"/tests/{number}/structure_id", "is matrices, whose nodes have no walls to hit; a forecast has points"
+            f"/tests/{number}/structure_id",
+            "is a model of matrices, whose nodes have no walls to hit; a forecast proposes points",
         )
     points, axes = _points(asked, body)
     sensor = len(points) - 1 if asked.sensor is None else asked.sensor
@@ -250,7 +251,7 @@ def _coupons(number: int, asked: PlannedCouponsIn, body: OrientedSpecimen | Stru
     names = tuple(name for constant in asked.constants for name in own.get(constant, ()))
     relative = prior(Statistics(asked.pieces, 1.0, asked.scatter)).standard_deviation
     words = ", ".join(asked.constants) + (f" of {', '.join(asked.sets)}" if asked.sets else "")
-    return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative)
+    return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative, asked.pieces)
 
 
 def _made(session: Session, user: User, number: int, each: MadeTestIn, first: StructureIn) -> Campaign:

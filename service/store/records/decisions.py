@@ -1,4 +1,6 @@
-"""Hits accepted or refused by hand: a person decides, says why, and each later processing keeps to it."""
+"""Hits accepted or refused by hand: a person decides, says why, and each later processing keeps to it. And how stored hits are
+judged now, with what was decided of them.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +12,14 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.errors import InputError
 from fecore.frf import Dof
+from fecore.signal import Processing, Verdict, inspect
 from service.access import User, audit
-from service.compute.hits import BlockRow, Place
+from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.db.base import Base, Big, Identified
 from service.store.campaigns.operations import campaign_for
-from service.store.records.operations import Record, block_rows
-from service.store.records.schemas import HitDecisionIn, HitNamed, OverruleIn
+from service.store.records.operations import Record, block_rows, describe, samples_of
+from service.store.records.schemas import HitDecisionIn, HitDecisionOut, HitNamed, OverruleIn, StoredHit, StoredRecords
+from service.web import shown_as
 
 
 class HitDecision(Identified, Base):
@@ -114,7 +118,7 @@ def _meant(one: HitNamed, there: set[tuple[Place, int]], field: str) -> Dof:
         where = f"{field}.direction".lstrip(".")
         raise InputError(where, f"is missing: there is {_named(one)} in directions {listed}")
     if not own or one.direction not in (None, *own):
-        raise InputError(field or "hit", f"means {_named(one)}, which there is not; there are {_listed(there)}")
+        raise InputError(field or "hit", f"means {_named(one)}, which does not exist; there are {_listed(there)}")
     return Dof(one.point, own[0] if one.direction is None else one.direction)
 
 
@@ -133,3 +137,33 @@ def _listed(there: set[tuple[Place, int]]) -> str:
     ]
     more = f"; and {len(found) - _MOST_PLACES} other places" if len(found) > _MOST_PLACES else ""
     return ("; ".join(found[:_MOST_PLACES]) or "no hits at all") + more
+
+
+MOST_LOOKED_AT = 64
+"""Blocks of the points concerned above which an answer does not judge their hits; a processing does."""
+
+
+def judged(session: Session, campaign_id: UUID, stored: Sequence[Record]) -> StoredRecords:
+    """Blocks as clients see them, with the judgement of all hits of their points where these are not too many.
+
+    A hit of which a block was deleted is no reason to refuse later ones: it is named instead of judged.
+    """
+    answer = StoredRecords(items=[describe(row) for row in stored], hits=[], coherence={}, incomplete=[])
+    known = block_rows(session, campaign_id, {row.force_point for row in stored})
+    places = [whole(rows) for rows in known.values()]
+    answer.incomplete = [sentence for _, sentences in places for sentence in sentences]
+    if sum(len(rows) for rows, _ in places) > MOST_LOOKED_AT:
+        return answer
+    alike = [of_sensors for rows, _ in places for of_sensors in by_sensors(rows)]
+    alike.sort(key=lambda rows: max(row.id for row in rows))  # the coherence of a place is that of its newest hits
+    by_hand = standing(session, campaign_id)
+    overrules = {hit: bool(decision.good) for hit, decision in by_hand.items()}
+    found = inspect([hits_of(rows, samples_of(session, rows)) for rows in alike], Processing(overrules=overrules))
+    answer.hits = [_stored(verdict, by_hand.get((verdict.force, verdict.number))) for verdict in found.verdicts]
+    answer.coherence = {str(dof.point): value for dof, value in found.coherence.items()}
+    return answer
+
+
+def _stored(verdict: Verdict, decision: HitDecision | None) -> StoredHit:
+    by_hand = None if decision is None else shown_as(HitDecisionOut, decision)
+    return StoredHit.model_validate({**describe_verdict(verdict), "decision": by_hand})

@@ -69,17 +69,8 @@ class Record(Identified, Base):
     data: Mapped[bytes] = mapped_column(LargeBinary, deferred=True)
 
 
-COLUMNS = {
-    **dict.fromkeys(("id", "campaign_id", "import_id"), "uuid"),
-    **dict.fromkeys(("label", "filename", "quantity"), "text"),
-    **dict.fromkeys(("point", "force_point", "hit", "start_sample"), "int8"),
-    **dict.fromkeys(("direction", "force_direction", "samples"), "int4"),
-    **dict.fromkeys(("sample_rate_hz", "sensitivity", "window_rate_per_s", "full_scale"), "float8"),
-    "dtype": "text",
-    "sha256": "bytea",
-    "data": "bytea",
-}
-"""What is stated of a time block, and its type in the database."""
+COLUMNS = tuple(one.name for one in Record.__table__.columns if one.name != "created_at")
+"""What is stated of a time block."""
 
 _STATED = tuple(name for name in COLUMNS if name in TimeBlock.__dataclass_fields__ and name not in ("hit", "samples"))
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
@@ -134,7 +125,7 @@ def write_records(
     """
     last = _last_hits(session, campaign_id) if counted else {}
     keys, size = new_keys(session, count), 0
-    with copy_rows(session, Record.__tablename__, COLUMNS) as write:
+    with copy_rows(session, Record, COLUMNS) as write:
         # The server stores one while the next is hashed.
         for key, block in zip(keys, blocks, strict=True):
             samples = encode(block.samples)

@@ -1,14 +1,22 @@
-"""Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text and by words; and trends."""
+"""Routes of search: rows of one noun over all projects of the user, found by a filter in CQL2 text and by words, as JSON, CSV
+and Arrow; and trends.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Sequence
+import json
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from datetime import UTC, datetime, timedelta
+from itertools import islice
 from typing import IO, Annotated, Any
 
-from fastapi import Depends, Header, Query, Response
+import nanoarrow as na
+import numpy as np
+from fastapi import Depends, Query, Response
 from fastapi.responses import FileResponse
+from nanoarrow.ipc import StreamWriter
 from pydantic import BaseModel, Field
 from sqlalchemy.orm import Session
 
@@ -16,15 +24,86 @@ from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
 from service.store.frfs.operations import frfs_of
 from service.store.frfs.routes import FILES, SpectraDep
-from service.store.search.fields import Noun
+from service.store.search.fields import Kind, Noun
 from service.store.search.nouns import NOUNS, SEARCHED
 from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded, names_in
 from service.store.search.translate import LONGEST
 from service.store.search.trends import COVARIATES, FOLLOWED, POINT_COLUMNS, Trending, TrendOut, flat, trend_of
-from service.store.search.writing import shown, write_arrow, write_csv, write_lines
 from service.web import Limit, api_router
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
+from service.web.parameters import form_of
+
+_TYPES: dict[Kind, Any] = {
+    "text": na.string(),
+    "id": na.string(),
+    "number": na.float64(),
+    "whole": na.int64(),
+    "truth": na.bool_(),
+    "time": na.timestamp("us", timezone="UTC"),
+    "tags": na.string(),
+    "json": na.string(),
+}
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_TOGETHER = 1000  # rows of a record batch
+
+
+def write_csv(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
+    """A header of names and a line for each row, numbers in the shortest form that is exact, times as ISO 8601."""
+    text = io.TextIOWrapper(file, "utf-8", newline="", write_through=True)
+    writer = csv.writer(text, lineterminator="\r\n")
+    writer.writerow(column.name for column in columns)
+    writer.writerows([as_text(shown(value)) for value in row] for row in rows)
+    text.detach()
+
+
+def write_lines(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
+    """A line of JSON for each row, with a member for each column."""
+    names = [column.name for column in columns]
+    for row in rows:
+        item = dict(zip(names, map(shown, row), strict=True))
+        file.write(json.dumps(item, ensure_ascii=False, allow_nan=False).encode() + b"\n")
+
+
+def write_arrow(columns: Sequence[Column], rows: Iterable[tuple[Any, ...]], file: IO[bytes]) -> None:
+    """An Arrow IPC stream with a column for each field: text, float64, int64, bool, or microseconds UTC."""
+    schema = na.struct({column.name: _TYPES[column.field.kind] for column in columns})
+    with StreamWriter.from_writable(file) as writer:
+        for batch in _batches(rows):
+            children = [_array(column, [row[i] for row in batch]) for i, column in enumerate(columns)]
+            writer.write_array(na.c_array_from_buffers(schema, len(batch), [None], children=children))
+
+
+def shown(value: Any) -> Any:
+    """A value as JSON and CSV have it."""
+    if isinstance(value, datetime):
+        return value.astimezone(UTC).isoformat().replace("+00:00", "Z")
+    return value if value is None or isinstance(value, bool | int | float | list | dict) else str(value)
+
+
+def as_text(value: Any) -> Any:
+    """A value as a table has it: tags with commas between them, other lists and objects as JSON."""
+    if isinstance(value, list) and all(isinstance(one, str) for one in value):
+        return ", ".join(value)
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, list | dict) else value
+
+
+def _array(column: Column, values: list[Any]) -> Any:
+    kind = column.field.kind
+    if kind in ("id", "tags", "json"):
+        values = [None if one is None else str(as_text(one)) for one in values]
+    if kind != "time":
+        return na.c_array(values, _TYPES[kind])
+    since = np.array([0 if one is None else (one - _EPOCH) // timedelta(microseconds=1) for one in values], np.int64)
+    known = np.array([one is not None for one in values], bool)
+    buffers = [np.packbits(known, bitorder="little"), since]
+    return na.c_array_from_buffers(_TYPES[kind], len(values), buffers, null_count=int((~known).sum()))
+
+
+def _batches(rows: Iterable[tuple[Any, ...]]) -> Iterator[list[tuple[Any, ...]]]:
+    row = iter(rows)
+    while batch := list(islice(row, _TOGETHER)):
+        yield batch
+
 
 router = api_router(tags=["search"])
 
@@ -80,26 +159,20 @@ def _wanted(
 
 WantedDep = Annotated[Wanted, Depends(_wanted)]
 After = Annotated[str | None, Query(max_length=4000, description="`next_cursor` of the page before")]
-FormatQuery = Annotated[
-    Annotated[str, one_of(MEDIA_TYPES)] | None,
-    Query(alias="format", description=f"default: by Accept; files have all rows, at most {MOST_ROWS:,}"),
-]
-Accept = Annotated[str | None, Header(include_in_schema=False)]
+Form = Annotated[str, form_of(MEDIA_TYPES, f"default: by Accept; files have all rows, at most {MOST_ROWS:,}")]
 
 
 def _add(address: str, noun: Noun) -> None:
     """Add the search for one noun."""
 
     def search(
+        form: Form,
         wanted: WantedDep,
         session: SessionDep,
         user: CurrentUser,
         cursor: After = None,
         limit: Limit = 100,
-        file_format: FormatQuery = None,
-        accept: Accept = None,
     ) -> Any:
-        form = choose_format(file_format, accept, MEDIA_TYPES)
         found = Search(user, noun, wanted)
         with bounded(session):
             return _page(found, session, cursor, limit) if form == "json" else _file(found, session, form)
@@ -134,10 +207,7 @@ Value = Annotated[
     str | None, Query(max_length=100, description="what is followed; default: Ex, or frequency_hz of modes")
 ]
 TREND_TYPES = {name: MEDIA_TYPES[name] for name in ("json", "csv")}
-TrendFormat = Annotated[
-    Annotated[str, one_of(TREND_TYPES)] | None,
-    Query(alias="format", description="default: by Accept; CSV has the points"),
-]
+TrendForm = Annotated[str, form_of(TREND_TYPES, "default: by Accept; CSV has the points")]
 
 
 def _trend(noun: Trending) -> Callable[..., TrendOut]:
@@ -161,26 +231,26 @@ ModeTrend = Annotated[TrendOut, Depends(_trend("modes"))]
 
 
 @router.get("/search/results/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
-def get_result_trend(trend: ResultTrend, file_format: TrendFormat = None, accept: Accept = None) -> Any:
+def get_result_trend(form: TrendForm, trend: ResultTrend) -> Any:
     """A constant of the results that a search finds, over time and temperature: a series for each structure, and lines.
 
     Each campaign counts once, with its newest result. A line has the change a year, with and without the covariates; scatter
     between campaigns is in its interval.
     """
-    return _as(trend, file_format, accept)
+    return _as(form, trend)
 
 
 @router.get("/search/modes/trend", response_model=TrendOut, responses={200: {"content": {"text/csv": {}}}})
-def get_mode_trend(trend: ModeTrend, file_format: TrendFormat = None, accept: Accept = None) -> Any:
+def get_mode_trend(form: TrendForm, trend: ModeTrend) -> Any:
     """Frequency or damping of the modes that a search finds, over time and temperature: a series for each mode of a structure.
 
     Modes are followed from campaign to campaign by MAC and frequency; each campaign counts once, with its newest mode set.
     """
-    return _as(trend, file_format, accept)
+    return _as(form, trend)
 
 
-def _as(trend: TrendOut, file_format: str | None, accept: str | None) -> Any:
-    if choose_format(file_format, accept, TREND_TYPES) == "json":
+def _as(form: str, trend: TrendOut) -> Any:
+    if form == "json":
         return trend
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\r\n")
@@ -201,7 +271,7 @@ def get_found_data(wanted: WantedDep, session: SessionDep, user: CurrentUser, sp
     if not keys:
         raise NotFound("FRF that the search finds")
     if len(keys) > MOST_SPECTRA:
-        raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, which is as many as a file has; narrow it")
+        raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, the most that a file holds; narrow it")
     return spectra.of(session, frfs_of(session, keys))
 
 
@@ -231,5 +301,5 @@ def _file(found: Search, session: Session, form: str) -> FileResponse:
 def _few(rows: Iterable[tuple[Any, ...]]) -> Iterable[tuple[Any, ...]]:
     for number, row in enumerate(rows):
         if number == MOST_ROWS:
-            raise Invalid("filter", f"finds more than {MOST_ROWS:,} rows, which is as many as a file has; narrow it")
+            raise Invalid("filter", f"finds more than {MOST_ROWS:,} rows, the most that a file holds; narrow it")
         yield row

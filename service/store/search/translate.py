@@ -16,7 +16,7 @@ import cql2
 from sqlalchemy import ColumnElement, FromClause, and_, exists, not_, or_
 
 from service.errors import Invalid
-from service.store.search import labels, literals
+from service.store.search import literals
 from service.store.search.fields import META, Field, Noun, find_field
 from service.store.search.nouns import NOUNS, lineage
 
@@ -151,14 +151,14 @@ class _Reader:
         field = replace(field, among=tuple(map(str.lower, field.among))) if folded else field
         path = field.name.split(".")[1:] if field.kind == "json" else []
         if path:
-            field = labels.as_compared(field, values)
+            field = literals.as_compared(field, values)
         if folded and field.kind != "text":
             raise Invalid("filter", f"CASEI takes a text; {name} is {literals.EXPECTED[field.kind]}")
 
         def test(row: FromClause) -> ColumnElement[bool]:
             column = field.of(row)
             if field.kind == "tags":
-                return labels.has_tag(name, op, column, values)
+                return literals.has_tag(name, op, column, values)
             return _TESTS[op](field, name, op, literals.folded(column) if folded else column, values)
 
         def asked(row: FromClause) -> ColumnElement[bool]:
@@ -166,7 +166,7 @@ class _Reader:
             if negated:
                 return not_(found)
             if path and op != "isnull":
-                return and_(labels.has_member(row.c[META], path, op if not folded else "", values[0]), found)
+                return and_(literals.has_member(row.c[META], path, op if not folded else "", values[0]), found)
             return found
 
         return Leaf(noun, asked)

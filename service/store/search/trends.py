@@ -114,7 +114,9 @@ def trend_of(
         Invalid: nothing that is found has such a value, there is too much, or a covariate is none.
     """
     if unknown := set(covariates) - set(COVARIATES):
-        raise Invalid("covariates", f"{', '.join(sorted(unknown))[:100]} is none; there is {', '.join(COVARIATES)}")
+        raise Invalid(
+            "covariates", f"{', '.join(sorted(unknown))[:100]} is no covariate; there are {', '.join(COVARIATES)}"
+        )
     unit, older, found = (_constants if noun == "results" else _modes)(session, user, wanted, value)
     groups: dict[tuple[UUID, str], list[Row]] = {}
     for row in sorted((row for row in found if row["performed_at"] is not None), key=lambda row: row["performed_at"]):
@@ -173,7 +175,7 @@ def _rows(session: Session, user: User, noun: str, wanted: Wanted, fields: Mappi
     names = ("structure_id", "structure_name", *PLACE, *fields)
     rows = [dict(zip(names, row, strict=True)) for row in islice(search.rows(session), most + 1)]
     if len(rows) > most:
-        raise Invalid("filter", f"finds more than {most:,} {noun}s, of which no trend is made; narrow it")
+        raise Invalid("filter", f"finds more than {most:,} {noun}s, too many for a trend; narrow it")
     return rows
 
 

@@ -70,8 +70,7 @@ def keep_original(session: Session, file: Spooled) -> None:
     ).one_or_none()
     if new is None:
         return
-    columns = {"sha256": "bytea", "number": "int4", "data": "bytea"}
-    with file.path.open("rb") as stream, copy_rows(session, "original_chunks", columns) as write:
+    with file.path.open("rb") as stream, copy_rows(session, OriginalChunk) as write:
         for number, data in enumerate(iter(lambda: stream.read(CHUNK_BYTES), b"")):
             write((file.sha256, number, data))
 

@@ -1,36 +1,68 @@
-"""Routes of the models that users send."""
+"""Routes of the models that users send; and meshes as an answer: JSON for pages, VTU for viewers, UFF for programs of modal
+analysis.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping, Sequence
+from typing import IO, Annotated, Any, Literal
 from uuid import UUID
 
+import numpy as np
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import Field
 from sqlalchemy.orm import Session
 
+from modalbase.formats.meshes import Cells, MeshFile, columns, uff_of, write_vtu
+from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
 from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
-from service.store.storage.originals import copy_original
+from service.store.storage.originals import copy_original, original_sizes
 from service.store.structures import models
-from service.store.structures.mesh_answers import (
-    MESH_FILES,
-    MeshForm,
-    file_of,
-    mesh_answer,
-)
 from service.store.structures.meshes import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.store.structures.shapes import Section
 from service.web import Confirm, Name, StrictModel, api_router, require_usual, shown_as
 from service.web.downloads import spooled
 from service.web.json_body import checked, parse_parameter
-from service.web.parameters import not_modified
+from service.web.parameters import form_of, not_modified
 from service.web.uploads import UPLOAD_CONTENT, UploadDep
+
+MEDIA_TYPES = {"json": "application/json", "vtu": "application/vnd.kitware.vtu+xml", "uff": "application/x-uff"}
+MESH_FILES: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "The mesh.",
+        "content": {kind: {} for kind in MEDIA_TYPES.values() if kind != "application/json"},
+    }
+}
+
+
+MeshForm = Annotated[str, form_of(MEDIA_TYPES, "default: by Accept, else json")]
+"""Name of the format that a request wants."""
+
+
+def file_of(mesh: Mapping[str, Any]) -> MeshFile:
+    """A mesh as a page has it, as what a file says of it."""
+    cells = [
+        Cells(each["kind"], each["set"], np.array(each["numbers"]), np.array(each["nodes"])) for each in mesh["blocks"]
+    ]
+    return MeshFile(np.array(mesh["nodes"]["numbers"]), columns(mesh["nodes"]), cells)
+
+
+def mesh_answer(mesh: MeshFile, form: str, name: str, headers: Mapping[str, str] | None = None) -> Response:
+    """A file for download."""
+
+    def write(file: IO[bytes]) -> None:
+        if form == "vtu":
+            file.write(write_vtu(mesh))
+        else:
+            file.writelines(encode(uff_of(mesh)))
+
+    return spooled(write, MEDIA_TYPES[form], f"{name}.{form}", headers or {})
+
 
 router = api_router(tags=["models"])
 
@@ -188,7 +220,7 @@ class MeshOut(StrictModel):
 
 
 def _described(session: Session, rows: Sequence[tuple[StructureModel, Job]]) -> list[ModelOut]:
-    sizes = models.model_sizes(session, [row for row, _ in rows])
+    sizes = original_sizes(session, [row.sha256 for row, _ in rows])
     versions = models.versions_of_models(session, [row.id for row, _ in rows])
     return [
         shown_as(

@@ -20,7 +20,7 @@ from service.errors import Conflict, Damaged, Invalid
 from service.jobs.kinds import CORE_LIBRARIES, JobKind
 from service.jobs.resource import JobNoun
 from service.store.storage import book
-from service.store.storage.originals import copy_original, keep_original, original_sizes, write_original
+from service.store.storage.originals import copy_original, keep_original, write_original
 from service.store.structures.operations import (
     Structure,
     StructureModel,
@@ -142,11 +142,6 @@ def sets_of(session: Session, structure: Structure) -> list[str]:
     if version.model is not None:
         return [each["name"] for each in model_in_short(session, version.model)["sets"]]
     return sorted((version.shape or {}).get("walls", ()))
-
-
-def model_sizes(session: Session, rows: list[StructureModel]) -> dict[bytes, int]:
-    """Bytes of the decks, by SHA-256."""
-    return original_sizes(session, [row.sha256 for row in rows])
 
 
 def versions_of_models(session: Session, keys: list[UUID]) -> dict[UUID, int]:

@@ -118,8 +118,7 @@ def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
             campaigns.append(_campaign(session, job, common, campaign, names, loaded[0].structure))
     scatter = SCATTER if request.scatter is None else request.scatter
     parameters = parameters_of(common, campaigns[0].body)
-    scattered = scatter > 0 and len({campaign.specimen for campaign in campaigns}) > 1
-    coupons, warnings = _coupons(session, request, parameters, campaigns[0].body, scatter=scattered)
+    coupons, warnings = _coupons(session, request, parameters, campaigns[0].body)
     return JointInputs(
         campaigns=tuple(campaigns),
         recipe=CampaignsRecipe(parameters, scatter),
@@ -355,9 +354,9 @@ def _campaign(
 
 
 def _coupons(
-    session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], body: Body, *, scatter: bool
+    session: Session, request: UpdateBatchIn, parameters: Sequence[Parameter], body: Body
 ) -> tuple[tuple[Coupon, ...], tuple[str, ...]]:
-    """Each batch's constants that are updated: the mean of its panel, or of one more piece where pieces are all alike."""
+    """Each batch's constants that are updated."""
     wanted = {p.name for p in parameters if not p.fixed and not p.tied_to}
     found, warnings = [], []
     for key in request.coupon_batches:
@@ -366,8 +365,7 @@ def _coupons(
         batch, sets = name_and_sets(session, key)
         of_body = coupon_constants(body, sets)
         for name, prior in summary.priors.items():
-            pieces = (summary.constants[name].n or 1) if scatter else 0
-            sd = prior.standard_deviation / math.sqrt(pieces + 1)
+            said = prior.mean, prior.standard_deviation, f"coupon batch {batch}", summary.constants[name].n or 1
             owns = wanted.intersection(of_body.get(name, ()))
-            found += [Coupon(own, prior.mean, sd, f"coupon batch {batch}") for own in sorted(owns)]
+            found += [Coupon(own, *said) for own in sorted(owns)]
     return tuple(found), tuple(warnings)

@@ -196,9 +196,6 @@ def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn
     parametrise(body, recipe_parameters(session, recipe, body)[0])
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
-    band = recipe.identification.band_hz
-    if band is not None and not band[0] < band[1]:
-        raise InputError("identification.band_hz", "expected its low end below its high end")
     if len(set(recipe.damping_models)) < len(recipe.damping_models):
         raise InputError("damping_models", "names a law twice")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 from uuid import UUID
 
 from pydantic import Field
@@ -13,13 +13,14 @@ from fecore.body.constants import Body, kind_of
 from fecore.body.sections import PLY_CONSTANTS
 from fecore.body.specimen import CONSTANTS
 from fecore.body.supports import Edge, Spring
-from fecore.modal import Options
+from fecore.errors import within
 from fecore.updating import recipe as core
 from fecore.updating.inputs import Inputs
 from fecore.updating.misfit import Weighting
 from fecore.updating.parameters import Parameter, default_parameters
 from service.jobs.resource import JobOut
 from service.store.campaigns.schemas import CampaignInputs
+from service.store.modes.schemas import Band, PolesIn
 from service.store.records.schemas import ProcessingIn
 from service.store.structures.schemas import StructureInputs
 from service.web import Int64, Name, StrictModel, example
@@ -48,9 +49,6 @@ DampingModel = Literal[
     "loss_factor",
     "modal",
 ]
-Frequency = Annotated[float, Field(ge=0, le=1e7, description="Hz")]
-Band = tuple[Frequency, Frequency]
-
 
 PRIORS = {
     **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"), (MODULUS, MODULUS_SD)),
@@ -162,15 +160,9 @@ class InputsIn(CampaignInputs, StructureInputs):
 _WINDOWS = {"window_rate_per_s", "window_time_constant_s"}
 
 
-class IdentificationRecipeIn(StrictModel):
+class IdentificationRecipeIn(PolesIn):
     """How an update identifies modes where it is given none; `{}` will do."""
 
-    band_hz: Band | None = Field(None, description="lines to use; default: all")
-    highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
-    most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
-    threshold: float = Field(
-        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
-    )
     include_doubtful: bool = Field(
         True, description="use the uncertain poles, from probability 0.1 on, too; each is weighed by its probability"
     )
@@ -236,7 +228,13 @@ class RecipeIn(StrictModel):
         return self.to_core().parameters or default_parameters(body)
 
     def to_core(self) -> core.Recipe:
-        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch."""
+        """The recipe as the core takes it; priors of a coupon batch are put in by who loads the batch.
+
+        Raises:
+            InputError: the identification's band is empty.
+        """
+        with within("identification"):
+            identification = self.identification.options()
         return core.Recipe(
             method=self.method,
             parameters=None
@@ -251,12 +249,7 @@ class RecipeIn(StrictModel):
             ),
             posterior=self.posterior,
             seed=self.seed,
-            identification=Options(
-                self.identification.band_hz,
-                self.identification.highest_order,
-                self.identification.most_modes,
-                self.identification.threshold,
-            ),
+            identification=identification,
             include_doubtful=self.identification.include_doubtful,
         )
 

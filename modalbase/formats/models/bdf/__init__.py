@@ -10,9 +10,8 @@ shells      plates and laminates
 shapes      cross sections by their dimensions
 sections    properties of bars, beams and rods
 beams       bars, beams and rods
-carried     masses and springs
+carried     masses and springs, and mass that is spread
 held        rigid elements and constraints
-nonstructural   NSM cards
 unused      what every other card would have done
 read        all of them
 write       the user's deck with updated numbers

@@ -17,8 +17,8 @@ _RODS = {"CROD": (2, 3), "CTUBE": (2, 3), "CONROD": (1, 2)}
 ELEMENTS = ("CBAR", "CBEAM", *_RODS)
 
 
-_Row = tuple[int, tuple[int, int], int, Floats, Floats]
-"""Of an element: number, rows of its ends, line, direction of axis 1, and offsets of its ends."""
+_Row = tuple[int, tuple[int, int], Card, Floats, Floats]
+"""Of an element: number, rows of its ends, card, direction of axis 1, and offsets of its ends."""
 
 
 @dataclass
@@ -48,7 +48,7 @@ class Beams:
             ends = _RODS.get(card.name, (2, 3))
             a, b = (self.grids.row(card, index, f"G{end}") for index, end in zip(ends, "AB", strict=True))
             axis, offsets = self._rod(card, a, b) if card.name in _RODS else self._bar(card, own, a, b)
-            found.setdefault(own.set, []).append((number, (a, b), card.line, axis, offsets))
+            found.setdefault(own.set, []).append((number, (a, b), card, axis, offsets))
         return [_block(name, rows) for name, rows in found.items()]
 
     def _property(self, card: Card, number: int) -> Property:
@@ -119,5 +119,8 @@ def _axes(along: Floats, axis: Floats) -> Floats:
 
 
 def _block(name: str, rows: list[_Row]) -> Elements:
-    numbers, nodes, lines, axes, offsets = (np.array(column) for column in zip(*rows, strict=True))
-    return Elements("beam2", numbers, nodes, name, axes, lines, offsets if offsets.any() else None)
+    numbers, nodes, cards, axes, arms = zip(*rows, strict=True)
+    offsets = np.array(arms) if np.any(arms) else None
+    lines, files = np.array([card.line for card in cards]), tuple(card.file for card in cards)
+    first = np.array(numbers), np.array(nodes), name, np.array(axes), lines
+    return Elements("beam2", *first, offsets=offsets, files=files)

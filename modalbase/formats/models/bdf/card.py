@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.model import Place
+from modalbase.formats.models.model import Place, where
 
 _REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[ED][+-]?\d+|[+-]\d+)?")
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?")
@@ -90,6 +90,11 @@ class Card:
     def line(self) -> int:
         """Where it begins."""
         return self.rows[0].line
+
+    @property
+    def file(self) -> str:
+        """That it stands in; empty for the deck itself."""
+        return self.rows[0].file
 
     def text(self, index: int) -> str:
         """A field; empty where there is none."""
@@ -184,8 +189,3 @@ def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
         if found.setdefault(number, card) is not card:
             raise card.error(f"the {noun} is there twice, first in line {found[number].line}", 0)
     return found
-
-
-def where(line: int, file: str = "") -> str:
-    """The place of an error."""
-    return f"{file} line {line}" if file else f"line {line}"

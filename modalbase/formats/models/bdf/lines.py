@@ -7,8 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card, Row, where
+from modalbase.formats.models.bdf.card import Card, Row
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
+from modalbase.formats.models.model import where
 
 _SMALL = tuple(range(8, 72, 8))
 _LARGE = tuple(range(8, 72, 16))

@@ -59,7 +59,7 @@ class Materials:
             for name, index in FIELDS[card.name].items()
             if name in constants and card.text(index)
         }
-        return Material(str(card.integer(0, "MID")), constants, card.line, places, card.rows[0].file)
+        return Material(str(card.integer(0, "MID")), constants, card.line, places, card.file)
 
 
 def _isotropic(card: Card, _: Notes) -> dict[str, float]:

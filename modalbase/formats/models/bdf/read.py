@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf import beams, carried, held, materials, nonstructural, sections, shells
+from modalbase.formats.models.bdf import beams, carried, held, materials, sections, shells
 from modalbase.formats.models.bdf.card import Card, numbered
 from modalbase.formats.models.bdf.case import Case, read_case
 from modalbase.formats.models.bdf.frames import Grids, read_grids
@@ -127,8 +127,8 @@ class _Reader:
             name: {number for number, card in of_shells.items() if card.name == name} for name in shells.PROPERTIES
         }
         known |= {name: set(cards) for name, cards in self.profiles.items()}
-        apart = {name: self.cards.pop(name, []) for name in nonstructural.CARDS}
-        per_area, per_length = nonstructural.read_nonstructural(apart, self.case, known, self.mass_factor, self.notes)
+        apart = {name: self.cards.pop(name, []) for name in carried.SPREAD}
+        per_area, per_length = carried.read_nonstructural(apart, self.case, known, self.mass_factor, self.notes)
         plates = shells.Shells(of_shells, self.materials, self.grids, self.labels, self.notes, per_area)
         profiles = sections.Sections(self.profiles, self.materials, self.labels, self.notes, per_length)
         defaults = {

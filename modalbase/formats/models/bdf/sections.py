@@ -87,7 +87,7 @@ class Sections:
         if not material.is_isotropic:
             raise card.wrong(mid, what, f"a MAT1; {material.name} is not isotropic")
         mass = extra * self.materials.mass_factor
-        inertia, file = (second, first, mixed), card.rows[0].file
+        inertia, file = (second, first, mixed), card.file
         return BeamSection(material.name, area, inertia, torsion, card.line, shear=shear, extra_mass=mass, file=file)
 
     def _resisting(self, card: Card, section: BeamSection) -> BeamSection:

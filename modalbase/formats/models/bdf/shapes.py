@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import pi
 
-from modalbase.formats.models.shapes import Shape, bar_torsion, box_torsion, of_walls
+from modalbase.formats.models.shapes import Shape, Wall, bar_torsion, box_torsion, of_walls
 
 Dimensions = Sequence[float]
 
@@ -20,12 +20,13 @@ def _centred(shape: Shape, centre: tuple[float, float]) -> Shape:
     return replace(shape, centroid=(y - centre[0], z - centre[1]))
 
 
-def _symmetric(shape: Shape) -> Shape:
-    return _centred(shape, shape.centroid)
+def _symmetric(*walls: Wall, torsion: float | None = None) -> Shape:
+    """A section whose shear centre is its centroid."""
+    return replace(of_walls(*walls, torsion=torsion), centroid=(0.0, 0.0))
 
 
 def _bar(d: Dimensions) -> Shape:
-    return _symmetric(of_walls([(0, d[1], 0, d[0])], bar_torsion(d[0], d[1])))
+    return _symmetric((0, d[1], 0, d[0]), torsion=bar_torsion(d[0], d[1]))
 
 
 def _rod(d: Dimensions) -> Shape:
@@ -45,13 +46,13 @@ def _tube2(d: Dimensions) -> Shape:
 
 def _box1(d: Dimensions) -> Shape:
     width, height, top, bottom, left, right = d
-    walls = [
+    return _symmetric(
         (0, height, 0, left),
         (0, height, width - right, width),
         (0, bottom, left, width - right),
         (height - top, height, left, width - right),
-    ]
-    return _symmetric(of_walls(walls, box_torsion((height, top, bottom), (width, left, right))))
+        torsion=box_torsion((height, top, bottom), (width, left, right)),
+    )
 
 
 def _box(d: Dimensions) -> Shape:
@@ -61,11 +62,9 @@ def _box(d: Dimensions) -> Shape:
 def _i(d: Dimensions) -> Shape:
     height, low, top, web, t_low, t_top = d
     shape = of_walls(
-        [
-            (0, t_low, -low / 2, low / 2),
-            (t_low, height - t_top, -web / 2, web / 2),
-            (height - t_top, height, -top / 2, top / 2),
-        ]
+        (0, t_low, -low / 2, low / 2),
+        (t_low, height - t_top, -web / 2, web / 2),
+        (height - t_top, height, -top / 2, top / 2),
     )
     weak_low, weak_top = t_low * low**3, t_top * top**3
     y_low, y_top = t_low / 2, height - t_top / 2
@@ -81,11 +80,9 @@ def _channel(d: Dimensions) -> Shape:
     """Flange width, height, web's thickness, flanges' thickness; its web at z = 0."""
     width, height, web, flange = d
     shape = of_walls(
-        [
-            (0, height, 0, web),
-            (0, flange, web, width),
-            (height - flange, height, web, width),
-        ]
+        (0, height, 0, web),
+        (0, flange, web, width),
+        (height - flange, height, web, width),
     )
     b, h = width - web / 2, height - flange
     e = 3 * b**2 * flange / (6 * b * flange + h * web)  # from the web's middle, outside
@@ -112,10 +109,8 @@ def _t(d: Dimensions) -> Shape:
     """Flange's width, height, flange's thickness, web's thickness; the flange above."""
     width, height, flange, web = d
     shape = of_walls(
-        [
-            (0, height - flange, -web / 2, web / 2),
-            (height - flange, height, -width / 2, width / 2),
-        ]
+        (0, height - flange, -web / 2, web / 2),
+        (height - flange, height, -width / 2, width / 2),
     )
     return _centred(shape, (height - flange / 2, 0.0))
 
@@ -140,13 +135,13 @@ def _cross(d: Dimensions) -> Shape:
     """Both arms' length together, the post's width, its height, the arms' thickness."""
     arm = d[0] / 2
     y = (d[2] - d[3]) / 2
-    parts = [
+    torsion = max(d[1:3]) * min(d[1:3]) ** 3 / 3 + max(d[0], d[3]) * min(d[0], d[3]) ** 3 / 3
+    return _symmetric(
         (0, d[2], 0, d[1]),
         (y, y + d[3], -arm, 0),
         (y, y + d[3], d[1], d[1] + arm),
-    ]
-    torsion = max(d[1:3]) * min(d[1:3]) ** 3 / 3 + max(d[0], d[3]) * min(d[0], d[3]) ** 3 / 3
-    return _symmetric(of_walls(parts, torsion))
+        torsion=torsion,
+    )
 
 
 def _h(d: Dimensions) -> Shape:
@@ -154,13 +149,9 @@ def _h(d: Dimensions) -> Shape:
     leg = d[1] / 2
     y = (d[2] - d[3]) / 2
     return _symmetric(
-        of_walls(
-            [
-                (0, d[2], 0, leg),
-                (0, d[2], leg + d[0], 2 * leg + d[0]),
-                (y, y + d[3], leg, leg + d[0]),
-            ]
-        )
+        (0, d[2], 0, leg),
+        (0, d[2], leg + d[0], 2 * leg + d[0]),
+        (y, y + d[3], leg, leg + d[0]),
     )
 
 
@@ -168,36 +159,29 @@ def _z(d: Dimensions) -> Shape:
     """A flange's length beyond the web, the web's thickness, clear height, height; the upper flange towards +z."""
     flange = (d[3] - d[2]) / 2
     return _symmetric(
-        of_walls(
-            [
-                (0, d[3], 0, d[1]),
-                (0, flange, -d[0], 0),
-                (d[3] - flange, d[3], d[1], d[1] + d[0]),
-            ]
-        )
+        (0, d[3], 0, d[1]),
+        (0, flange, -d[0], 0),
+        (d[3] - flange, d[3], d[1], d[1] + d[0]),
     )
 
 
 def _l(d: Dimensions) -> Shape:
     """Width, height, the horizontal leg's thickness, the vertical one's."""
     width, height, flat, upright = d
-    shape = of_walls([(0, flat, 0, width), (flat, height, 0, upright)])
+    shape = of_walls((0, flat, 0, width), (flat, height, 0, upright))
     return _centred(shape, (flat / 2, upright / 2))
 
 
 def _hat(d: Dimensions) -> Shape:
     """Height, thickness, the top's width, a brim's width."""
     height, t, top, brim = d
-    shape = of_walls(
-        [
-            (height - t, height, -top / 2, top / 2),
-            (0, height - t, -top / 2, t - top / 2),
-            (0, height - t, top / 2 - t, top / 2),
-            (0, t, -top / 2 - brim, -top / 2),
-            (0, t, top / 2, top / 2 + brim),
-        ]
+    return _symmetric(
+        (height - t, height, -top / 2, top / 2),
+        (0, height - t, -top / 2, t - top / 2),
+        (0, height - t, top / 2 - t, top / 2),
+        (0, t, -top / 2 - brim, -top / 2),
+        (0, t, top / 2, top / 2 + brim),
     )
-    return _symmetric(shape)
 
 
 def _hexagon(d: Dimensions) -> Shape:

@@ -69,7 +69,6 @@ class _Group:
     section: _Property
     numbers: list[int] = field(default_factory=list)
     nodes: list[list[int]] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
     angles: list[float] = field(default_factory=list)
     offsets: list[float] = field(default_factory=list)
@@ -123,7 +122,6 @@ class Shells:
             raise card.error("a grid stands in it twice; a corner less makes a CTRIA3", 2)
         group.numbers.append(number)
         group.nodes.append(nodes)
-        group.lines.append(card.line)
         group.cards.append(card)
         angle = 0.0
         if card.text(layout.angle):
@@ -233,9 +231,13 @@ class Shells:
             offsets = np.repeat(arms[:, None, :], nodes.shape[1], axis=1)
         thickness = self._thicknesses(group)
         self._store(section, thickness)
-        numbers, lines = np.array(group.numbers, dtype=np.int64), np.array(group.lines, dtype=np.int64)
+        numbers, lines = (
+            np.array(each, dtype=np.int64) for each in (group.numbers, [card.line for card in group.cards])
+        )
+        files = tuple(card.file for card in group.cards)
+        kind = group.layout.kind
         return Elements(
-            group.layout.kind, numbers, nodes, section.set, axes, lines, offsets=offsets, thickness=thickness
+            kind, numbers, nodes, section.set, axes, lines, offsets=offsets, thickness=thickness, files=files
         )
 
     def _projected(
@@ -275,7 +277,7 @@ class Shells:
         plies = section.plies
         if section.thickness is None and thickness is not None and section.set not in self.sections:
             plies = (Ply(plies[0].material, float(thickness.mean())),)
-        found = ShellSection(plies, section.card.line, section.offset, section.extra_mass, section.card.rows[0].file)
+        found = ShellSection(plies, section.card.line, section.offset, section.extra_mass, section.card.file)
         self.sections.setdefault(section.set, found)
 
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card, where
-from modalbase.formats.models.model import Ignored
+from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.models.model import Ignored, where
 
 _SOLIDS = frozenset(("CHEXA", "CTETRA", "CPENTA", "CPYRAM", "CPYRA", "CHEXA8", "CHEXA20", "CHEX8", "CHEX20", "CIHEX1"))
 
@@ -92,9 +92,9 @@ def refuse_solids(cards: Mapping[str, Sequence[Card]]) -> None:
         FormatError: it has some; the message says which way is open.
     """
     for name in _SOLIDS & set(cards):
-        row = cards[name][0].rows[0]
+        first = cards[name][0]
         raise FormatError(
-            where(row.line, row.file),
+            where(first.line, first.file),
             f"{name}: solid elements are not read. Let Nastran export the model's matrices (DMIG punch: EXTSEOUT(DMIGPCH), "
             "or PARAM,EXTOUT,DMIGPCH) and send these",
         )

@@ -55,7 +55,7 @@ class _Writing(Writing):
         super().__init__({name: Edits(text, "$", 8) for name, text in {"": content, **included}.items()})
         self._model = model
         self._cards = [card for card in cards_of(split_deck(content, included or None).bulk) if isinstance(card, Card)]
-        self._by_place = {(card.rows[0].file, card.line): card for card in self._cards}
+        self._by_place = {(card.file, card.line): card for card in self._cards}
         numbers = [whole(card.text(0)) or 0 for card in self._cards if card.name.startswith("MAT")]
         self._next = max([*numbers, *map(int, model.materials)], default=0) + 1
 
@@ -136,7 +136,7 @@ class _Writing(Writing):
         return card
 
     def _remark(self, card: Card, text: str) -> None:
-        self.files[card.rows[0].file].remark(card.line, *wrap(text, _REMARK))
+        self.files[card.file].remark(card.line, *wrap(text, _REMARK))
 
     def _real(self, card: Card, index: int, value: float) -> None:
         self._put(card, index, fitted(value, _LARGE if card.row(index).is_large else _SMALL))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
-from modalbase.formats.models.model import Place
+from modalbase.formats.models.model import Place, where
 
 MOST_LINES = 2_000_000
 LARGEST = 1e25
@@ -172,7 +172,7 @@ class Card:
 
 def fault(file: str, line: int, card: str, message: str) -> FormatError:
     """A fault at a line of a card."""
-    return FormatError(f"{file} line {line}" if file else f"line {line}", f"{card} {message}")
+    return FormatError(where(line, file), f"{card} {message}")
 
 
 def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:

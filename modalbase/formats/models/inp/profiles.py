@@ -16,8 +16,8 @@ _THIN = (0.44, 0.44)
 
 def rectangle(a: float, b: float) -> Shape:
     """`a` along axis 1, `b` along axis 2."""
-    walls = [(-a / 2, a / 2, -b / 2, b / 2)]
-    return replace(of_walls(walls, bar_torsion(a, b), (0.85, 0.85)), extent=(a, b))
+    shape = of_walls((-a / 2, a / 2, -b / 2, b / 2), torsion=bar_torsion(a, b), shear=(0.85, 0.85))
+    return replace(shape, extent=(a, b))
 
 
 def ellipse(a: float, b: float) -> Shape:
@@ -43,13 +43,15 @@ def pipe(r: float, t: float) -> Shape:
 def box(a: float, b: float, t1: float, t2: float, t3: float, t4: float) -> Shape:
     """Outer width and height; walls on the sides +1, +2, −1 and −2."""
     y, z = a / 2, b / 2
-    walls = [
+    shape = of_walls(
         (y - t1, y, t4 - z, z - t2),
         (-y, t3 - y, t4 - z, z - t2),
         (-y, y, z - t2, z),
         (-y, y, -z, t4 - z),
-    ]
-    return replace(of_walls(walls, box_torsion((a, t1, t3), (b, t2, t4)), _THIN), extent=(a, b))
+        torsion=box_torsion((a, t1, t3), (b, t2, t4)),
+        shear=_THIN,
+    )
+    return replace(shape, extent=(a, b))
 
 
 def i_section(l: float, h: float, b1: float, b2: float, t1: float, t2: float, t3: float) -> Shape:  # noqa: E741
@@ -60,19 +62,19 @@ def i_section(l: float, h: float, b1: float, b2: float, t1: float, t2: float, t3
         (-t3 / 2, t3 / 2, t1 - l, h - t2 - l),
     ]
     middle = h - (t1 + t2) / 2
-    return of_walls(walls, (b1 * t1**3 + b2 * t2**3 + middle * t3**3) / 3, _THIN)
+    return of_walls(*walls, torsion=(b1 * t1**3 + b2 * t2**3 + middle * t3**3) / 3, shear=_THIN)
 
 
 def t_section(b: float, h: float, l: float, tf: float, tw: float) -> Shape:  # noqa: E741
     """Width, height, origin above the bottom, flange and web."""
     walls = [(-b / 2, b / 2, h - tf - l, h - l), (-tw / 2, tw / 2, -l, h - tf - l)]
-    return of_walls(walls, (b * tf**3 + (h - tf / 2) * tw**3) / 3, _THIN)
+    return of_walls(*walls, torsion=(b * tf**3 + (h - tf / 2) * tw**3) / 3, shear=_THIN)
 
 
 def l_section(a: float, b: float, t1: float, t2: float) -> Shape:
     """Legs along axes 1 and 2 and their thicknesses; the origin is where their middle lines meet."""
     walls = [(-t2 / 2, a - t2 / 2, -t1 / 2, t1 / 2), (-t2 / 2, t2 / 2, t1 / 2, b - t1 / 2)]
-    return of_walls(walls, ((a - t2 / 2) * t1**3 + (b - t1 / 2) * t2**3) / 3, (1.0, 1.0))
+    return of_walls(*walls, torsion=((a - t2 / 2) * t1**3 + (b - t1 / 2) * t2**3) / 3, shear=(1.0, 1.0))
 
 
 PROFILES: dict[str, tuple[int, str, Callable[..., bool], Callable[..., Shape]]] = {

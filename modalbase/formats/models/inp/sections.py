@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -257,7 +257,8 @@ class Sections:
         elements = [self._mesh.elements[at] for at in chosen.tolist()]
         numbers = np.array([element.number for element in elements], dtype=np.int64)
         lines = np.array([element.row.line for element in elements], dtype=np.int64)
-        block = Elements(kind, numbers, nodes, name, axes, lines, offsets=offsets, thickness=thickness)
+        files = tuple(element.row.file for element in elements)
+        block = Elements(kind, numbers, nodes, name, axes, lines, offsets=offsets, thickness=thickness, files=files)
         self.blocks.setdefault((name, kind), []).append(block)
 
     def joined(self) -> tuple[Elements, ...]:
@@ -286,8 +287,11 @@ def _together(blocks: list[Elements], section: ShellSection | BeamSection) -> El
         thickness = [np.full(b.nodes.shape, total) if b.thickness is None else b.thickness for b in blocks]
     columns = zip(*((b.numbers, b.nodes, b.axes, b.lines) for b in blocks), strict=True)
     numbers, nodes, axes, lines = (np.concatenate(column) for column in columns)
-    own = (np.concatenate(each) if each else None for each in (offsets, thickness))
-    return Elements(first.kind, numbers, nodes, first.set, axes, lines, *own)
+    files = tuple(file for b in blocks for file in b.files)
+    found = Elements(first.kind, numbers, nodes, first.set, axes, lines, files=files)
+    if offsets:
+        found = replace(found, offsets=np.concatenate(offsets))
+    return replace(found, thickness=np.concatenate(thickness)) if thickness else found
 
 
 def _named_orientation(stacked: tuple[Row, float, str, str]) -> str:

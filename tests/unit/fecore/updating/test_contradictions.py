@@ -8,8 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.contradictions import SLIPS, Conflict, compare_sources
+from fecore.updating.conflicts import Conflict
+from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
 from fecore.updating.elastic import fit
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
@@ -85,6 +87,32 @@ def test_a_length_that_is_off_is_among_the_causes_and_its_own_value_found() -> N
     assert all(each.owner in {"campaign b", "specimen b", ""} for each in (conflict.cause, *conflict.rivals))
 
 
+def with_mass(seed: int, grams: float) -> Campaign:
+    """A strip with a mass near its end that nobody stated."""
+    masses = (PointMass(0.23, 0.01, 1e-3 * grams),) if grams else ()
+    return measured(np.random.default_rng([36, seed]), "b", SHORT, 0.0, unstated=masses)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_mass_that_nobody_stated_is_named_with_its_size_and_place(seed: int) -> None:
+    """2 g of 71 g: next to a strip without."""
+    (conflict, *_) = found([strips(seed)[0], with_mass(seed, 2.0)], coupons())
+    cause = conflict.cause
+    assert (cause.kind, cause.name, cause.owner) == ("mass", "mass on campaign b", "campaign b")
+    (said,) = cause.said
+    assert abs(said.rest - 0.002) < 3 * said.rest_sd < 0.002
+    assert min(cause.place[0], 0.25 - cause.place[0]) < 0.04  # from either end: a free strip does not say from which
+
+
+def test_bodies_that_carry_nothing_are_not_said_to() -> None:
+    """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with probability p at most."""
+    for seed in range(3):
+        checks = _Sources.of(fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))).checks
+        masses = [each for each in checks if each.kind == "mass"]
+        assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
+        assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
+
+
 def test_a_check_agrees_with_a_fit_without_its_source() -> None:
     """What the rest says of the coupons is what a fit without them says, up to the model's curvature."""
     campaigns = strips(0)
@@ -104,6 +132,15 @@ def single(campaign: Campaign) -> list[Finding]:
     measurement = Measurement(None, campaign.points, campaign.modes, inputs=campaign.inputs)
     findings = update(measurement, campaign.body, Recipe(parameters=material, damping_models=("rayleigh",))).findings
     return [each for each in findings if each.kind == "sources_conflict"]
+
+
+def test_an_update_of_one_campaign_names_a_mass() -> None:
+    """5 g of 71 g, beside moduli that are known to 5 %."""
+    assert single(with_mass(0, 0.0)) == []
+    (conflict, *_) = single(with_mass(0, 5.0))
+    assert re.search(r"mass on the body of [3-7]\.\d ± \d\.\d g near x = 0\.(0[0-3]|2[2-5])", conflict.text), (
+        conflict.text
+    )
 
 
 def test_an_update_of_one_campaign_names_a_wrong_input_and_no_other() -> None:

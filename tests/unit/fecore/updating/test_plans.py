@@ -14,9 +14,10 @@ from fecore.body.supports import PointMass
 from fecore.frf import along_z
 from fecore.updating.campaigns import update_campaigns
 from fecore.updating.forward import ForwardModel
+from fecore.updating.layout import Coupon
 from fecore.updating.parameters import parametrise
-from fecore.updating.plans import PlannedTest, best_points, plan_tests
-from tests.support.strips import NOMINAL, STRIP, measured
+from fecore.updating.plans import PlannedCoupons, PlannedTest, best_points, plan_tests
+from tests.support.strips import NOMINAL, STRIP, TRUTH, measured
 
 
 def tour(length: float, width: float) -> tuple[tuple[float, float], ...]:
@@ -36,13 +37,29 @@ def test_what_a_test_will_show_is_foreseen() -> None:
     best = plan.forecasts[0]
     assert best.name == "strip 90, free"
     same = {each.name: each for each in plan.forecasts}["strip 0, free"]
-    assert same.information < 0.2 * best.information
+    assert same.information < 0.25 * best.information
     assert best.standard_deviations["Ey"] < 0.2 * plan.known["Ey"]  # the scatter between specimens is a part
     alone, both = update_campaigns([first]), update_campaigns([first, second])
     for result, foreseen in ((alone, plan.known), (both, best.standard_deviations)):
         for parameter in result.parameters:
             # Of the estimate at another point, with the discrepancy marginalised: alike, not the same.
-            assert parameter.standard_deviation == pytest.approx(foreseen[parameter.name], rel=0.5), parameter.name
+            assert parameter.standard_deviation == pytest.approx(foreseen[parameter.name], rel=0.4), parameter.name
+
+
+@pytest.mark.parametrize("angles", [(0,), (0, 90)])
+def test_what_coupons_will_bring_is_foreseen(angles: tuple[int, ...]) -> None:
+    """Beside one strip they are one more piece, beside two one more specimen that scatters: the same in plan and update."""
+    random = np.random.default_rng(5)
+    made = [measured(random, f"strip {angle}", STRIP, angle) for angle in angles]
+    asked = PlannedCoupons("five", ("Ex", "Gxy"), 0.05, pieces=5)
+    plan = plan_tests([strip(0, "strip 0")], made, coupons=[asked])
+    (foreseen,) = (each for each in plan.forecasts if each.name == "five")
+    result = update_campaigns(made, coupons=[Coupon(n, TRUTH[n], 0.05 * TRUTH[n], "five", 5) for n in asked.constants])
+    for parameter in result.parameters:
+        found = parameter.standard_deviation
+        assert found == pytest.approx(foreseen.standard_deviations[parameter.name], rel=0.4), parameter.name
+    # Beside two the mean of five counts as such; as one more piece the coupons would say half as much of Ex.
+    assert foreseen.information > (0.1 if len(angles) == 1 else 0.3)
 
 
 @pytest.mark.parametrize(("count", "chosen"), [(2, {1, 2}), (4, {0, 1, 2, 3}), (9, {0, 1, 2, 3})])

@@ -27,19 +27,6 @@ def test_bad_decks(name: str) -> None:
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
-def test_files_that_include_themselves() -> None:
-    with pytest.raises(
-        FormatError,
-        match=r"^a.inp line 1: \*INCLUDE of 'b.inp' goes in a circle|^b.inp line 1: .* in a circle: a.inp → b.inp → a.inp",
-    ):
-        read(PLATE + "*INCLUDE, INPUT=a.inp\n", a_inp="*INCLUDE, INPUT=b.inp\n", b_inp="*INCLUDE, INPUT=a.inp\n")
-
-
-def test_faults_name_the_included_file() -> None:
-    with pytest.raises(FormatError, match=r"^a.inp line 2: \*NODE x is 'x', expected a number"):
-        read("*INCLUDE, INPUT=a.inp\n" + PLATE, a_inp="*NODE\n9, x\n")
-
-
 def test_limits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh, "MOST_NODES", 5)
     with pytest.raises(FormatError, match=r"^line 9: \*NODE is node 6; at most 5 are read"):

@@ -107,30 +107,15 @@ BAD = {
 }  # fmt: skip
 
 
-def messages(text: str, included: dict[str, bytes] | None = None) -> FormatError:
-    with pytest.raises(FormatError) as caught:
-        read_bdf(text.encode(), included)
-    return caught.value
-
-
 @pytest.mark.parametrize("name", sorted(BAD))
 def test_a_bad_deck_is_named(name) -> None:
     text, place, message = BAD[name]
-    error = messages(text)
+    with pytest.raises(FormatError) as caught:
+        read_bdf(text.encode())
+    error = caught.value
     assert message in error.message
     assert error.place in place.split("|")
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
-
-
-def test_an_error_in_an_included_file_names_it() -> None:
-    error = messages(GRIDS + "INCLUDE 'rest.bdf'", {"rest.bdf": b"$\nCQUAD4,1,1,1,2,3,X\n"})
-    assert error.place == "rest.bdf line 2"
-
-
-def test_a_file_that_includes_itself() -> None:
-    error = messages(GRIDS + "INCLUDE 'a.bdf'", {"a.bdf": b"INCLUDE 'b.bdf'", "b.bdf": b"INCLUDE 'a.bdf'"})
-    assert error.place == "b.bdf line 1"
-    assert error.message == "INCLUDE 'a.bdf' stands for the second time; its cards would be there twice"
 
 
 WHOLE = """\
