@@ -22,7 +22,8 @@ from benchmarks import calculix, peers
 from benchmarks.clock import least, median_ms, now, timed
 from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABLE_4_UPDATED, cantilever
 from examples.paper.synthesis import grid, rayleigh_body
-from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.sections import section
 from fecore.body.specimen import Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary

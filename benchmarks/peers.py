@@ -8,7 +8,8 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import eigsh
 
-from fecore.body.laminate import Ply, section
+from fecore.body.laminate import Ply
+from fecore.body.sections import section
 from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH
 from fecore.modes import MeasuredModes

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fecore.body.beam_specimen import BeamSpecimen
-    from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
+    from fecore.body.laminate import OrthotropicMaterial, Ply
+    from fecore.body.sections import homogenise, section
     from fecore.body.specimen import Specimen
     from fecore.body.supports import Edge, PointMass, Spring
     from fecore.correlation import csac, csf, frac, mac, sac
@@ -34,8 +35,9 @@ if TYPE_CHECKING:
 __version__ = "0.2.0"
 
 _HOMES = {
-    "body.laminate": ("OrthotropicMaterial", "Ply", "homogenise", "section"),
+    "body.laminate": ("OrthotropicMaterial", "Ply"),
     "body.beam_specimen": ("BeamSpecimen",),
+    "body.sections": ("homogenise", "section"),
     "body.specimen": ("Specimen",),
     "body.supports": ("Edge", "PointMass", "Spring"),
     "correlation": ("csac", "csf", "frac", "mac", "sac"),

@@ -18,7 +18,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 
 _ALIKE = 1e-10  # of the largest entry: by how much rounding may part what is congruent
-_STRAINS = 1 << 23  # numbers (64 MiB) that the strains of some vectors may take at a time
+_STRAINS = 1 << 20  # numbers (8 MiB) that the strains of some vectors may take at a time
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,7 @@ class Group:
         local = motion[self.nodes].reshape(len(self.nodes), dofs, -1)
         flat = self.operators.reshape(count, points * rows, dofs)
         found = flat[0] @ local if count == 1 else flat[self.which] @ local
-        by_row = found.reshape(len(local), points, rows, -1).transpose(2, 0, 1, 3)
-        return np.ascontiguousarray(by_row).reshape(rows, len(local) * points, -1)
+        return found.reshape(len(local) * points, rows, -1).transpose(1, 0, 2)
 
 
 def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:

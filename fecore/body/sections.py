@@ -7,7 +7,7 @@ closed forms take complex constants too, so that their derivatives are complex s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -29,6 +29,7 @@ DRILLING_INERTIA = 0.1
 MOST_ANGLES = 40
 """Plies up to which each ply's angle is a constant, `angle_1` from the bottom."""
 
+_TWIST_TOLERANCE = 1e-9  # D16, D26 over D11 below which they are round-off
 _OF_MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
 _VOIGT = {"11": (0, 0), "12": (0, 1), "22": (1, 1), "66": (2, 2), "16": (0, 2), "26": (1, 2)}
 _SHEARS = {"S55": (6, 6), "S44": (7, 7), "S45": (6, 7)}
@@ -251,3 +252,74 @@ def _places(name: str) -> list[tuple[int, int]]:
 def _matrix(rows: list[list[FloatArray]]) -> FloatArray:
     """(…, n, n) from rows of entries (…)."""
     return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
+
+
+@dataclass(frozen=True)
+class Section:
+    """Stiffness and inertia of a laminate per unit of its area.
+
+    Attributes:
+        A, B, D: (3, 3) membrane, coupling and bending stiffness, N/m, N, N·m.
+        S: (2, 2) transverse shear stiffness on (γxz, γyz) from equilibrium (`balanced_shear`), N/m.
+        inertia: (I0, I1, I2) in kg/m², kg/m, kg.
+        thickness: total thickness, m.
+    """
+
+    A: FloatArray
+    B: FloatArray
+    D: FloatArray
+    S: FloatArray
+    inertia: tuple[float, float, float]
+    thickness: float
+
+    def bending_stiffness(self, width: float) -> float:
+        """EI = b / d11 in N·m² of a strip along x, free to twist and to bend across; d = (D - B A⁻¹ B)⁻¹, `width` b in m."""
+        return float(width / np.linalg.inv(self.D - self.B @ np.linalg.inv(self.A) @ self.B)[0, 0])
+
+    @property
+    def is_coupled(self) -> bool:
+        """Whether bending and membrane forces couple (B ≠ 0 beyond round-off, or I1 ≠ 0)."""
+        scale = np.sqrt(np.abs(self.A).max() * np.abs(self.D).max())
+        inertia_scale = self.inertia[0] * self.thickness
+        return bool(np.abs(self.B).max() > 1e-10 * scale or abs(self.inertia[1]) > 1e-10 * inertia_scale)
+
+
+def section(plies: Sequence[Ply]) -> Section:
+    """Integrate a stack of plies, bottom to top, to its section stiffness and inertia at nominal constants.
+
+    Raises:
+        InputError: there is no ply.
+    """
+    stack = ShellSection(tuple(plies))
+    q = {name: np.asarray(value) for name, value in stack.nominal.items()}
+    I0, I1, I2, _ = stack.inertia(q).tolist()
+    return Section(*stack.stiffness(q), (I0, I1, I2), stack.thickness)
+
+
+def homogenise(laminate: Section) -> OrthotropicMaterial:
+    """The single-layer material with the same bending stiffness, shear stiffness, mass and thickness as a laminate.
+
+    With d = D⁻¹ and thickness t: Ex = 12/(t³ d11), Ey = 12/(t³ d22), Gxy = 12/(t³ d66), ν = -d12/d11, and Gxz = S55/(κt),
+    Gyz = S44/(κt) (Jones, *Mechanics of Composite Materials*, for flexural engineering constants).
+
+    Raises:
+        InputError: bending couples with membrane forces or with twisting, which no orthotropic layer does.
+    """
+    D, t = laminate.D, laminate.thickness
+    if laminate.is_coupled:
+        raise InputError("laminate", "couples bending and membrane forces (B ≠ 0): it has no equivalent single layer")
+    if max(abs(D[0, 2]), abs(D[1, 2])) > _TWIST_TOLERANCE * D[0, 0] or abs(laminate.S[0, 1]) > 1e-9 * laminate.S[0, 0]:
+        raise InputError(
+            "laminate", "couples bending and twisting (D16, D26 ≠ 0): it has no equivalent orthotropic layer"
+        )
+    d = np.linalg.inv(D)
+    bending, shear = 12 / t**3, SHEAR_CORRECTION * t
+    return OrthotropicMaterial(
+        Ex=float(bending / d[0, 0]),
+        Ey=float(bending / d[1, 1]),
+        Gxy=float(bending / d[2, 2]),
+        Gxz=float(laminate.S[0, 0] / shear),
+        Gyz=float(laminate.S[1, 1] / shear),
+        nu_xy=float(-d[0, 1] / d[0, 0]),
+        density=laminate.inertia[0] / t,
+    )

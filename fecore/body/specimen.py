@@ -16,10 +16,10 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.generators import Piece, relative_thickness, strip
-from fecore.body.laminate import OrthotropicMaterial, Ply, Section, section
+from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.matrices import MatrixBody
 from fecore.body.named import BEYOND_EDGE, OfStructure
-from fecore.body.sections import PLY_CONSTANTS, ShellSection
+from fecore.body.sections import PLY_CONSTANTS, Section, ShellSection, section
 from fecore.body.structure import Structure
 from fecore.body.supports import CLAMP, Boundary, Clamp, PointMass, Spring, Support, edges, of_boundary
 from fecore.errors import InputError
@@ -70,7 +70,7 @@ class FlatBody(OfStructure):
             dofs=dofs,
             size=(self.length, self.width),
             clamps=clamps,
-            reach=(BEYOND_EDGE * self.length, BEYOND_EDGE * self.width, np.inf),
+            reach=(BEYOND_EDGE * self.length, BEYOND_EDGE * self.width, self.length),  # z may be from a table, say
         )
 
     def row(self, name: str, own: dict[str, FloatArray]) -> FloatArray | float | None:
@@ -264,7 +264,7 @@ class LayeredSpecimen(FlatBody):
         ratio = self.thickness / sum(ply.thickness for ply in self.plies)
         turn = float(np.degrees(self.fibre_angle))
         plies = [Ply(ply.material, ratio * ply.thickness, ply.angle_deg + turn) for ply in self.plies]
-        stack = section(plies, shear="equilibrium")
+        stack = section(plies)
         heavier = self.density * self.thickness / stack.inertia[0]
         I0, I1, I2 = (heavier * part for part in stack.inertia)
         return replace(stack, inertia=(I0, I1, I2))

@@ -299,18 +299,20 @@ class ReducedModel:
         vectors = self._outside(vectors)
         weight, turn = np.linalg.eigh(vectors.T @ (self._metric @ vectors))
         keep = weight > kept**2
+        if not keep.any():
+            return
+        # Once more, as the first time leaves round-off of the whole.
         fresh = self._outside(vectors @ (turn[:, keep] / np.sqrt(weight[keep])))
-        lower = np.linalg.cholesky(fresh.T @ (self._metric @ fresh))
-        fresh = fresh @ np.linalg.inv(lower).T
-        self._vectors = np.hstack([self._vectors, fresh])
-        self._images = np.hstack([self._images, self._metric @ fresh])
+        images = self._metric @ fresh
+        upright = np.linalg.inv(np.linalg.cholesky(fresh.T @ images)).T
+        self._vectors = np.hstack([self._vectors, fresh @ upright])
+        self._images = np.hstack([self._images, images @ upright])
         self.__dict__.pop("system", None)
 
     def _outside(self, vectors: FloatArray) -> FloatArray:
-        """What lies outside the basis; twice, as the first pass leaves round-off of the whole."""
-        for _ in range(2):
-            vectors = vectors - self._vectors @ (self._images.T @ vectors)
-        return vectors
+        """What lies outside the basis."""
+        outside: FloatArray = vectors - self._vectors @ (self._images.T @ vectors)
+        return outside
 
 
 class CoefficientRatio:

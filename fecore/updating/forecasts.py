@@ -175,15 +175,16 @@ class _Nominal:
 
     def up_to(self, highest_hz: float) -> tuple[NormalModes, int]:
         """The modes that FRFs up to a frequency are summed of, and how many elastic ones are in the band."""
-        below = modes_below(self.stiffness, self.mass, (2 * np.pi * _COVERED * highest_hz) ** 2)
         rigid = self.body.model.rigid_modes.shape[1]
-        modes = self._modes(min(max(below - rigid, 1), self.stiffness.shape[0] - rigid))
-        elastic = modes.frequency_hz[rigid:]
-        count = int(np.sum(elastic <= highest_hz))
-        if not 1 <= count <= MOST_MODES:
-            found = f"holds {count} modes; the first is at {elastic[0]:.4g} Hz"
+        in_band, covered = (
+            modes_below(self.stiffness, self.mass, (2 * np.pi * hz) ** 2) - rigid
+            for hz in (highest_hz, _COVERED * highest_hz)
+        )
+        if not 1 <= in_band <= MOST_MODES:
+            first = self._modes(1).frequency_hz[rigid]
+            found = f"holds {in_band} modes; the first is at {first:.4g} Hz"
             raise InputError("highest_hz", f"is {highest_hz:g} Hz and {found}, expected 1 to {MOST_MODES} modes")
-        return modes, count
+        return self._modes(min(covered, self.stiffness.shape[0] - rigid)), in_band
 
     def _modes(self, elastic: int) -> NormalModes:
         return body_modes(self.body.model, self.stiffness, self.mass, elastic)

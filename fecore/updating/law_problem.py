@@ -21,7 +21,7 @@ from fecore.updating.parameters import by_name
 
 _NEGLIGIBLE = 0.01  # gain, of a value's misfit by noise: the minimum is then within 0.14 standard deviations
 _STANDS = 0.1  # standard deviations: a coefficient whose next step is smaller stands
-_STEPS = 200  # the rates of modes above the band, which nobody measured, creep to their place in about that many
+_STEPS = 200  # the rates of modes above the band, which nobody measured, come to their place last
 _BEYOND = 1e-9  # of a shift or a logarithm: which side of a bound the descent leads to
 _ROUND_OFF = 1e-12  # of the weighted signal: noise-free data cannot be fitted better
 _LARGEST_SHIFT = 0.1  # a mode further off than this was not paired rightly
@@ -117,6 +117,10 @@ class LawProblem:
         """The point at x."""
         normal = self.misfit.normal(*self.modes(x))
         hessian, descent = self.system(x, normal)
+        # Along the logarithm of a rate c the misfit bends by c ∂E/∂c too: with its size, down or up, steps do not creep.
+        own = slice(x.size - self.own.size, None)
+        at = np.arange(x.size)[own]
+        hessian[at, at] += np.abs(normal.gradient[self.misfit.model.omega.size + self.own]) * np.exp(x[own])
         # What a bound holds takes no part in a step: it would be cut off, and the fall be less than was foretold.
         further = x + np.sign(descent) * _BEYOND
         held = self.within(further) != further

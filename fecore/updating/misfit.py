@@ -261,18 +261,16 @@ class FrfJacobian:
 
         S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, since all else is a power of ω.
         """
-        d, coupling = self.by_eigenvalue, self._coupling(weight)
-        powers = np.vander(self.misfit.frfs.omega, 5, increasing=True).astype(complex)
-        S = np.zeros((5, len(d), len(d)), dtype=complex)
+        d, coupling, n = self.by_eigenvalue, self._coupling(weight), self.misfit.gained
+        powers = self.misfit.frfs.omega ** np.arange(5 if n.size else 3)[:, None]
+        S = np.zeros((len(powers), len(d), len(d)), dtype=complex)
         first = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1))
         for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
-            lines = d[k].conj() * d[k:]
-            lines *= coupling[first[k] : first[k + 1]]
-            S[:, k, k:] = 2 * (lines @ powers).T
+            lines = d[k:] * coupling[first[k] : first[k + 1]]
+            S[:, k, k:] = 2 * (lines @ (d[k].conj() * powers).T).T
             S[:, k:, k] = S[:, k, k:].conj()
         crossed = -S[1].imag  # Re iω z
         plain = np.block([[S[0].real, crossed], [crossed.T, S[2].real]])
-        n = self.misfit.gained
         if not n.size:
             return plain
         c, lam = self.rate[:, None], self.eigenvalue[:, None]

@@ -9,7 +9,8 @@ import numpy as np
 from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.beams import BeamSection
 from fecore.body.generators import Piece
-from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.sections import section
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
 from fecore.body.supports import PointMass, Spring, edges, of_boundary
 from fecore.correlation import csac, csf, frac, frequency_error, mac, pair_modes, sac
@@ -72,7 +73,7 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: material(density=np.nan), "material.density: is nan, expected a finite number"),
     (lambda: material(nu_xy=1.2), "material.nu_xy: nu_xy² Ey/Ex is 1.44, expected below 1: the material would"),
     (lambda: Ply(PAPER, 0.0), "ply.thickness: is 0.0, expected a positive number of metres"),
-    (lambda: section([]), "laminate.plies: is empty, expected at least one ply"),
+    (lambda: section([]), "section.plies: is empty, expected at least one ply"),
     (lambda: LayeredSpecimen(0.3, 0.2, 0.004, (), 1600.0), "laminate.plies: is empty, expected at least one ply"),
     (lambda: replace(STACK, density=0.0), "density: is 0.0, expected a positive number of kg/m³"),
     (lambda: parametrise(STACK, [Parameter("Ex")]), "parameters.0.name: is 'Ex', expected one of E1, E2, G12, G13, G23,"),

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fecore.body.generators import strip
-from fecore.body.laminate import OrthotropicMaterial, Ply, Section, section
-from fecore.body.sections import ShellSection
+from fecore.body.laminate import OrthotropicMaterial, Ply, balanced_shear
+from fecore.body.sections import Section, ShellSection, section
 from fecore.body.structure import Structure
 from fecore.body.supports import Mass, PointMass, Spring, Support
 from fecore.dynamics.eigen import NormalModes, normal_modes
@@ -36,9 +36,45 @@ def plate(
     return Structure(mesh, {"strip": stack}, supports, tuple(springs), carried, dofs=dofs)
 
 
+def integrated(plies: Sequence[Ply], shear_correction: float | None = None) -> Section:
+    """The section of plies by turned tensors of the fourth order, C_ijkl = R_ia R_jb R_kc R_ld C_abcd, each by its heights.
+
+    S is from equilibrium, or κ ∫C̄ dz as published solutions of first order have it.
+    """
+    thicknesses = [ply.thickness for ply in plies]
+    z = np.cumsum([-sum(thicknesses) / 2, *thicknesses])
+    Q, C, pairs = [], [], ((0, 0), (1, 1), (0, 1))
+    for ply in plies:
+        m, c, s = ply.material, np.cos(np.radians(ply.angle_deg)), np.sin(np.radians(ply.angle_deg))
+        R, own = np.array([[c, -s], [s, c]]), np.zeros((2, 2, 2, 2))
+        plane = np.linalg.inv([[1 / m.Ex, -m.nu_xy / m.Ex, 0], [-m.nu_xy / m.Ex, 1 / m.Ey, 0], [0, 0, 1 / m.Gxy]])
+        for (i, j), row in zip(pairs, plane, strict=True):
+            for (k, n), value in zip(pairs, row, strict=True):
+                own[i, j, k, n] = own[j, i, k, n] = own[i, j, n, k] = own[j, i, n, k] = value
+        turned = np.einsum("ia,jb,kc,ld,abcd->ijkl", R, R, R, R, own)
+        Q.append(np.array([[turned[(*a, *b)] for b in pairs] for a in pairs]))
+        C.append(R @ np.diag([m.Gxz, m.Gyz]) @ R.T)
+    moments = np.array([(z[1:] ** n - z[:-1] ** n) / n for n in (1, 2, 3)])
+    A, B, D = np.tensordot(moments, Q, 1)
+    inertia = np.sum(moments * [ply.material.density for ply in plies], axis=1)
+    flexibility = np.linalg.inv(np.block([[A, B], [B, D]]))[:, 3:]
+    S = balanced_shear(np.array(Q), np.array(C), z, flexibility)
+    if shear_correction is not None:
+        S = shear_correction * np.tensordot(moments[0], C, 1)
+    return Section(A, B, D, S, tuple(inertia), z[-1] - z[0])
+
+
+def entries(laminate: Section) -> dict[str, float]:
+    """The entries of A, B, D and S by name: A11, B16, D66, S55 (γxz), S44 (γyz) and so on."""
+    voigt = {"11": (0, 0), "12": (0, 1), "22": (1, 1), "66": (2, 2), "16": (0, 2), "26": (1, 2)}
+    plane = {letter + index: float(getattr(laminate, letter)[at]) for letter in "ABD" for index, at in voigt.items()}
+    S = laminate.S
+    return plane | {"S55": float(S[0, 0]), "S44": float(S[1, 1]), "S45": float(S[0, 1])}
+
+
 def coefficients(body: Structure, laminate: Section) -> tuple[np.ndarray, np.ndarray]:
     """Of stiffness and mass, with those of a laminate by their names."""
-    own = laminate.coefficients() | {spring.name: spring.stiffness for spring in body.springs}
+    own = entries(laminate) | {spring.name: spring.stiffness for spring in body.springs}
     inertia = {f"I{n}_{axis}": value for n, value in enumerate(laminate.inertia) for axis in (1, 2, 3)} | {"1": 1.0}
     model = body.model
     stiffness = np.array([own[name.rpartition(".")[2]] for name in model.stiffness.names])

@@ -13,7 +13,7 @@ from uuid import UUID
 from sqlalchemy import JSON, ForeignKey, Index, Select, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from fecore.body.laminate import section
+from fecore.body.sections import section
 from fecore.errors import InputError
 from fecore.signal import Averages, Strip
 from service.access import Lookup, User

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from fecore.body.constants import Body, kind_of
-from fecore.body.laminate import OrthotropicMaterial, homogenise, section
+from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.matrices import MatrixBody
-from fecore.body.sections import PLY_CONSTANTS, ShellSection
+from fecore.body.sections import PLY_CONSTANTS, ShellSection, homogenise, section
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen, carrying
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
@@ -169,7 +169,7 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     if structure.laminate is not None:
         # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a sandwich the core gives way.
         plies = [ply.to_core(density) for ply in structure.laminate.plies]
-        material = homogenise(section(plies, shear="equilibrium"))
+        material = homogenise(section(plies))
         # The structure's own thickness and density were measured on the whole; the plies' are nominal.
         material = replace(material, density=density)
         return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]

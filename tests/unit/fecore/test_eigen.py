@@ -13,7 +13,8 @@ from scipy.sparse.linalg import eigsh
 
 import fecore.dynamics.factor
 from fecore.body.kinds import mode_kinds
-from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.sections import section
 from fecore.body.supports import edges, of_boundary
 from fecore.dynamics.dense import largest_eigenpairs
 from fecore.dynamics.eigen import modes_below, normal_modes

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from examples.plies import CARBON, TRUTH, plate, recovered, simulated
-from fecore.body.laminate import OrthotropicMaterial, Ply, homogenise, section
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.sections import homogenise, section
 from fecore.body.specimen import LayeredSpecimen
 from fecore.body.supports import edges
 from fecore.dynamics.eigen import normal_modes
@@ -20,7 +21,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
-from tests.support.plates import PAPER, coefficients
+from tests.support.plates import PAPER, coefficients, integrated
 
 PLY = OrthotropicMaterial(140e9, 10e9, 5e9, 5e9, 3e9, 0.3, 1600.0)
 angles = st.floats(-180, 180)
@@ -30,13 +31,14 @@ angles = st.floats(-180, 180)
 @given(angles)
 def test_rotation_keeps_the_invariants(angle: float) -> None:
     """Tsai and Pagano's U1 … U5 combinations that no rotation changes (Reddy, section 2.4), and the shears' trace."""
-    Q, turned = PLY.plane_stress(), Ply(PLY, 1e-3, angle).plane_stress()
+    straight, skew = (section([Ply(PLY, 1e-3, turn)]) for turn in (0.0, angle))
+    Q, turned = straight.A, skew.A
     for first, second in (
         (Q[0, 0] + Q[1, 1] + 2 * Q[0, 1], turned[0, 0] + turned[1, 1] + 2 * turned[0, 1]),
         (Q[2, 2] - Q[0, 1], turned[2, 2] - turned[0, 1]),
     ):
         assert first == pytest.approx(second, rel=1e-13)
-    S, shear = PLY.transverse_shear(), Ply(PLY, 1e-3, angle).transverse_shear()
+    S, shear = straight.S, skew.S
     assert np.trace(S) == pytest.approx(np.trace(shear), rel=1e-13)
     assert np.linalg.det(S) == pytest.approx(np.linalg.det(shear), rel=1e-12)
     assert np.all(np.linalg.eigvalsh(turned) > 0)
@@ -51,7 +53,7 @@ def test_a_stack_mirrored_about_its_middle_does_not_couple(half: list[float]) ->
 
 
 def test_ply_wise_shear_of_one_ply_is_five_sixths() -> None:
-    by_ply = section([Ply(PAPER, 0.002)] * 5, shear="equilibrium")
+    by_ply = section([Ply(PAPER, 0.002)] * 5)
     np.testing.assert_allclose(by_ply.S, section([Ply(PAPER, 0.01)]).S, rtol=1e-12, atol=1e-6)
 
 
@@ -108,7 +110,7 @@ def test_coefficients_are_those_of_the_section(angles) -> None:
     body = stack(*angles)
     assert (0 in body.model.dofs) == body.section.is_coupled
     q = constants(body)
-    expected, inertia = coefficients(body.structure, section(body.plies, shear="equilibrium"))
+    expected, inertia = coefficients(body.structure, integrated(body.plies))
     # 1e-6 N/m and so on: entries that are zero by symmetry are sums of round-off.
     np.testing.assert_allclose(body.stiffness_coefficients(q), expected, rtol=1e-12, atol=1e-6)
     np.testing.assert_allclose(body.mass_coefficients(q), inertia, rtol=1e-12)

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from fecore.body.laminate import Ply, section
+from fecore.body.laminate import Ply
+from fecore.body.sections import section
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass, Spring, edges, of_boundary
 from fecore.dynamics.eigen import normal_modes

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fecore.body.kinds import mode_kinds
-from fecore.body.laminate import OrthotropicMaterial, Ply, section
+from fecore.body.laminate import OrthotropicMaterial, Ply
+from fecore.body.sections import section
 from fecore.body.supports import edges, of_boundary
-from tests.support.plates import PAPER, navier_hz, paper_section, plate, solve
+from tests.support.plates import PAPER, integrated, navier_hz, paper_section, plate, solve
 
 HELD = edges("simply_supported", "simply_supported", "simply_supported", "simply_supported")
 ISOTROPIC = OrthotropicMaterial(70e9, 70e9, 70e9 / 2.6, 70e9 / 2.6, 70e9 / 2.6, 0.3, 2700.0)
@@ -74,7 +75,7 @@ def test_frequencies_converge_with_the_fourth_power_of_the_element_size() -> Non
 @pytest.mark.parametrize(("ratio", "published"), [(10, 8.2982), (20, 9.5671), (30, 10.326), (40, 10.854)])
 def test_symmetric_cross_ply_against_published_first_order_solution(ratio, published) -> None:
     """[0/90/90/0], a/h = 5: Khdeir and Librescu, Composite Structures 9 (1988), first-order theory, κ = 5/6."""
-    laminate = section([Ply(noor(ratio), 0.05, angle) for angle in (0, 90, 90, 0)])
+    laminate = integrated([Ply(noor(ratio), 0.05, angle) for angle in (0, 90, 90, 0)], 5 / 6)
     found = solve(plate((1, 1), (12, 12), HELD), laminate, 1).omega[0] / 0.2 * np.sqrt(1 / 1e9)
     # They print five digits.
     assert found == pytest.approx(published, rel=1e-4)
@@ -109,7 +110,7 @@ def test_antisymmetric_angle_ply_against_published_first_order_solution(plies, r
     """
     held = edges(*["simply_supported_normal"] * 4)
     body = plate((1.0, 1.0), (12, 12), held, membrane=True)
-    laminate = section([Ply(noor(40.0), 1 / ratio / plies, 45.0 * (-1) ** k) for k in range(plies)])
+    laminate = integrated([Ply(noor(40.0), 1 / ratio / plies, 45.0 * (-1) ** k) for k in range(plies)], 5 / 6)
     assert laminate.is_coupled
     omega = 2 * np.pi * solve(body, laminate, 1).frequency_hz[0]
     # 0.05 %: the table has four to five digits.

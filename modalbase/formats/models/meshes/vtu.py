@@ -75,6 +75,12 @@ class _Arrays:
         found.connectivity, found.ends, found.types = (
             _indices(name, cells.get(name)) for name in ("connectivity", "offsets", "types")
         )
+        for said, name, array in (("Points", "Points", found.points), ("Cells", "types", found.types)):
+            count = piece.get(f"NumberOf{said}", str(len(array))).strip()
+            if count != str(len(array)):
+                raise FormatError(
+                    f"NumberOf{said}", f"says {count}, but {name} has {len(array)}; the file seems to be cut"
+                )
         return found
 
     def _of(self, parent: ElementTree.Element | None) -> Iterator[tuple[str, Floats]]:

@@ -110,6 +110,8 @@ def test_a_band_has_the_modes_that_lie_in_it() -> None:
     assert band.frfs.shape[1] == 0
     with pytest.raises(InputError, match=r"holds 0 modes; the first is at"):
         forecast(CANTILEVER, ForecastOrder(highest_hz=float(ten.frequency_hz[0]) / 2))
+    with pytest.raises(InputError, match=r"highest_hz: is 1e\+06 Hz and holds \d{4} modes; .* expected 1 to 300"):
+        forecast(replace(CANTILEVER, divisions=(40, 4)), ForecastOrder(highest_hz=1e6))
     with pytest.raises(InputError, match=r"makes more than 20000 lines"):
         forecast(CANTILEVER, ForecastOrder(modes=3, damping_ratio=0.01, spacing_hz=1e-4))
     with pytest.raises(InputError, match=r"line_spacing_hz: of 1e\+06 leaves no line up to"):
@@ -117,5 +119,7 @@ def test_a_band_has_the_modes_that_lie_in_it() -> None:
     place = np.array([[0.2, 0, 0]])
     with pytest.raises(InputError, match=r"point 7 at \(2, 0, 0\) m lies"):
         forecast(CANTILEVER, ForecastOrder(places=10 * place, labels=[7]))
+    with pytest.raises(InputError, match=r"point 7 at \(0.2, 0, 3\) m lies 3e\+03 mm off the specimen"):
+        forecast(CANTILEVER, ForecastOrder(places=place + np.array([0, 0, 3]), labels=[7]))
     with pytest.raises(InputError, match=r"7 has direction 1, along which this model does not move"):
         forecast(CANTILEVER, ForecastOrder(places=place, labels=[7], axes=np.array([1])))

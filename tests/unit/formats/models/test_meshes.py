@@ -166,6 +166,13 @@ BAD: dict[str, tuple[str, bytes, dict[str, Any], str]] = {
     "xml": ("a.vtu", VTU[:600], {}, "is no XML that can be read: .*line"),
     "doctype": ("a.vtu", VTU.replace(b"<VTKFile", b"<!DOCTYPE a><VTKFile"), {}, "has a DOCTYPE"),
     "pieces": ("a.vtu", VTU.replace(b"Piece", b"Peace"), {}, "has 0 pieces, expected one"),
+    "points": (
+        "a.vtu",
+        VTU.replace(b'NumberOfPoints="23"', b'NumberOfPoints="24"'),
+        {},
+        "NumberOfPoints: says 24, but Points has 23",
+    ),
+    "types": ("a.vtu", VTU.replace(b'NumberOfCells="8"', b'NumberOfCells="7"'), {}, "says 7, but types has 8"),
     "words": ("a.vtu", VTU.replace(b"40 20 0", b"40 x 0"), {}, "Points: holds what is no number: .*'x'"),
     "packed": ("a.vtu", FILES["vtk-base64-zlib.vtu"].replace(b"ZLib", b"LZ4"), {}, "packed by vtkLZ4.*save it by zlib"),
     "uff": ("a.unv", UNV[:2000], {}, "byte 2000: the file ends inside dataset 1"),
