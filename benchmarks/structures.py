@@ -22,6 +22,7 @@ from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import of_boundary
 from fecore.dynamics.bodies import body_modes
+from fecore.frf import FrfSet
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
@@ -118,8 +119,8 @@ def s8r(kind: str) -> None:
     print(f"  {kind}: ours by S8R, % of each of {len(theirs)} modes: {np.array2string(ratio, precision=2)}")
 
 
-def stated(truth: dict, elements: int) -> tuple[Structure, Measurement, dict[str, float]]:
-    """What a user knows of a stored body, its FRFs, and the true constants by name."""
+def stated(truth: dict, elements: int, frfs: FrfSet | None = None) -> tuple[Structure, Measurement, dict[str, float]]:
+    """What a user knows of a body, its FRFs (by default the stored ones), and the true constants by name."""
     d, m, kind = truth["stated"]["dims"], truth["stated"]["material"], truth["kind"]
     material = OrthotropicMaterial(m["E1"], m["E2"], m["G12"], m["G12"], 0.8 * m["G12"], m["nu12"], m["rho"])
     mesh, names = _mesh(kind, d, elements)
@@ -130,25 +131,32 @@ def stated(truth: dict, elements: int) -> tuple[Structure, Measurement, dict[str
     points = {point["number"]: tuple(point["xyz"]) for point in truth["points"]}
     supports = of_boundary("free" if truth["bc"] == "free" else "cantilever")
     true = {f"{n}.{c}": truth["walls"][w][c] for n, w in zip(names, ("flange", "web"), strict=True) for c in CONSTANTS}
-    measurement = Measurement(with_coherence(OPEN / f"{kind}-1.uff"), points, inputs=inputs)
+    frfs = with_coherence(OPEN / f"{kind}-1.uff") if frfs is None else frfs
+    measurement = Measurement(frfs, points, inputs=inputs)
     return Structure(mesh, walls, supports, size=size), measurement, true | truth["rayleigh"]
 
 
 def updates(*kinds: str) -> None:
     """Constants of the stored solids from their FRFs with an empty recipe, from what a user knows."""
     for kind in kinds:
-        body, measurement, true = stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4)
-        start = time.process_time()
-        result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
-        took, paired = time.process_time() - start, sum(mode.updated_hz is not None for mode in result.modes)
-        dofs, modes = body.model.stiffness.size, len(result.modes)
-        print(f"  {kind}: {dofs} dofs, {took:.0f} s CPU, {paired} of {modes} modes paired")
-        for each in (p for p in result.parameters if p.name in true and p.identifiable):
-            value, (low, high) = true[each.name], each.interval_95
-            off, z = 100 * (each.estimate / value - 1), (each.estimate - value) / each.standard_deviation
-            inside = "inside" if low <= value <= high else "OUTSIDE"
-            print(f"    {each.name:12s} {off:+7.2f} %   z {z:+5.2f}   {inside} 95 %")
-        print(f"    {result.verdict.level}", flush=True)
+        update_printed(kind, *stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4))
+
+
+def update_printed(name: str, body: Structure, measurement: Measurement, true: dict[str, float]) -> list[float]:
+    """Deviations of the identifiable constants from the true ones after an empty recipe, in standard deviations."""
+    start = time.process_time()
+    result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
+    took, paired = time.process_time() - start, sum(mode.updated_hz is not None for mode in result.modes)
+    print(f"  {name}: {body.model.stiffness.size} dofs, {took:.0f} s CPU, {paired} of {len(result.modes)} modes paired")
+    all_z = []
+    for each in (p for p in result.parameters if p.name in true and p.identifiable):
+        value, (low, high) = true[each.name], each.interval_95
+        off, z = 100 * (each.estimate / value - 1), (each.estimate - value) / each.standard_deviation
+        inside = "inside" if low <= value <= high else "OUTSIDE"
+        print(f"    {each.name:12s} {off:+7.2f} %   z {z:+5.2f}   {inside} 95 %")
+        all_z.append(z)
+    print(f"    {result.verdict.level}", flush=True)
+    return all_z
 
 
 def main(part: str = "all", *kinds: str) -> None:
