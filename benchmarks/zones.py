@@ -27,19 +27,20 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 
 MATERIAL = OrthotropicMaterial(33e9, 32e9, 5.7e9, 4.5e9, 4.5e9, 0.15, 2012.0)
-L, WIDTH, THICKNESS, MODES, NOISE, THEORY = 0.5, 0.04, 0.010, 9, 2e-4, 5e-4
+L, WIDTH, THICKNESS, NOISE, THEORY = 0.5, 0.04, 0.010, 2e-4, 5e-4
 DAMAGED = 0.97
 """Mean factor below which a zone counts as one that is damaged."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """Strips in so many zones, with so many damaged stretches, on lines or anywhere."""
+    """Strips in so many zones, with so many damaged stretches, on lines or anywhere, of which so many modes are measured."""
 
     zones: int
     stretches: int
     on_lines: bool = False
     boundary: Boundary = "cantilever"
+    modes: int = 9
 
     @property
     def lines(self) -> tuple[float, ...]:
@@ -56,6 +57,7 @@ CASES = {
     "two zones, anywhere": Case(2, 1),
     "free, shapes fitted, nothing": Case(8, 0, boundary="free"),
     "free, shapes fitted, anywhere": Case(8, 1, boundary="free"),
+    "two stretches, fifteen modes": Case(8, 2, modes=15),
 }
 
 
@@ -135,20 +137,20 @@ def _yielding(body: Specimen, compliance: float) -> Specimen:
 
 def _measured(body: Specimen, constants: dict[str, float], case: Case, random: np.random.Generator) -> Measurement:
     """Frequencies and shapes at eleven stations by three rows."""
-    model, count = body.model, MODES + 3 * (case.boundary == "free")
+    model, count = body.model, case.modes + 3 * (case.boundary == "free")
     truth = np.array([constants[name] for name in body.nominal])
     stiffness = np.concatenate([body.stiffness_coefficients(truth), [spring.stiffness for spring in body.springs]])
     modes = normal_modes(
         model.stiffness.at(stiffness), model.mass.at(body.mass_coefficients(truth)), count, model.rigid_modes
     )
-    elastic = slice(modes.rigid, modes.rigid + MODES)
-    hz = modes.frequency_hz[elastic] * (1 + np.hypot(NOISE, THEORY) * random.standard_normal(MODES))
+    elastic = slice(modes.rigid, modes.rigid + case.modes)
+    hz = modes.frequency_hz[elastic] * (1 + np.hypot(NOISE, THEORY) * random.standard_normal(case.modes))
     order = np.argsort(hz)
     places = np.array([(a, b) for a in np.linspace(0.05, 0.98, 11) * L for b in (-0.019, 0.0, 0.019)])
     at = np.column_stack([places, np.zeros(len(places))])
     shapes = (model.observe(at, np.tile([0.0, 0, 1], (len(at), 1))) @ modes.shapes).T[elastic][order]
     shapes = shapes + 0.01 * np.abs(shapes).max(axis=1, keepdims=True) * random.standard_normal(shapes.shape)
     points = {n: (float(a), float(b), 0.0) for n, (a, b) in enumerate(places, start=1)}
-    covariance = np.diag(np.concatenate([(NOISE * hz[order]) ** 2, np.full(MODES, 1e-8)]))
+    covariance = np.diag(np.concatenate([(NOISE * hz[order]) ** 2, np.full(case.modes, 1e-8)]))
     dofs = tuple(Dof(n, 3) for n in points)
-    return Measurement(None, points, MeasuredModes(hz[order], np.full(MODES, 0.01), shapes + 0j, dofs, covariance))
+    return Measurement(None, points, MeasuredModes(hz[order], np.full(case.modes, 0.01), shapes + 0j, dofs, covariance))
