@@ -34,14 +34,14 @@ def foretold(draws: int = 8, seed: int = 36) -> list[str]:
     for number, (made, cuts) in enumerate(SO_FAR.items()):
         ratios, gains = defaultdict[str, list[float]](list), defaultdict[str, list[tuple[float, float]]](list)
         for draw in range(draws):
-            for more, found, told, gain in _drawn(cuts, np.random.default_rng([seed, number, draw])):
-                ratios[more] += [found[name] / told.standard_deviations[name] for name in found]
-                gains[more].append((gain, told.information))
+            for more, found, forecast, gain in _drawn(cuts, np.random.default_rng([seed, number, draw])):
+                ratios[more] += [found[name] / forecast.standard_deviations[name] for name in found]
+                gains[more].append((gain, forecast.information))
         for more, each in ratios.items():
             low, middle, high = np.quantile(each, [0.0, 0.5, 1.0])
-            found_nats, told_nats = np.mean(gains[more], axis=0)
+            found_nats, foretold_nats = np.mean(gains[more], axis=0)
             print(
-                f"  {made:11} {more:18} {middle:.2f}, {low:.2f}, {high:.2f};   {found_nats:.2f}, {told_nats:.2f}",
+                f"  {made:11} {more:18} {middle:.2f}, {low:.2f}, {high:.2f};   {found_nats:.2f}, {foretold_nats:.2f}",
                 flush=True,
             )
     return []

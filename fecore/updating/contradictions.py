@@ -135,7 +135,15 @@ class _Sources:
             statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
         bodies = tuple(range(len(elastic.rows)))
         campaigns = bodies if len(bodies) > 1 else ()
-        found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), campaigns, bodies, 1.0)
+        found = cls(
+            elastic=elastic,
+            problem=elastic.problem,
+            scatter=layout.scatter,
+            statements=tuple(statements),
+            campaigns=campaigns,
+            masses=bodies,
+            count=1.0,
+        )
         return replace(found, count=found.independent + 2 * len(campaigns) + len(bodies))
 
     @property
