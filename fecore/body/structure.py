@@ -91,7 +91,7 @@ class Structure:
     def nominal(self) -> dict[str, float]:
         """Constants by name, SI."""
         found = {f"{name}.{c}": v for name in self.mesh.sets for c, v in self.sections[name].nominal.items()}
-        found |= dict(zip(_SIZES, self.size, strict=False))
+        found |= dict(zip(SIZES, self.size, strict=False))
         return found | {clamp.name: clamp.compliance for clamp in self.clamps}
 
     @property
@@ -298,7 +298,7 @@ class Structure:
         """
         if not self.size:
             return np.stack([values[name] for name in names])
-        ratios = [whole[name] / size for name, size in zip(_SIZES, self.size, strict=False)]
+        ratios = [whole[name] / size for name, size in zip(SIZES, self.size, strict=False)]
         rows = []
         for name in names:
             set_name, _, last = name.rpartition(".")
@@ -318,18 +318,25 @@ class Structure:
         Raises:
             InputError: a wall lies askew, so that the body cannot be stretched.
         """
-        found: dict[str, tuple[int, int, int]] = {}
-        for block in self.mesh.blocks:
-            if block.is_shell:
-                flat = [
-                    axis for axis in (1, 2) if not np.ptp(self.mesh.nodes[block.nodes][..., axis], axis=1).max() > 1e-9
-                ]
-                if not flat or found.setdefault(block.set, (0, 3 - flat[0], flat[0])) != (0, 3 - flat[0], flat[0]):
-                    raise InputError("size", f"of a body whose set {block.set} does not lie along x and y or x and z")
+        found = axes_of_walls(self.mesh)
+        if found is None:
+            raise InputError("size", "of a body with a set that does not lie along x and y or x and z")
         return found
 
 
-_SIZES = ("length", "width", "height")
+def axes_of_walls(mesh: Mesh) -> dict[str, tuple[int, int, int]] | None:
+    """Of each set of shells, which of x, y and z axis 1 (x), axis 2 and the normal lie along; None where a set lies askew."""
+    found: dict[str, tuple[int, int, int]] = {}
+    for block in mesh.blocks:
+        if block.is_shell:
+            flat = [axis for axis in (1, 2) if not np.ptp(mesh.nodes[block.nodes][..., axis], axis=1).max() > 1e-9]
+            if not flat or found.setdefault(block.set, (0, 3 - flat[0], flat[0])) != (0, 3 - flat[0], flat[0]):
+                return None
+    return found
+
+
+SIZES = ("length", "width", "height")
+"""Constants of a body that can be stretched along x, y and z."""
 
 
 def _powers(name: str) -> tuple[int, int, int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import takewhile
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from fecore.body import beams, sections
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.laminate import Ply as CorePly
 from fecore.body.mesh import Block, Mesh
-from fecore.body.structure import Structure
+from fecore.body.structure import Structure, axes_of_walls
 from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
 from modalbase.formats.models import model as formats
@@ -45,18 +46,33 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
     held = boundary == AS_MODELLED
     stated = model.supports if held else ()
     supports = {f"support of line {s.line}": s for s in stated if not _is_askew(s)}
+    mesh = Mesh(
+        model.nodes,
+        tuple(_block(each, model) for each in model.elements),
+        {**model.node_sets, **{name: s.nodes for name, s in supports.items()}},
+    )
     return Structure(
-        Mesh(
-            model.nodes,
-            tuple(_block(each, model) for each in model.elements),
-            {**model.node_sets, **{name: s.nodes for name, s in supports.items()}},
-        ),
+        mesh,
         {name: section_of(model, name) for name in model.sets},
         tuple(Support(name, _held_dofs(s)) for name, s in supports.items()),
         _springs(model, held=held),
         tuple(Mass(m.mass, m.node, m.inertia, m.offset) for m in model.masses),
         (*(Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links), *_askew(stated)),
+        size=_size(model, mesh),
     )
+
+
+def _size(model: FiniteElementModel, mesh: Mesh) -> tuple[float, ...]:
+    """Length, width and height of walls that lie along x, with their axis 1, and along y or z: they are inputs then; else none.
+
+    Beams and rigid links would have to be stretched too.
+    """
+    axes = np.concatenate([each.axes for each in model.elements])
+    along = np.abs(axes[:, 0]) > (1 - 1e-9) * np.linalg.norm(axes, axis=1)
+    if model.links or not along.all() or not all(b.is_shell for b in mesh.blocks) or axes_of_walls(mesh) is None:
+        return ()
+    whole = np.ptp(mesh.nodes[np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))], axis=0)
+    return tuple(takewhile(bool, whole.tolist()))
 
 
 def section_of(model: FiniteElementModel, name: str) -> sections.ShellSection | beams.BeamSection:

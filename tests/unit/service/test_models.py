@@ -86,6 +86,16 @@ def test_the_deck_of_a_shape_is_the_body_of_the_shape() -> None:
     np.testing.assert_allclose(frequencies(body_of_model(read_inp(deck())), 8), frequencies(shaped, 8), rtol=1e-6)
 
 
+def test_length_width_and_height_are_constants_where_all_walls_lie_along_x() -> None:
+    model = read_inp(deck())
+    size = body_of_model(model).size
+    np.testing.assert_allclose(size, np.ptp(model.nodes, axis=0), rtol=1e-12)
+    assert set(body_of_model(model).nominal) >= {"length", "width", "height"}
+    turned = replace(model, nodes=model.nodes[:, [1, 2, 0]])  # axis 1 of the material stays along x
+    assert body_of_model(turned).size == ()
+    assert body_of_model(read_inp(STEEL)).size == (), "it has a beam"
+
+
 def test_sets_of_an_isotropic_material_have_one_free_modulus() -> None:
     body = body_of_model(read_inp(STEEL))
     free = [each.name for each in default_parameters(body) if each.tied_to is None]
