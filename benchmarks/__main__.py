@@ -56,7 +56,7 @@ TABLES = {
             "contradictions", "contradictions", "the wrong source of a joint update: named, first, cleared", quick="1"
         ),
         Case("zones", "zones", "stretches of another stiffness: false zones, found ones, intervals", quick="1"),
-        Case("foretold", "plans", "what plans foretell beside what the update finds once they are made", quick="1"),
+        Case("planned", "plans", "what plans predict beside what the update finds once they are made", quick="1"),
         Case("campaigns", "updates", "which points to hit", "plans 12 17", "plans 1 17"),
         Case("cards", "core", "decks of updated models by CalculiX", quick="1"),
         Case("trend", "trend", "false alarms and delays of control charts", quick="2"),

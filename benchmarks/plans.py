@@ -28,9 +28,9 @@ HIGHEST_HZ = {"free": 3900.0, "cantilever": 4000.0}  # nine modes, as are measur
 _SEEN = 0.8  # of the prior's standard deviation: what is less known is hardly asked of the tests
 
 
-def foretold(draws: int = 8, seed: int = 36) -> list[str]:
-    """Print, for each plan, the standard deviations found over those foretold of what the tests show: median and range."""
-    print("  so far      more               found/foretold: median, least, most;   information found, foretold, nats")
+def planned(draws: int = 8, seed: int = 36) -> list[str]:
+    """Print, for each plan, the standard deviations found over those predicted of what the tests show: median and range."""
+    print("  so far      more               found/predicted: median, least, most;   information found, predicted, nats")
     for number, (made, cuts) in enumerate(SO_FAR.items()):
         ratios, gains = defaultdict[str, list[float]](list), defaultdict[str, list[tuple[float, float]]](list)
         for draw in range(draws):
@@ -39,9 +39,9 @@ def foretold(draws: int = 8, seed: int = 36) -> list[str]:
                 gains[more].append((gain, forecast.information))
         for more, each in ratios.items():
             low, middle, high = np.quantile(each, [0.0, 0.5, 1.0])
-            found_nats, foretold_nats = np.mean(gains[more], axis=0)
+            found_nats, predicted_nats = np.mean(gains[more], axis=0)
             print(
-                f"  {made:11} {more:18} {middle:.2f}, {low:.2f}, {high:.2f};   {found_nats:.2f}, {foretold_nats:.2f}",
+                f"  {made:11} {more:18} {middle:.2f}, {low:.2f}, {high:.2f};   {found_nats:.2f}, {predicted_nats:.2f}",
                 flush=True,
             )
     return []

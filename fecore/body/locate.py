@@ -62,9 +62,8 @@ class Places:
 
 def place_in_words(place: Sequence[float]) -> str:
     """A place of a body, such as `x = 0.25 m, y = 0.02 m`."""
-    return (
-        ", ".join(f"{name} = {value:.3g} m" for name, value in zip("xyz", place, strict=True) if value) or "the origin"
-    )
+    words = [f"{name} = {value:.3g} m" for name, value in zip("xyz", place, strict=True) if value]
+    return ", ".join(words) or "the origin"
 
 
 def evenly_spread(places: FloatArray, most: int) -> list[int]:

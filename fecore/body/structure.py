@@ -318,20 +318,22 @@ class Structure:
         Raises:
             InputError: a wall lies askew, so that the body cannot be stretched.
         """
-        found = axes_of_walls(self.mesh)
-        if found is None:
-            raise InputError("size", "of a body with a set that does not lie along x and y or x and z")
+        found = {}
+        for name, axes in axes_of_walls(self.mesh).items():
+            if axes is None:
+                raise InputError("size", f"of a body whose set {name} does not lie along x and y or x and z")
+            found[name] = axes
         return found
 
 
-def axes_of_walls(mesh: Mesh) -> dict[str, tuple[int, int, int]] | None:
-    """Of each set of shells, which of x, y and z axis 1 (x), axis 2 and the normal lie along; None where a set lies askew."""
-    found: dict[str, tuple[int, int, int]] = {}
+def axes_of_walls(mesh: Mesh) -> dict[str, tuple[int, int, int] | None]:
+    """Of each set of shells, which of x, y and z axis 1 (x), axis 2 and the normal lie along; None where the set lies askew."""
+    found: dict[str, tuple[int, int, int] | None] = {}
     for block in mesh.blocks:
         if block.is_shell:
             flat = [axis for axis in (1, 2) if not np.ptp(mesh.nodes[block.nodes][..., axis], axis=1).max() > 1e-9]
-            if not flat or found.setdefault(block.set, (0, 3 - flat[0], flat[0])) != (0, 3 - flat[0], flat[0]):
-                return None
+            own = (0, 3 - flat[0], flat[0]) if flat else None
+            found[block.set] = own if found.setdefault(block.set, own) == own else None
     return found
 
 

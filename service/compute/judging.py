@@ -54,7 +54,7 @@ class JudgementInputs:
     watch: Watch  # what is watched, and how
     as_of: datetime  # now
     acknowledged: tuple[Acknowledgement, ...]  # parameter and time of acknowledgements, by time
-    notes: tuple[str, ...]  # what is already known to be worth saying
+    notes: tuple[str, ...]  # what is known to say already
     # what would move the frequencies, of one campaign of the baseline; None where no result says it
     moves: Moves | None = None
 

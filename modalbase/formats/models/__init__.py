@@ -3,7 +3,7 @@
 model      what a deck says, whoever wrote it
 measures   areas, normals, and whether elements fold over
 shapes     cross sections of beams from their walls
-check      what a model must satisfy before it is worth solving
+check      what a model must satisfy before it is solved
 units      units by name, guessed and checked
 files      a deck and what it includes, as lines
 changes    what updated numbers change

@@ -1,4 +1,4 @@
-"""What a model must satisfy before it is worth solving: elements that have a shape, and parts that hang together."""
+"""What a model must satisfy before it is solved: elements that have a shape, and parts that hang together."""
 
 from __future__ import annotations
 

@@ -69,7 +69,12 @@ def _size(model: FiniteElementModel, mesh: Mesh) -> tuple[float, ...]:
     """
     axes = np.concatenate([each.axes for each in model.elements])
     along = np.abs(axes[:, 0]) > (1 - 1e-9) * np.linalg.norm(axes, axis=1)
-    if model.links or not along.all() or not all(b.is_shell for b in mesh.blocks) or axes_of_walls(mesh) is None:
+    if (
+        model.links
+        or not along.all()
+        or not all(b.is_shell for b in mesh.blocks)
+        or None in axes_of_walls(mesh).values()
+    ):
         return ()
     whole = np.ptp(mesh.nodes[np.unique(np.concatenate([block.nodes.ravel() for block in mesh.blocks]))], axis=0)
     return tuple(takewhile(bool, whole.tolist()))

@@ -91,8 +91,13 @@ def test_length_width_and_height_are_constants_where_all_walls_lie_along_x() -> 
     size = body_of_model(model).size
     np.testing.assert_allclose(size, np.ptp(model.nodes, axis=0), rtol=1e-12)
     assert set(body_of_model(model).nominal) >= {"length", "width", "height"}
-    turned = replace(model, nodes=model.nodes[:, [1, 2, 0]])  # axis 1 of the material stays along x
+    along_y = replace(model, nodes=model.nodes[:, [1, 2, 0]])  # axis 1 of the material stays along x
+    assert body_of_model(along_y).size == ()
+    turned = replace(model, nodes=model.nodes @ [[1, 0, 0], [0, 0.8, 0.6], [0, -0.6, 0.8]])  # about x
     assert body_of_model(turned).size == ()
+    stretched = replace(body_of_model(turned), size=size)
+    with pytest.raises(InputError, match="of a body whose set flange does not lie along x and y"):
+        stretched.stiffness_coefficients(np.array(list(stretched.nominal.values())))
     assert body_of_model(read_inp(STEEL)).size == (), "it has a beam"
 
 
