@@ -8,6 +8,7 @@ units      units by name, guessed and checked
 files      a deck and what it includes, as lines
 changes    what updated numbers change
 edits      and where they go in the deck's own lines
+write      the deck with them
 bdf  inp   decks of Nastran; of Abaqus and CalculiX
 matrices   K and M of any solver
 meshes     nodes and elements to which the user gives sections

@@ -11,10 +11,9 @@ from fecore.arrays import FloatArray
 from fecore.body.constants import kind_of
 from fecore.body.structure import SIZES, Structure
 from fecore.dynamics.bodies import body_modes
-from modalbase.formats.models.bdf import write_bdf
-from modalbase.formats.models.inp import write_inp
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import Units, in_si, units_of
+from modalbase.formats.models.write import write_deck
 from service.compute.models.bodies import body_of_model
 from service.compute.models.reading import faults_of, parsed, repacked, unpacked
 
@@ -33,9 +32,6 @@ class DeckOrder:
     remarks: tuple[str, ...]  # for its head
 
 
-WRITERS = {"inp": write_inp, "bdf": write_bdf}  # by format of a model
-
-
 def updated_deck(order: DeckOrder) -> bytes:
     """The deck with updated numbers, each with a comment; every other byte stays.
 
@@ -45,8 +41,8 @@ def updated_deck(order: DeckOrder) -> bytes:
     model = parsed(order.content, order.filename)
     remarks = [*order.remarks, *_joints(in_si(model, order.units), order)]
     updated = _in_deck(model, order.constants, units_of(order.units))
-    deck, write = unpacked(order.content, order.filename), WRITERS[model.format]
-    changed = faults_of(lambda: write(deck.content, model, updated, included=deck.included, remarks=remarks))
+    deck = unpacked(order.content, order.filename)
+    changed = faults_of(lambda: write_deck(deck.content, model, updated, included=deck.included, remarks=remarks))
     return repacked(order.content, order.filename, changed)
 
 

@@ -16,7 +16,7 @@ from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.updating.parameters import parametrise
 from modalbase.formats.decks import Deck, Mass, write_nastran, write_shells, write_solids
 from modalbase.formats.models.matrices import MatrixModel
-from service.compute.models import decks as own
+from modalbase.formats.models.write import WRITTEN
 from service.compute.models.decks import DeckOrder
 from service.errors import Conflict, Invalid
 from service.store.campaigns.operations import campaign_of
@@ -190,7 +190,7 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
     model, (filename, units, content) = load_model(session, key), deck_of(session, key)
     if isinstance(model, MatrixModel):
         raise Conflict("the structure is matrices, which stay as they are: multiply each by its factor of the result")
-    if model.format not in own.WRITERS or units is None:
+    if model.format not in WRITTEN or units is None:
         raise Conflict(f"{filename} is a mesh without properties, which has no numbers to update: the result has them")
     return DeckOrder(
         content=content,

@@ -14,10 +14,9 @@ carried     masses and springs, and mass that is spread
 held        rigid elements and constraints
 unused      what every other card would have done
 read        all of them
-write       the user's deck with updated numbers
+write       where updated numbers go in the user's deck
 """
 
 from modalbase.formats.models.bdf.read import read_bdf
-from modalbase.formats.models.bdf.write import write_bdf
 
-__all__ = ["read_bdf", "write_bdf"]
+__all__ = ["read_bdf"]

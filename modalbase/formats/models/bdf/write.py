@@ -1,4 +1,8 @@
-"""A Nastran deck with the numbers of an update: the user's own file, in which nothing else changes."""
+"""Where the numbers of an update go in a Nastran deck.
+
+A field changes in place and in its own width, with a comment before its card. Copies of a material, with free numbers, stand
+before ENDDATA, and the properties of the sets point to them.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, number, whole
 from modalbase.formats.models.bdf.lines import cards_of, split_deck
 from modalbase.formats.models.bdf.sections import rod_key
-from modalbase.formats.models.changes import Number, changes_of
+from modalbase.formats.models.changes import Number
 from modalbase.formats.models.edits import Constants, Edits, Writing
 from modalbase.formats.models.model import FiniteElementModel, Material
 
@@ -21,36 +25,9 @@ _FIELDS = {
 }
 
 
-def write_bdf(
-    content: bytes,
-    model: FiniteElementModel,
-    updated: Mapping[tuple[str, str], float],
-    *,
-    included: Mapping[str, bytes] | None = None,
-    remarks: Sequence[str] = (),
-) -> dict[str, bytes]:
-    """The files of a deck that change by an update, by name; the deck's own is empty.
+class BdfWriting(Writing):
+    """Files of a Nastran deck as they change."""
 
-    A field changes in place and in its own width, with a comment before its card. Where sets shared a material that now
-    differs, copies of the material with free numbers stand before ENDDATA, and the properties of the sets point to them. All
-    else stays as it is, to the byte.
-
-    Args:
-        content: the deck.
-        model: what `read_bdf` made of it.
-        updated: new values by set and constant, in the model's units: `E1`, `E2`, `G12`, `G13`, `G23`, `nu12`, or `E`,
-            `nu`, `G`; of a second material of the stack `E1_2` and so on; `density` of the set, `t` of its whole thickness,
-            `factor` of all moduli; of beams also `area`, `I1`, `I2`, `J`.
-        included: files that the deck includes, by name.
-        remarks: comments for the deck's top.
-
-    Raises:
-        FormatError: a set or constant is not there, a value is not a number, or the card stands in a file that is not here.
-    """
-    return _Writing(content, model, included or {}).write(changes_of(model, updated), remarks)
-
-
-class _Writing(Writing):
     def __init__(self, content: bytes, model: FiniteElementModel, included: Mapping[str, bytes]) -> None:
         super().__init__({name: Edits(text, "$", 8) for name, text in {"": content, **included}.items()})
         self._model = model

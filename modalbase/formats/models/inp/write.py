@@ -1,16 +1,15 @@
-"""Updated numbers put back into the user's own deck.
+"""Where the numbers of an update go in a deck of Abaqus or CalculiX.
 
-Each changes where it stands, with a comment above its line. Where sets shared a material that now differs, copies of its
-cards follow it, and the sections name those. Every other byte stays.
+Copies of a material's cards follow it.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.changes import ISOTROPIC, Number, changes_of
+from modalbase.formats.models.changes import ISOTROPIC, Number
 from modalbase.formats.models.edits import Constants, Edits, Writing
 from modalbase.formats.models.inp.lines import Card, folded, read_cards
 from modalbase.formats.models.inp.materials import ENGINEERING, SUBORDINATE
@@ -22,32 +21,9 @@ LONGEST_NAME = 80
 """Of a material, in both solvers."""
 
 
-def write_inp(
-    content: bytes,
-    model: FiniteElementModel,
-    updated: Mapping[tuple[str, str], float],
-    *,
-    included: Mapping[str, bytes] | None = None,
-    remarks: Sequence[str] = (),
-) -> dict[str, bytes]:
-    """The files that change, by name; the deck's own is empty.
+class InpWriting(Writing):
+    """Files of an Abaqus or CalculiX deck as they change."""
 
-    Args:
-        content: the deck as it was read.
-        model: what it was read to, in its own units.
-        updated: numbers in the deck's units by set and constant: those of its materials (`E1`, `nu12`, `density`, …, with
-            `_2` of a second material of a laminate from the bottom; `E`, `nu` and `G` of an isotropic one), `t` the whole
-            thickness, `factor` of all moduli, and `area`, `I1`, `I2` and `J` of a beam that states them.
-        included: files that the deck includes, by name.
-        remarks: lines of comment for the deck's head.
-
-    Raises:
-        FormatError: a set or constant is none of the deck's, or does not stand there as a number of its own.
-    """
-    return _Writing(content, model, included or {}).write(changes_of(model, updated), remarks)
-
-
-class _Writing(Writing):
     def __init__(self, content: bytes, model: FiniteElementModel, included: Mapping[str, bytes]) -> None:
         super().__init__({name: Edits(text, "**") for name, text in {"": content, **included}.items()})
         self._model = model

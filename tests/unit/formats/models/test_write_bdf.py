@@ -9,16 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf import read_bdf, write_bdf
+from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.bdf.card import number
 from modalbase.formats.models.bdf.write import fitted
 from modalbase.formats.models.model import FiniteElementModel, ShellSection
+from modalbase.formats.models.write import write_deck
 
 
 def rewritten(content: bytes, updated: dict[str, dict[str, float]], *remarks: str) -> bytes:
     """The deck after an update, itself where nothing changes."""
     flat = {(name, constant): value for name, own in updated.items() for constant, value in own.items()}
-    return write_bdf(content, read_bdf(content), flat, remarks=remarks).get("", content)
+    return write_deck(content, read_bdf(content), flat, remarks=remarks).get("", content)
 
 
 DECK = """\
@@ -67,7 +68,7 @@ def changed(before: str, after: bytes) -> tuple[list[str], list[str]]:
 def test_nothing_updated_changes_no_byte() -> None:
     for text in (DECK, DECK.replace("\n", "\r\n"), DECK.replace("keep me", "é\tü")):
         content = text.encode("latin-1")
-        assert write_bdf(content, read_bdf(content), {}) == {}
+        assert write_deck(content, read_bdf(content), {}) == {}
         nominal = {"flange": {"E": 7.2e10, "nu": 0.3, "t": 0.005}, "pcomp_30": {"E1": 1.4e11}}
         assert rewritten(content, nominal) == content
 
@@ -169,14 +170,14 @@ def test_files_that_the_deck_includes() -> None:
     deck = f"{head}INCLUDE 'mat.inc'\n{rest}".encode()
     model = read_bdf(deck, included)
     both = {("flange", "E"): 7.1e10, ("web", "E"): 7.1e10}
-    found = write_bdf(deck, model, both, included=included)
+    found = write_deck(deck, model, both, included=included)
     assert list(found) == ["mat.inc"]
     assert found["mat.inc"].endswith(b"MAT1           1  7.1+10              .3   2700.  2.3-5\n")
-    one = write_bdf(deck, model, {("web", "E"): 7.1e10}, included=included)
+    one = write_deck(deck, model, {("web", "E"): 7.1e10}, included=included)
     assert list(one) == [""]
     assert read_bdf(one[""], included).materials["5"].constants["E"] == 7.1e10
     with pytest.raises(FormatError, match=r"line 2 of mat\.inc is not here"):
-        write_bdf(deck, model, both)
+        write_deck(deck, model, both)
 
 
 def test_a_factor_of_all_moduli() -> None:

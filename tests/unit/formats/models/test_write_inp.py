@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.inp import read_inp, write_inp
+from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import FiniteElementModel
+from modalbase.formats.models.write import write_deck
 from tests.unit.formats.models.decks import CAE, MATERIAL, OPEN, PLATE, open_deck
 from tests.unit.formats.models.test_inp import beam, shell
 
@@ -21,7 +22,7 @@ Updated = dict[tuple[str, str], float]
 
 def written(deck: str, updated: Updated) -> str:
     content = deck.encode()
-    return write_inp(content, read_inp(content), updated).get("", content).decode()
+    return write_deck(content, read_inp(content), updated).get("", content).decode()
 
 
 def constants(model: FiniteElementModel, name: str) -> dict[str, float]:
@@ -48,15 +49,15 @@ def test_numbers_change_in_place() -> None:
 
 def test_nothing_to_update_changes_nothing() -> None:
     model = read_inp(PLATE.encode())
-    assert write_inp(PLATE.encode(), model, {}) == {}
-    assert write_inp(PLATE.encode(), model, {("plate", "E1"): 2.3e10, ("plate", "t"): 0.005}) == {}
+    assert write_deck(PLATE.encode(), model, {}) == {}
+    assert write_deck(PLATE.encode(), model, {("plate", "E1"): 2.3e10, ("plate", "t"): 0.005}) == {}
 
 
 def test_sets_that_shared_a_material_get_copies() -> None:
     content = open_deck("i-1")
     model = read_inp(content)
     updated = {("flange", "E1"): 2.5e10, ("web", "E1"): 2.2e10, ("web", "density"): 1900.0, ("flange", "t"): 0.0062}
-    found = write_inp(content, model, updated)[""]
+    found = write_deck(content, model, updated)[""]
     again = read_inp(found)
     assert set(again.materials) == {"GFRP", "GFRP_web"}
     assert constants(again, "flange") == {**constants(model, "flange"), "E1": 2.5e10}
@@ -72,7 +73,7 @@ def test_sets_that_shared_a_material_get_copies() -> None:
 
 def test_a_set_that_was_not_updated_keeps_the_material() -> None:
     content = open_deck("box-1")
-    found = write_inp(content, read_inp(content), {("flange", "factor"): 0.9})[""]
+    found = write_deck(content, read_inp(content), {("flange", "factor"): 0.9})[""]
     again = read_inp(found)
     assert constants(again, "web") == constants(read_inp(content), "web")
     assert constants(again, "flange")["G23"] == pytest.approx(0.9 * 2.4e9, rel=1e-9)
@@ -83,7 +84,7 @@ def test_a_set_that_was_not_updated_keeps_the_material() -> None:
 @pytest.mark.parametrize("name", OPEN)
 def test_every_other_byte_stays(name: str) -> None:
     content = open_deck(name)
-    found = write_inp(content, read_inp(content), {("flange", "E1"): 2.5e10, ("web", "E1"): 2.5e10})[""]
+    found = write_deck(content, read_inp(content), {("flange", "E1"): 2.5e10, ("web", "E1"): 2.5e10})[""]
     rest = [line for line in found.split(b"\n") if not line.startswith(b"** updated")]
     before = content.split(b"\n")
     assert len(rest) == len(before)
@@ -148,7 +149,7 @@ def test_an_isotropic_material_that_is_so_no_longer(end: str) -> None:
 def test_included_files_and_line_ends() -> None:
     deck = PLATE.replace(MATERIAL, "*INCLUDE, INPUT=m.inp\n").replace("\n", "\r\n").encode()
     included = {"m.inp": MATERIAL.replace("\n", "\r\n").rstrip().encode()}
-    found = write_inp(
+    found = write_deck(
         deck,
         read_inp(deck, included),
         {("plate", "E1"): 2.4e10},
@@ -212,7 +213,7 @@ def frequencies(folder: Path, content: bytes) -> list[float]:
 def test_the_solver_reads_it_and_all_frequencies_follow(tmp_path: Path) -> None:
     content = open_deck("panel-1")
     model = read_inp(content)
-    found = write_inp(content, model, {("flange", "factor"): 1.21, ("web", "factor"): 1.21 * (1 + 1e-7)})[""]
+    found = write_deck(content, model, {("flange", "factor"): 1.21, ("web", "factor"): 1.21 * (1 + 1e-7)})[""]
     assert b"NAME=GFRP_web" in found
     before, after = np.array(frequencies(tmp_path, content)), np.array(frequencies(tmp_path, found))
     elastic = before > 1.0
