@@ -13,7 +13,6 @@ from uuid import UUID
 
 from fastapi import Response
 from pydantic import Field, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 from sqlalchemy import ForeignKey, UniqueConstraint, func, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
@@ -22,7 +21,7 @@ from service.access import CurrentUser, Lookup, SessionDep, User, project_for
 from service.access.nouns import NounRoutes
 from service.db.base import Base, Identified
 from service.errors import Conflict
-from service.web import Name, StrictModel, Text, api_router, example, not_null, shown_as
+from service.web import Name, StrictModel, Text, api_router, example, not_null, shown_as, wrong
 
 router = api_router(tags=["instruments"])
 Kind = Literal["hammer", "sensor", "analyser"]
@@ -57,13 +56,13 @@ class Calibration(StrictModel):
     @classmethod
     def _of_something(cls, value: float | None) -> float | None:
         if value == 0:
-            raise PydanticCustomError("zero", "is 0; leave it out where it is not known")
+            raise wrong("is 0; leave it out where it is not known")
         return value
 
     @model_validator(mode="after")
     def _in_order(self) -> Calibration:
         if self.valid_until is not None and self.valid_until < self.performed_on:
-            raise PydanticCustomError("order", "valid_until is before performed_on")
+            raise wrong("valid_until is before performed_on")
         return self
 
 
