@@ -14,14 +14,13 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
 from fecore.errors import FecoreError, InputError
 from service.errors import Invalid, ServiceError
-from service.jobs.kinds import Report
+from service.jobs.kinds import Compute
 
 PR_SET_PDEATHSIG = 1
 REPORT_SECONDS = 0.05
@@ -97,7 +96,6 @@ class Done:
 
 
 Message = Progress | Checkpoint | Item | Failure | Done
-Compute = Callable[[Any, Report], Iterator[Any]]
 
 
 def storable(text: str) -> str:

@@ -33,7 +33,7 @@ class NamedJob:
 
 def name_jobs(visit: Visit, jobs: Sequence[UpdateJobOut], parts: Sequence[str] = ("verdict",)) -> list[NamedJob]:
     """Jobs that the visitor may see, each with its names and these parts of its result."""
-    campaigns = {row.id: row for row in campaigns_of(visit.session, [job.campaign_id for job in jobs])}
+    campaigns = campaigns_of(visit.session, [job.campaign_id for job in jobs])
     structures = structures_of(visit.session, [row.structure_id for row in campaigns.values()])
     results = result_parts(visit.session, [job.id for job in jobs], parts)
     return [

@@ -22,7 +22,7 @@ from fecore.coupons.batch import (
     statistics,
 )
 from fecore.errors import InputError
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.db.base import Base, Identified
 from service.errors import Conflict, Fault, Invalid
 from service.store.coupons.curves import CouponCurve, new_curve
@@ -95,19 +95,7 @@ UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_s
 
 
 batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
-"""The batch, if the user has at least a role in its project."""
-
-
-def batches_of(session: Session, structure_id: UUID) -> Sequence[CouponBatch]:
-    """The batches of a structure, oldest first."""
-    return session.scalars(
-        select(CouponBatch).where(CouponBatch.structure_id == structure_id).order_by(CouponBatch.id)
-    ).all()
-
-
-def coupons_of(session: Session, batch_id: UUID) -> Sequence[Coupon]:
-    """The specimens of a batch, excluded ones included, oldest first."""
-    return session.scalars(select(Coupon).where(Coupon.batch_id == batch_id).order_by(Coupon.id)).all()
+coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
 
 
 def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
@@ -124,12 +112,7 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
         if name not in there
     ]:
         raise Invalid(faults)
-    batch = CouponBatch(structure_id=structure.id, **body.model_dump())
-    session.add(batch)
-    session.flush()
-    session.refresh(batch)
-    batch_for.note(session, user, batch, "create", name=body.name)
-    return batch
+    return batch_for.add(session, user, CouponBatch(structure_id=structure.id, **body.model_dump()), name=body.name)
 
 
 def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
@@ -165,9 +148,7 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
         ) from None
     for row in rows:
         session.refresh(row)
-    audit(
-        session, user, "coupon.create", "coupon_batch", batch.id, batch_for.project_of(session, batch), count=len(rows)
-    )
+    batch_for.note(session, user, batch, "coupon.create", count=len(rows))
     return rows
 
 
@@ -186,16 +167,12 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])
     curve = new_curve(row, sent, reduced)
-    size = len(curve.file) + len(curve.data)
-    book(session, batch_for.project_of(session, batch), "curves", size, structure_id=batch.structure_id)
+    structure = structure_for.row(session, batch.structure_id)
+    book(session, structure_for, structure, "curves", len(curve.file) + len(curve.data))
     session.add(curve)
     session.flush()
     session.refresh(row)
     return row
-
-
-coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
-"""The specimen, if the user has at least a role in its project."""
 
 
 def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
@@ -215,7 +192,7 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
     none measures a constant, its published mean stands in. Warnings say what the standard asks for and is not met,
     such as fewer than five specimens.
     """
-    coupons = coupons_of(session, batch.id)
+    coupons = coupon_for.all(session, batch_id=[batch.id])
     counted = [coupon for coupon in coupons if not coupon.excluded]
     measured: dict[str, Statistics] = {}
     for name in UNITS:

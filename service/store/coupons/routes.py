@@ -132,21 +132,13 @@ CURVES: dict[int | str, dict[str, Any]] = {
 ORIGINAL: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octet-stream": {}}}}
 
 
-@router.post("/structures/{structure_id}/coupon-batches", status_code=201)
-def create_batch(
-    structure_id: UUID,
-    body: BatchIn,
-    session: SessionDep,
-    user: CurrentUser,
-    response: Response,
-    confirm: Confirm = False,
-) -> BatchOut:
-    """Open a batch: which constants it gives, and published means of those that have no specimens here."""
-    require_usual(body, confirm)
-    batch = operations.create_batch(session, user, structure_id, body)
-    return batches.made(session, batch, response)
-
-
+batches.creating(
+    "create_batch",
+    "Open a batch: which constants it gives, and published means of those that have no specimens here.",
+    BatchIn,
+    operations.create_batch,
+    measured=True,
+)
 batches.listing("list_batches", "Coupon batches of a structure.")
 batches.getting("get_batch", "A coupon batch.")
 

@@ -20,7 +20,7 @@ from service.db.bytea import stream_rows
 from service.errors import Conflict, Invalid
 from service.store.campaigns.operations import campaign_of, frame_of, stored_points
 from service.store.campaigns.schemas import AddedMass, CampaignInputs, Instruments
-from service.store.frfs.operations import Frf
+from service.store.frfs.operations import Frf, frf_for
 from service.store.structures.operations import present_structure
 from service.store.structures.schemas import StructureIn
 
@@ -309,9 +309,8 @@ def specimen_points(session: Session, campaign: Campaign) -> dict[int, tuple[flo
 
 
 def _frf_sets(session: Session, campaign: Campaign, frame: Frame, warnings: list[str]) -> list[MeasuredFrfs]:
-    rows = session.scalars(select(Frf).where(Frf.campaign_id == campaign.id).order_by(Frf.id)).all()
     usable = []
-    for row in rows:
+    for row in frf_for.all(session, campaign_id=[campaign.id]):
         if 0 in (row.response_point, row.response_direction, row.reference_point, row.reference_direction):
             warnings.append(f"FRF {row.id} ({row.label}) states no point or direction and is left out")
         else:

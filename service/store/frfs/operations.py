@@ -20,7 +20,7 @@ from fecore.arrays import FloatArray
 from fecore.frf import Quantity
 from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.access.demands import require_demanded
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
@@ -151,7 +151,6 @@ class NewFrfs:
 
 
 frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
-"""The FRF, if the user has at least a role in its project."""
 
 
 def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -> Sequence[Frf]:
@@ -163,13 +162,12 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    project_id = campaign_for.project_of(session, campaign)
-    book(session, project_id, "frfs", new.path.stat().st_size, campaign_id=campaign.id)
+    book(session, campaign_for, campaign, "frfs", new.path.stat().st_size)
     keys = new_keys(session, new.count)
     with new.path.open("rb") as file, copy_rows(session, Frf, ("id", "campaign_id", *COLUMNS)) as write:
         for key in keys:
             write([key, campaign.id, *pickle.load(file)])
-    audit(session, user, "frf.create", "campaign", campaign.id, project_id, count=new.count)
+    campaign_for.note(session, user, campaign, "frf.create", count=new.count)
     return frfs_of(session, keys)
 
 
@@ -182,10 +180,9 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    campaign = campaign_of(session, campaign_id)
     kept = (new.frfs.values, new.coherence, new.frfs.variance)
     size = sum(values.nbytes for values in kept if values is not None)
-    book(session, campaign_for.project_of(session, campaign), "frfs", size, campaign_id=campaign.id)
+    book(session, campaign_for, campaign_of(session, campaign_id), "frfs", size)
     common = {
         "campaign_id": campaign_id,
         "processing_id": processing_id,
@@ -245,11 +242,11 @@ def label_frfs(session: Session, user: User, campaign: Campaign, wanted: FrfFilt
     Raises:
         Invalid: they are not what the project demands.
     """
-    project_id, stated = campaign_for.project_of(session, campaign), labels.model_dump()
-    require_demanded(session, project_id, "frfs", stated)
+    stated = labels.model_dump()
+    require_demanded(session, campaign_for.project_of(session, campaign), "frfs", stated)
     keys = select(wanted.query(campaign.id).subquery().c.id)
     count = len(session.scalars(update(Frf).where(Frf.id.in_(keys)).values(**stated).returning(Frf.id)).all())
-    audit(session, user, "frfs.label", "campaign", campaign.id, project_id, count=count, **stated)
+    campaign_for.note(session, user, campaign, "frfs.label", count=count, **stated)
     return count
 
 
@@ -261,7 +258,7 @@ def add_coherence(session: Session, import_id: UUID, dataset: int, coherence: Fl
 
 def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
     """Rows by key, in the order given, whoever asks."""
-    rows = {frf.id: frf for frf in session.scalars(select(Frf).where(Frf.id.in_(keys)))}
+    rows = frf_for.rows(session, keys)
     return [rows[key] for key in keys]
 
 
@@ -275,11 +272,6 @@ def first_frf(session: Session, campaign_id: UUID, wanted: FrfFilter) -> Frf:
     if found is None:
         raise NotFound("FRF that matches in this campaign")
     return found
-
-
-def frfs_of_import(session: Session, import_id: UUID) -> Sequence[Frf]:
-    """The FRFs that an import brought, in the order of its file."""
-    return session.scalars(select(Frf).where(Frf.import_id == import_id).order_by(Frf.id)).all()
 
 
 def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, float, int, int]]:

@@ -26,7 +26,7 @@ from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
 from service.store.records.decisions import judged
-from service.store.records.operations import records_of_import
+from service.store.records.operations import record_for
 from service.store.records.schemas import Proposal, StoredRecords
 from service.store.storage.originals import copy_original, forget_originals, original_sizes
 from service.store.structures.models import models_files
@@ -174,7 +174,7 @@ of_jobs.getting("get_import", "How far an import is, what it brought in, and wha
 def get_import_records(import_id: UUID, session: SessionDep, user: CurrentUser) -> StoredRecords:
     """Time blocks that an import brought, and how the hits of their points are judged now."""
     row = operations.import_for(session, user, import_id)
-    return judged(session, row.campaign_id, records_of_import(session, row.id))
+    return judged(session, row.campaign_id, record_for.all(session, import_id=[row.id]))
 
 
 @router.get("/imports/{import_id}/original", response_class=FileResponse)

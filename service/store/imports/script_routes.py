@@ -173,7 +173,7 @@ def create_records(
         if came.dry_run and state.found is not None:
             response.status_code = 200
             return state.found
-        return judged(session, campaign_id, records.records_of_import(session, sent))
+        return judged(session, campaign_id, records.record_for.all(session, import_id=[sent]))
     if came.dry_run:
         campaign_for(session, user, campaign_id, "editor")
         response.status_code = 200
@@ -232,7 +232,7 @@ def create_frfs(
         state = _ended(session, user, came, response)
         if state.status != "succeeded":
             return state
-        rows = frfs.frfs_of_import(session, came)
+        rows = frfs.frf_for.all(session, import_id=[came])
     else:
         rows = frfs.store_frfs(session, user, campaign_for(session, user, campaign_id, "editor"), came)
     return Page(items=[frfs.describe(row) for row in rows])

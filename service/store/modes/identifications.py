@@ -15,7 +15,7 @@ from fecore.errors import InputError
 from fecore.modes import MeasuredModes
 from service.access import Lookup, User
 from service.compute.identifying import IdentificationInputs, IdentificationOutput, find_modes
-from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
 from service.store.frfs.data import load_measured_campaign
@@ -36,8 +36,7 @@ class IdentificationIn(PolesIn):
     )
 
 
-def _load(session: Session, job_id: UUID, _workspace: Path) -> IdentificationInputs:
-    row = session.get_one(Identification, job_id)
+def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
     campaign = load_measured_campaign(session, row.campaign_id)
     if not campaign.frf_sets:
         raise InputError("campaign", "has no FRFs; import a UFF file first")
@@ -49,19 +48,15 @@ def _load(session: Session, job_id: UUID, _workspace: Path) -> IdentificationInp
     )
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[IdentificationOutput]) -> None:
-    row = session.get_one(Identification, job_id)
+def _store(session: Session, row: Identification, items: Iterator[IdentificationOutput]) -> None:
     name = IdentificationIn.model_validate(row.options).name
     for output in items:
         row.document = output.document
-        keep_identified(session, row.campaign_id, name, output.modes, output.document, job_id=job_id)
+        keep_identified(session, row.campaign_id, name, output.modes, output.document, job_id=row.id)
 
-
-IDENTIFY = JobKind("identification", load=_load, compute=find_modes, store=_store, libraries=CORE_LIBRARIES)
 
 identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
-"""The identification, if the user has at least a role in its project."""
-IDENTIFICATIONS = JobNoun(IDENTIFY, identification_for, "identifications")
+IDENTIFICATIONS = JobNoun("identifications", identification_for, _load, find_modes, _store, libraries=CORE_LIBRARIES)
 
 
 DETAILS = ("warnings", "doubtful", "refused", "refused_poles")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import UUID
 
 import numpy as np
@@ -23,9 +23,6 @@ from service.store.campaigns.operations import campaign_for
 from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
 from service.store.storage import book
 from service.web import shown_as
-
-if TYPE_CHECKING:
-    from service.store.campaigns.operations import Campaign
 
 
 class ModeSet(Identified, Base):
@@ -74,17 +71,16 @@ EVIDENCE = ("probability", "features")
 """What the details of a mode set have for each of its modes, in their order, as `evidence`."""
 
 mode_set_for = Lookup(ModeSet, "mode set", "campaign_id", campaign_for)
-"""The mode set, if the user has at least a role in its project."""
 
 
-def create_mode_set(session: Session, user: User, campaign: Campaign, body: ModeSetIn) -> ModeSet:
+def create_mode_set(session: Session, user: User, campaign_id: UUID, body: ModeSetIn) -> ModeSet:
     """Store modes that a person or a script knows, sorted by frequency and numbered from 1.
 
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    project_id = campaign_for.project_of(session, campaign)
-    book(session, project_id, "modes", len(body.model_dump_json()), campaign_id=campaign.id)
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    book(session, campaign_for, campaign, "modes", len(body.model_dump_json()))
     mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
     store(session, mode_set, map(_stated, sorted(body.modes, key=lambda mode: mode.frequency_hz)))
     session.refresh(mode_set)
@@ -175,11 +171,6 @@ def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSet
     """Mode sets as clients see them, in the order given, with all modes and shapes; one query for all modes."""
     modes = modes_of(session, [mode_set.id for mode_set in mode_sets])
     return [shown_as(ModeSetOut, s, modes=[_mode(row, _evidence(s, row)) for row in modes[s.id]]) for s in mode_sets]
-
-
-def mode_sets_of(session: Session, *campaign_ids: UUID) -> Sequence[ModeSet]:
-    """The mode sets of campaigns, oldest first, whoever asks."""
-    return session.scalars(select(ModeSet).where(ModeSet.campaign_id.in_(campaign_ids)).order_by(ModeSet.id)).all()
 
 
 def _evidence(mode_set: ModeSet, row: Mode) -> dict[str, Any]:

@@ -25,10 +25,9 @@ from service.errors import Conflict
 from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
-from service.store.campaigns.operations import campaign_for, stored_points
+from service.store.campaigns.operations import campaign_for, campaign_of, stored_points
 from service.store.modes import operations
-from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn
-from service.store.modes.identifications import start_identification as queue_identification
+from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn, start_identification
 from service.store.modes.operations import Identification, Mode, ModeSet, mode_set_for, modes_of, shape_of, store
 from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
 from service.store.storage import book
@@ -45,14 +44,12 @@ UFF: dict[int | str, dict[str, Any]] = {200: {"content": {MEDIA_TYPES["uff"]: {}
 nouns = NounRoutes(router, operations.mode_set_for, ModeSetOut, operations.describe_all, "mode-sets", "mode_set_id")
 
 
-@router.post("/campaigns/{campaign_id}/mode-sets", status_code=201)
-def create_mode_set(
-    campaign_id: UUID, body: ModeSetIn, session: SessionDep, user: CurrentUser, response: Response
-) -> ModeSetOut:
-    """Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes."""
-    campaign = campaign_for(session, user, campaign_id, "editor")
-    mode_set = operations.create_mode_set(session, user, campaign, body)
-    return nouns.made(session, mode_set, response)
+nouns.creating(
+    "create_mode_set",
+    "Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes.",
+    ModeSetIn,
+    operations.create_mode_set,
+)
 
 
 @router.post("/mode-sets/{mode_set_id}/edits", status_code=201)
@@ -113,15 +110,13 @@ def _described(session: Session, rows: Sequence[tuple[Identification, Job]]) -> 
 of_jobs = JobRoutes(identifications, IDENTIFICATIONS, IdentificationOut, _described, "identification_id")
 
 
-@identifications.post("/campaigns/{campaign_id}/identifications", status_code=202)
-def start_identification(
-    campaign_id: UUID, body: IdentificationIn, session: SessionDep, user: CurrentUser, response: Response
-) -> IdentificationOut:
-    """Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body."""
-    row = queue_identification(session, user, campaign_id, body)
-    return of_jobs.made(session, row, response)
-
-
+of_jobs.creating(
+    "start_identification",
+    "Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body.",
+    IdentificationIn,
+    start_identification,
+    status=202,
+)
 of_jobs.cancelling(
     "cancel_identification", "Ask for an identification's end; one that has ended already stays as it is."
 )
@@ -212,8 +207,7 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
     edited = ModeSet(
         campaign_id=mode_set.campaign_id, name=body.name, origin="edited", covariance=covariance, details=details
     )
-    project_id = mode_set_for.project_of(session, mode_set)
-    book(session, project_id, "modes", len(str(rows)) + len(str(details)), campaign_id=mode_set.campaign_id)
+    book(session, campaign_for, campaign_of(session, mode_set.campaign_id), "modes", len(str(rows)) + len(str(details)))
     store(session, edited, rows)
     session.refresh(edited)
     mode_set_for.note(session, user, edited, "edit", name=body.name, edited_from=str(mode_set.id))

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.signal import Processing, Verdict, inspect
-from service.access import User, audit
+from service.access import User
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.db.base import Base, Big, Identified
 from service.store.campaigns.operations import campaign_for
@@ -50,8 +50,7 @@ def decide(session: Session, user: User, campaign_id: UUID, body: HitDecisionIn)
     row = HitDecision(campaign_id=campaign.id, direction=direction, by=user.name, **stated)
     session.add(row)
     session.flush()
-    project = campaign_for.project_of(session, campaign)
-    audit(session, user, "hit.judge", "campaign", campaign.id, project, direction=direction, **stated)
+    campaign_for.note(session, user, campaign, "hit.judge", direction=direction, **stated)
     return row
 
 

@@ -20,7 +20,7 @@ from service.access import Lookup, User
 from service.compute.hits import by_sensors, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
 from service.db.base import Base
-from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.data import specimen_points
@@ -47,8 +47,7 @@ class Processing(Base):
 _STRIP = 1 / 3  # width over length up to which a body is a strip
 
 
-def _load(session: Session, job_id: UUID, workspace: Path) -> ProcessingInputs:
-    row = session.get_one(Processing, job_id)
+def _load(session: Session, row: Processing, workspace: Path) -> ProcessingInputs:
     inputs = load_records(session, row.campaign_id, workspace, ProcessingIn.model_validate(row.options))
     if inputs is None:
         raise InputError("campaign", "has no time blocks; POST records first")
@@ -105,8 +104,7 @@ def _strip(session: Session, campaign_id: UUID) -> Strip | None:
     return Strip(density * area, structure.material.Ex_Pa * area * geometry.thickness_m**2 / 12)
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[Averages | str]) -> None:
-    row = session.get_one(Processing, job_id)
+def _store(session: Session, row: Processing, items: Iterator[Averages | str]) -> None:
     keys: list[UUID] = []
     for item in items:
         if isinstance(item, Averages):
@@ -136,11 +134,8 @@ def keep_processing(
     return row.document
 
 
-PROCESS = JobKind("processing", load=_load, compute=process_records, store=_store, libraries=CORE_LIBRARIES)
-
 processing_for = Lookup(Processing, "processing", "campaign_id", campaign_for)
-"""The processing, if the user has at least a role in its project."""
-PROCESSINGS = JobNoun(PROCESS, processing_for, "processings")
+PROCESSINGS = JobNoun("processings", processing_for, _load, process_records, _store, libraries=CORE_LIBRARIES)
 
 
 def start_processing(session: Session, user: User, campaign_id: UUID, body: ProcessingIn) -> Processing:

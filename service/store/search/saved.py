@@ -71,7 +71,6 @@ class SearchOut(StrictModel):
 
 
 saved_for = Lookup(SavedSearch, "saved search", "project_id")
-"""The saved search, if the user has at least a role in its project."""
 
 
 def list_saved(session: Session, user: User, cursor: Cursor = None, limit: int = 100) -> Page[SearchOut]:

@@ -17,7 +17,7 @@ from service.access import Lookup, User
 from service.compute.models.keeping import model_of
 from service.compute.models.reading import DeckInputs, DeckOutput, faults_of, read_deck, require_deck
 from service.errors import Conflict, Damaged, Invalid
-from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.storage import book
 from service.store.storage.originals import copy_original, keep_original, write_original
@@ -36,30 +36,25 @@ if TYPE_CHECKING:
     from service.web.uploads import Spooled
 
 
-def _load(session: Session, job_id: UUID, workspace: Path) -> DeckInputs:
+def _load(session: Session, row: StructureModel, workspace: Path) -> DeckInputs:
     """Put the deck on the worker's disk."""
-    row = session.get_one(StructureModel, job_id)
     path = workspace / "deck"
     write_original(session, row.sha256, path)
     return DeckInputs(path, row.filename, row.units, tuple(row.accepted), row.sections)
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[DeckOutput]) -> None:
+def _store(session: Session, row: StructureModel, items: Iterator[DeckOutput]) -> None:
     """Keep what was read, and make it the structure's next version."""
-    row = session.get_one(StructureModel, job_id)
     for output in items:
-        structure = session.get_one(Structure, row.structure_id)
-        book(session, structure.project_id, "files", len(output.arrays), structure_id=structure.id)
+        structure = structure_for.row(session, row.structure_id)
+        book(session, structure_for, structure, "files", len(output.arrays))
         row.document, row.arrays, row.arrays_sha256 = output.document, output.arrays, sha256(output.arrays).digest()
         session.flush()
         take_model(session, structure.id, row.id)
 
 
-MODEL = JobKind("model", load=_load, compute=read_deck, store=_store, libraries=CORE_LIBRARIES)
-
 model_for = Lookup(StructureModel, "model", "structure_id", structure_for)
-"""The model, if the user has at least a role in its project."""
-MODELS = JobNoun(MODEL, model_for, "models")
+MODELS = JobNoun("models", model_for, _load, read_deck, _store, libraries=CORE_LIBRARIES)
 
 
 def start_model(
@@ -80,7 +75,7 @@ def start_model(
     if (units := wanted.units) is not None:
         faults_of(lambda: units_of(units))
     wanted.structure_id, wanted.sha256 = structure.id, file.sha256
-    book(session, structure.project_id, "files", file.size, structure_id=structure.id)
+    book(session, structure_for, structure, "files", file.size)
     keep_original(session, file)
     return MODELS.start(session, user, wanted, sha256=file.sha256.hex())
 

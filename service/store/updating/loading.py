@@ -49,13 +49,12 @@ from service.store.updating.schemas import USUAL, BatchJobIn, InputsIn, RecipeIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
 
-def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs:
+def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInputs:
     """Everything that a queued update needs.
 
     Raises:
         InputError: the campaign has neither FRFs nor time blocks, or its contents do not fit together.
     """
-    job = session.get_one(UpdateJob, job_id)
     recipe = RecipeIn.model_validate(job.recipe)
     campaign = _as_of(session, job.campaign_id, job.structure_version_id)
     records = None
@@ -98,14 +97,13 @@ def body_for(
     return body_of(structure, boundary, recipe, masses, model)
 
 
-def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
+def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInputs:
     """Everything that a queued joint update needs.
 
     Raises:
         InputError: a campaign has nothing to update with, or cannot be taken together with the others.
         ChildEnded: a campaign was purged since.
     """
-    row = session.get_one(JointUpdate, job_id)
     request = UpdateBatchIn.model_validate(row.request)
     if len(campaigns_of(session, {job.campaign_id for job in request.jobs})) < len(request.jobs):
         raise ChildEnded(PURGED)
