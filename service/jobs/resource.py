@@ -20,6 +20,7 @@ from service.jobs.tables import Job
 from service.web import StrictModel
 
 Row = TypeVar("Row", bound=Base)
+Found = TypeVar("Found")
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -124,11 +125,17 @@ class JobNoun(Generic[Row]):
         """The job of a row, as it is now."""
         return session.get_one(Job, row.id, populate_existing=True)
 
-    def no_result(self, session: Session, row: Row) -> Conflict:
-        """The error that says why a row has no result, yet or ever."""
+    def result(self, session: Session, row: Row, found: Found | None) -> Found:
+        """What was found of a row's result.
+
+        Raises:
+            Conflict: nothing, as it has none, yet or ever; the message says why.
+        """
+        if found is not None:
+            return found
         job = self.job_of(session, row)
         why = f": {job.message or 'see its error'}" if job.state in ENDED else "; it is not done yet"
-        return Conflict(f"{self.find.kind} {job.id} has no result: it is {job.state}{why}")
+        raise Conflict(f"{self.find.kind} {job.id} has no result: it is {job.state}{why}")
 
     def _act(self, session: Session, user: User, key: UUID, act: str, do: Callable[[Session, UUID], Job]) -> Row:
         row = self.find(session, user, key, "editor")

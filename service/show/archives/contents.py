@@ -23,7 +23,7 @@ from service.store.coupons import curves
 from service.store.coupons.operations import batch_for, coupon_for, describe_coupon
 from service.store.coupons.operations import describe_all as described_batches
 from service.store.frfs.data import Cut, make_tables
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.operations import frf_for
 from service.store.frfs.routes import write_uff
 from service.store.instruments.routes import InstrumentOut, instrument_for
 from service.store.modes.operations import describe_all as described_modes
@@ -148,8 +148,7 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
     archive.json(
         f"{folder}/processings.json", [{"id": p.id, "options": p.options, "result": p.document} for p in processed]
     )
-    rows = session.scalars(FrfFilter().query(campaign.id).order_by("id")).all()
-    tables = make_tables(session, rows, Cut())
+    tables = make_tables(session, frf_for.all(session, campaign_id=[campaign.id]), Cut())
     if tables:
         with archive.member(f"{folder}/frfs.uff") as file:
             write_uff(tables, file, binary=True)

@@ -13,7 +13,7 @@ from service.show.figures.marks import counted
 from service.show.pages.look import Visit, VisitDep
 from service.store.campaigns import routes as campaigns
 from service.store.frfs import routes as frfs
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.routes import FrfFilter
 from service.store.modes import routes as modes
 from service.store.structures import routes as structures
 from service.store.updating import routes as updating

@@ -24,7 +24,7 @@ from service.store.coupons import routes as coupons
 from service.store.forecasts import routes as forecasts
 from service.store.frfs import routes as frfs
 from service.store.frfs.data import specimen_points
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.routes import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
 from service.store.imports.operations import trace_lines_of

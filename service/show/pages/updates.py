@@ -21,7 +21,7 @@ from service.show.results import routes as shown
 from service.store.campaigns.schemas import CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.routes import FrfFilter
 from service.store.modes import routes as modes
 from service.store.updating import routes as updating
 from service.store.updating.operations import result_document, update_job_for

@@ -14,9 +14,8 @@ from service.store.campaigns import operations
 from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints
 from service.web import IF_MATCH, api_router, etag_of, require_match
 from service.web.json_body import BULK_VALUES, checked, parse_json
-from service.web.openapi import schema_of
+from service.web.openapi import TEXT, reads
 from service.web.parameters import form_of
-from service.web.routing import Later
 from service.web.uploads import UploadDep
 
 router = api_router(tags=["campaigns"])
@@ -53,19 +52,6 @@ nouns.restoring("restore_campaign", "Bring a deleted campaign back.")
 points_router = api_router(tags=["grid points"])
 
 MEDIA_TYPES = {"json": "application/json", "csv": "text/csv"}
-POINTS_BODY = Later(
-    lambda: {
-        **IF_MATCH,
-        "requestBody": {
-            "required": True,
-            "content": {
-                "application/json": {"schema": schema_of(GridPoints)},
-                "text/csv": {"schema": {"type": "string"}},
-            },
-        },
-    }
-)
-
 POINTS_FILES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 
@@ -87,7 +73,10 @@ def get_grid_points(
     return points
 
 
-@points_router.put("/campaigns/{campaign_id}/grid-points", openapi_extra=POINTS_BODY)
+@points_router.put(
+    "/campaigns/{campaign_id}/grid-points",
+    openapi_extra=reads({"application/json": GridPoints, "text/csv": TEXT}, **IF_MATCH),
+)
 def put_grid_points(
     campaign_id: UUID,
     upload: UploadDep,

@@ -148,7 +148,5 @@ def forecast_arrays(session: Session, row: Forecast) -> Mapping[str, Any]:
     Raises:
         Conflict: it has none, yet or ever.
     """
-    if row.arrays is None:
-        raise FORECASTS.no_result(session, row)
-    with np.load(io.BytesIO(row.arrays), allow_pickle=False) as arrays:
+    with np.load(io.BytesIO(FORECASTS.result(session, row, row.arrays)), allow_pickle=False) as arrays:
         return dict(arrays)

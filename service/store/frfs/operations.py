@@ -17,7 +17,6 @@ from sqlalchemy.dialects.postgresql import aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from fecore.frf import Quantity
 from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS
 from service.access import Lookup, User
@@ -26,7 +25,6 @@ from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
 from service.db.base import Base, Big, Identified, Labelled, label_indexes
 from service.db.bytea import copy_rows, new_keys
-from service.errors import NotFound
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
 from service.store.storage import book
@@ -91,50 +89,6 @@ PROCESSED_COLUMNS = (
     *("window_rate_per_s", "window_rate_sd_per_s", "variance", "variance_sha256"),
 )
 """What a processing states of an FRF."""
-
-
-@dataclass(frozen=True)
-class FrfFilter:
-    """Which FRFs of a campaign; None does not narrow.
-
-    Attributes:
-        point: response point.
-        direction: signed response direction.
-        reference: reference point.
-        quantity: accelerance, mobility or receptance.
-        import_id: the import that they came with.
-        fmin: at least one line at or above this, Hz.
-        fmax: at least one line at or below this, Hz.
-    """
-
-    point: int | None = None
-    direction: int | None = None
-    reference: int | None = None
-    quantity: Quantity | None = None
-    import_id: UUID | None = None
-    fmin: float | None = None
-    fmax: float | None = None
-
-    def query(self, campaign_id: UUID) -> Select[Frf]:
-        """The query of the FRFs of a campaign that pass, without an order: the caller pages through them or streams
-        them.
-        """
-        query = select(Frf).where(Frf.campaign_id == campaign_id)
-        equal = {
-            Frf.response_point: self.point,
-            Frf.response_direction: self.direction,
-            Frf.reference_point: self.reference,
-            Frf.quantity: self.quantity,
-            Frf.import_id: self.import_id,
-        }
-        for column, value in equal.items():
-            if value is not None:
-                query = query.where(column == value)
-        if self.fmin is not None:
-            query = query.where(Frf.end_hz >= self.fmin)
-        if self.fmax is not None:
-            query = query.where(Frf.start_hz <= self.fmax)
-        return query
 
 
 @dataclass(frozen=True)
@@ -236,7 +190,7 @@ def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], Non
         yield lambda row: write([row[column] for column in READ_COLUMNS])
 
 
-def label_frfs(session: Session, user: User, campaign: Campaign, wanted: FrfFilter, labels: Labels) -> int:
+def label_frfs(session: Session, user: User, campaign: Campaign, wanted: Select[Frf], labels: Labels) -> int:
     """Give some FRFs of a campaign these tags and metadata in place of theirs, and return how many there are.
 
     Raises:
@@ -244,7 +198,7 @@ def label_frfs(session: Session, user: User, campaign: Campaign, wanted: FrfFilt
     """
     stated = labels.model_dump()
     require_demanded(session, campaign_for.project_of(session, campaign), "frfs", stated)
-    keys = select(wanted.query(campaign.id).subquery().c.id)
+    keys = select(wanted.subquery().c.id)
     count = len(session.scalars(update(Frf).where(Frf.id.in_(keys)).values(**stated).returning(Frf.id)).all())
     campaign_for.note(session, user, campaign, "frfs.label", count=count, **stated)
     return count
@@ -260,18 +214,6 @@ def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
     """Rows by key, in the order given, whoever asks."""
     rows = frf_for.rows(session, keys)
     return [rows[key] for key in keys]
-
-
-def first_frf(session: Session, campaign_id: UUID, wanted: FrfFilter) -> Frf:
-    """The first FRF of a campaign that passes.
-
-    Raises:
-        NotFound: none does.
-    """
-    found = session.scalars(wanted.query(campaign_id).order_by(Frf.id).limit(1)).first()
-    if found is None:
-        raise NotFound("FRF that matches in this campaign")
-    return found
 
 
 def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, float, int, int]]:

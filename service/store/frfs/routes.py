@@ -11,12 +11,14 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import eq, ge, le
 from typing import IO, Annotated
 from uuid import UUID
 
 import numpy as np
 from fastapi import Depends, Query, Request, Response
 from fastapi.responses import FileResponse
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
@@ -156,29 +158,50 @@ Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 
 
-def _filter(
-    point: Annotated[Whole, Query(description="response point")] = None,
-    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
-    reference: Annotated[Whole, Query(description="reference point")] = None,
-    quantity: Annotated[Quantity | None, Query(description="of these only")] = None,
-    import_id: Annotated[UUID | None, Query(description="of this import only")] = None,
-    fmin: Annotated[Hertz, Query(description="Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="Hz")] = None,
-) -> operations.FrfFilter:
-    if fmin is not None and fmax is not None and fmin > fmax:
-        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
-    return operations.FrfFilter(
-        point=point,
-        direction=direction,
-        reference=reference,
-        quantity=quantity,
-        import_id=import_id,
-        fmin=fmin,
-        fmax=fmax,
-    )
+@dataclass(frozen=True)
+class FrfFilter:
+    """Which FRFs of a campaign; None does not narrow. A band is that of FRFs with a line in it."""
+
+    point: Annotated[Whole, Query(description="response point")] = None
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None
+    reference: Annotated[Whole, Query(description="reference point")] = None
+    quantity: Annotated[Quantity | None, Query(description="of these only")] = None
+    import_id: Annotated[UUID | None, Query(description="of this import only")] = None
+    fmin: Annotated[Hertz, Query(description="Hz")] = None
+    fmax: Annotated[Hertz, Query(description="Hz")] = None
+
+    def __post_init__(self) -> None:
+        """Refuse a band whose ends are the wrong way round."""
+        if self.fmin is not None and self.fmax is not None and self.fmin > self.fmax:
+            raise Invalid("fmin", f"is {self.fmin:g} Hz and above fmax, {self.fmax:g} Hz")
+
+    def query(self, campaign_id: UUID) -> Select[Frf]:
+        """The query of the FRFs of a campaign that pass, without an order."""
+        asked = (
+            (Frf.response_point, eq, self.point),
+            (Frf.response_direction, eq, self.direction),
+            (Frf.reference_point, eq, self.reference),
+            (Frf.quantity, eq, self.quantity),
+            (Frf.import_id, eq, self.import_id),
+            (Frf.end_hz, ge, self.fmin),
+            (Frf.start_hz, le, self.fmax),
+        )
+        passed = [compared(column, value) for column, compared, value in asked if value is not None]
+        return select(Frf).where(Frf.campaign_id == campaign_id, *passed)
+
+    def rows(self, session: Session, campaign_id: UUID, most: int | None = None) -> Sequence[Frf]:
+        """The first of them, or all.
+
+        Raises:
+            NotFound: none passes.
+        """
+        found = session.scalars(self.query(campaign_id).order_by(Frf.id).limit(most)).all()
+        if not found:
+            raise NotFound("FRF that matches in this campaign")
+        return found
 
 
-FilterDep = Annotated[operations.FrfFilter, Depends(_filter)]
+FilterDep = Annotated[FrfFilter, Depends()]
 
 
 @dataclass(frozen=True)
@@ -233,7 +256,7 @@ def label_frfs(
 ) -> LabelledFrfs:
     """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in place of theirs."""
     campaign = campaign_for(session, user, campaign_id, "editor")
-    return LabelledFrfs(count=operations.label_frfs(session, user, campaign, wanted, labels))
+    return LabelledFrfs(count=operations.label_frfs(session, user, campaign, wanted.query(campaign.id), labels))
 
 
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
@@ -248,11 +271,7 @@ def get_campaign_data(
 
     UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and one quantity.
     """
-    campaign = campaign_for(session, user, campaign_id)
-    rows = session.scalars(wanted.query(campaign.id).order_by(Frf.id)).all()
-    if not rows:
-        raise NotFound("FRF that matches in this campaign")
-    return spectra.of(session, rows)
+    return spectra.of(session, wanted.rows(session, campaign_for(session, user, campaign_id).id))
 
 
 @router.get("/frfs/{frf_id}")

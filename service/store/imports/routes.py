@@ -34,8 +34,9 @@ from service.store.structures.operations import structure_for
 from service.web import Name, StrictModel, api_router, shown_as
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
+from service.web.openapi import UPLOAD, reads
 from service.web.parameters import not_modified
-from service.web.uploads import UPLOAD_CONTENT, Upload, UploadDep
+from service.web.uploads import Upload, UploadDep
 
 
 class DatasetOutcome(StrictModel):
@@ -83,8 +84,6 @@ class ImportOut(JobOut):
 
 router = api_router(tags=["imports"])
 
-BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
-
 QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is whose file does not say so, in SI units")]
 MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
 
@@ -126,7 +125,7 @@ def read_mapping(stated: str | None, upload: Upload) -> Any:
     return None if text is None else parse_parameter("mapping", text)
 
 
-@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=BODY)
+@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=reads(UPLOAD))
 def start_import(
     campaign_id: UUID,
     upload: UploadDep,

@@ -224,9 +224,7 @@ def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    if row.document is None:
-        raise JOINT_UPDATES.no_result(session, row)
-    return row.document
+    return JOINT_UPDATES.result(session, row, row.document)
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
@@ -261,10 +259,7 @@ def label_result(session: Session, user: User, row: UpdateJob, labels: Labels) -
 
 
 def _result(session: Session, row: UpdateJob) -> UpdateResult:
-    result = session.get(UpdateResult, row.id)
-    if result is None:
-        raise UPDATES.no_result(session, row)
-    return result
+    return UPDATES.result(session, row, session.get(UpdateResult, row.id))
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
@@ -273,10 +268,7 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    found = arrays_of(session, row.id)
-    if found is None:
-        raise UPDATES.no_result(session, row)
-    return found
+    return UPDATES.result(session, row, arrays_of(session, row.id))
 
 
 def arrays_of(session: Session, key: UUID) -> StoredArrays | None:
