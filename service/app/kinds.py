@@ -9,7 +9,7 @@ from service.jobs.kinds import JobKind
 from service.monitoring.judgements import JUDGE
 from service.store.forecasts.operations import FORECASTS
 from service.store.imports.operations import IMPORTS
-from service.store.modes.identifications import IDENTIFICATIONS
+from service.store.modes.operations import IDENTIFICATIONS
 from service.store.records.processings import PROCESSINGS
 from service.store.structures.models import MODELS
 from service.store.updating.operations import JOINT_UPDATES, UPDATES

@@ -31,8 +31,7 @@ from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
 from service.store.frfs.data import Cut
 from service.store.frfs.routes import FrfFilter, Hertz
-from service.store.modes.identifications import IDENTIFICATIONS, identification_for
-from service.store.modes.operations import mode_set_for
+from service.store.modes.operations import IDENTIFICATIONS, identification_for, mode_set_for
 from service.store.records.routes import Whole
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, Wanted, bounded

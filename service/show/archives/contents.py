@@ -28,11 +28,10 @@ from service.store.frfs.routes import write_uff
 from service.store.instruments.routes import InstrumentOut, instrument_for
 from service.store.modes.operations import describe_all as described_modes
 from service.store.modes.operations import mode_set_for
-from service.store.records.decisions import decisions_of
 from service.store.records.operations import query_of, sample_bytes
-from service.store.records.processings import documents_of
+from service.store.records.processings import decisions_of, documents_of
 from service.store.records.schemas import HitDecisionOut
-from service.store.structures.models import deck_of, said_of_deck
+from service.store.structures.models import deck_of, model_for
 from service.store.structures.operations import describe as described_structure
 from service.store.structures.operations import structures_of
 from service.store.updating.operations import labelled_results
@@ -104,11 +103,11 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
     folder, shown = f"structures/{structure.id}", described_structure(session, structure)
     archive.json(f"{folder}/structure.json", shown)
     if shown.model is not None:
-        name, units, deck = deck_of(session, shown.model)
-        read = {"filename": name, "units": units, **said_of_deck(session, shown.model)}
-        archive.json(f"{folder}/model.json", read)
+        row = model_for.row(session, shown.model)
+        sent = {name: getattr(row, name) for name in ("filename", "units", "accepted", "sections")}
+        archive.json(f"{folder}/model.json", sent)
         with archive.member(f"{folder}/deck") as target:
-            target.write(deck)
+            target.write(deck_of(session, row))
     _write_coupons(session, archive, structure.id, folder)
     monitors = monitors_of(session, structure.id)
     for monitor, said in zip(monitors, described_monitors(session, monitors), strict=True):

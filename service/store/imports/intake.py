@@ -26,7 +26,7 @@ from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
 from service.store.records.operations import RecordIntake
 from service.store.storage import book
-from service.store.structures.meshes import body_in_space
+from service.store.structures.models import body_in_space
 from service.store.structures.operations import present_structure
 
 SAME_POINT_M = 1e-6

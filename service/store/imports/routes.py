@@ -25,8 +25,8 @@ from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
-from service.store.records.decisions import judged
 from service.store.records.operations import record_for
+from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords
 from service.store.storage.originals import copy_original, forget_originals, original_sizes
 from service.store.structures.models import models_files

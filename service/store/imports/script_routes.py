@@ -32,7 +32,7 @@ from service.store.imports import operations
 from service.store.imports.operations import Import
 from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, of_jobs, read_mapping
 from service.store.records import operations as records
-from service.store.records.decisions import judged
+from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords, from_json
 from service.web import Name, Page, api_router, shown_as
 from service.web.gate import without_slot

@@ -27,8 +27,18 @@ from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for, campaign_of, stored_points
 from service.store.modes import operations
-from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn, start_identification
-from service.store.modes.operations import Identification, Mode, ModeSet, mode_set_for, modes_of, shape_of, store
+from service.store.modes.operations import (
+    IDENTIFICATIONS,
+    Identification,
+    IdentificationIn,
+    Mode,
+    ModeSet,
+    mode_set_for,
+    modes_of,
+    shape_of,
+    start_identification,
+    store,
+)
 from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
 from service.store.storage import book
 from service.web import api_router, shown_as

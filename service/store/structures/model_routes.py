@@ -22,7 +22,7 @@ from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.storage.originals import copy_original, original_sizes
 from service.store.structures import models
-from service.store.structures.meshes import mesh_of
+from service.store.structures.models import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.store.structures.shapes import Section
 from service.web import Confirm, Name, StrictModel, api_router, require_usual, shown_as

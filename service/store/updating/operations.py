@@ -22,8 +22,7 @@ from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.coupons.operations import batch_for
 from service.store.frfs.operations import frf_extents
-from service.store.modes.identifications import keep_identified
-from service.store.modes.operations import mode_set_for
+from service.store.modes.operations import keep_identified, mode_set_for
 from service.store.records.processings import keep_processing
 from service.store.storage import book, require_room
 from service.store.structures.operations import present_structure
