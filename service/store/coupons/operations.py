@@ -191,6 +191,9 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
     Excluded specimens do not count and are listed with their reasons. Constants follow from the specimens; where
     none measures a constant, its published mean stands in. Warnings say what the standard asks for and is not met,
     such as fewer than five specimens.
+
+    `priors` has mean and standard deviation of each constant as of one more piece. Of a constant that has no standard
+    deviation (one specimen, or a published mean without one) it is an assumed one, which `basis` says.
     """
     coupons = coupon_for.all(session, batch_id=[batch.id])
     counted = [coupon for coupon in coupons if not coupon.excluded]
@@ -212,21 +215,6 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
         excluded=[Excluded(specimen=c.specimen, reason=c.exclusion_reason or "") for c in coupons if c.excluded],
         warnings=warnings,
     )
-
-
-def batch_prior(session: Session, batch_id: UUID) -> Summary:
-    """A batch as a prior of stage 1: `priors` has mean and standard deviation of each constant as of one more piece.
-
-    A constant whose `constants` entry has no standard deviation (one specimen, or a published mean without one) is given
-    with an assumed one, which its `basis` says.
-    """
-    return summarise(session, session.get_one(CouponBatch, batch_id))
-
-
-def name_and_sets(session: Session, batch_id: UUID) -> tuple[str, list[str]]:
-    """The name of a batch, and the sets of a body in space that it is of; none: of all."""
-    batch = session.get_one(CouponBatch, batch_id)
-    return batch.name, batch.sets
 
 
 def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
@@ -304,25 +292,21 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
     constants: dict[Constant, Statistic] = {}
     warnings: list[str] = []
     for name in batch.constants:
-        unit = "1" if name == "nu_xy" else "Pa"
         own, published = measured.get(PROPERTY_OF[name]), batch.published.get(name)
-        if own is not None:
-            constants[name] = _statistic(own, unit, "specimens")
-            if published is not None:
-                warnings.append(f"{name}: the specimens are used, not the published mean")
-            if own.n is not None and own.n < FEWEST_SPECIMENS:
-                warnings.append(
-                    f"{name}: {own.n} valid specimen{'s' * (own.n != 1)}; D3039 asks for at least {FEWEST_SPECIMENS}"
-                )
-        elif published is not None:
-            value = Statistics(**published)
-            constants[name] = _statistic(value, unit, "published")
-            if value.n is None:
-                warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
-            elif value.n < FEWEST_SPECIMENS:
-                warnings.append(f"{name}: {value.n} specimens; D3039 asks for at least {FEWEST_SPECIMENS}")
-        else:
+        value = Statistics(**published) if own is None and published is not None else own
+        if value is None:
             warnings.append(f"{name}: no valid specimen and no published mean")
+            continue
+        constants[name] = _statistic(
+            value, "1" if name == "nu_xy" else "Pa", "published" if own is None else "specimens"
+        )
+        if own is not None and published is not None:
+            warnings.append(f"{name}: the specimens are used, not the published mean")
+        if value.n is None:
+            warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
+        elif value.n < FEWEST_SPECIMENS:
+            said = f"{value.n} {'' if own is None else 'valid '}specimen{'s' * (value.n != 1)}"
+            warnings.append(f"{name}: {said}; D3039 asks for at least {FEWEST_SPECIMENS}")
     return constants, warnings
 
 

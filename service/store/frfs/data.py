@@ -130,19 +130,11 @@ class FrfTable:
         return np.asarray(decode(spectrum)[self.lines], dtype=frf.dtype)
 
     def _coherence(self, frf: Frf, data: bytes | None) -> FloatArray | None:
-        return None if data is None else read_coherence(frf, data)[self.lines]
-
-
-def read_coherence(frf: Frf, data: bytes) -> FloatArray:
-    """The coherence γ² of an FRF from its stored bytes, (L,), after their SHA-256 has been verified.
-
-    Raises:
-        Damaged: the bytes are not the ones that were stored.
-    """
-    assert frf.coherence_dtype is not None
-    assert frf.coherence_sha256 is not None
-    spectrum = Spectrum(frf.coherence_dtype, frf.lines, data, frf.coherence_sha256)  # type: ignore[arg-type]
-    return decode(spectrum).real.astype(np.float64)
+        if data is None:
+            return None
+        assert frf.coherence_sha256 is not None
+        spectrum = Spectrum(frf.coherence_dtype, frf.lines, data, frf.coherence_sha256)  # type: ignore[arg-type]
+        return decode(spectrum)[self.lines].real.astype(np.float64)
 
 
 def frequency_axis(session: Session, frf: Frf) -> FloatArray:

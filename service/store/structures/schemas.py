@@ -12,6 +12,7 @@ from uuid import UUID
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from fecore.body import generators as core
+from fecore.body.laminate import OrthotropicMaterial
 from fecore.errors import InputError
 from service.store.structures.shapes import Ply, Poisson, Shape, check_poisson
 from service.web import Name, StrictModel, example, wrong
@@ -65,6 +66,11 @@ class Material(StrictModel):
     @classmethod
     def _positive_definite(cls, nu: float, info: ValidationInfo) -> float:
         return check_poisson(nu, info.data.get("Ex_Pa"), info.data.get("Ey_Pa"))
+
+    def to_core(self, density: float) -> OrthotropicMaterial:
+        """The core's material, with a density in kg/m³."""
+        constants = {name.removesuffix("_Pa"): value for name, value in self}
+        return OrthotropicMaterial(**constants, density=density)
 
 
 class Laminate(StrictModel):

@@ -28,7 +28,7 @@ from service.compute.updating import Hits, JointBody, JointCampaign, JointInputs
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
 from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
-from service.store.coupons.operations import batch_prior, name_and_sets
+from service.store.coupons.operations import batch_for, summarise
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
@@ -202,9 +202,9 @@ def recipe_parameters(session: Session, recipe: RecipeIn, body: Body) -> tuple[t
     parameters: Sequence[Parameter] = recipe.parameters_of(body)
     if recipe.prior_from_coupon_batch is None:
         return tuple(parameters), []
-    summary = batch_prior(session, recipe.prior_from_coupon_batch)
-    _, sets = name_and_sets(session, recipe.prior_from_coupon_batch)
-    measured = {own: name for name, names in coupon_constants(body, sets).items() for own in names}
+    batch = batch_for.row(session, recipe.prior_from_coupon_batch)
+    summary = summarise(session, batch)
+    measured = {own: name for name, names in coupon_constants(body, batch.sets).items() for own in names}
     warnings = [f"coupons: {warning}" for warning in summary.warnings]
     filled, without_scatter = [], []
     for parameter in parameters:
@@ -358,12 +358,12 @@ def _coupons(
     wanted = {p.name for p in parameters if not p.fixed and not p.tied_to}
     found, warnings = [], []
     for key in request.coupon_batches:
-        summary: Any = batch_prior(session, key)
+        batch = batch_for.row(session, key)
+        summary = summarise(session, batch)
         warnings += [f"coupons: {text}" for text in summary.warnings]
-        batch, sets = name_and_sets(session, key)
-        of_body = coupon_constants(body, sets)
+        of_body = coupon_constants(body, batch.sets)
         for name, prior in summary.priors.items():
-            said = prior.mean, prior.standard_deviation, f"coupon batch {batch}", summary.constants[name].n or 1
+            said = prior.mean, prior.standard_deviation, f"coupon batch {batch.name}", summary.constants[name].n or 1
             owns = wanted.intersection(of_body.get(name, ()))
             found += [Coupon(own, *said) for own in sorted(owns)]
     return tuple(found), tuple(warnings)
