@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import UUID
 
 import numpy as np
@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof, FrfSet
+from modalbase.formats.frfs import Frfs, table
 from service.compute.frame import Frame
 from service.compute.spectra import Axis, Spectrum, decode
 from service.db.bytea import stream_rows
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 
 Values = NDArray[np.complexfloating]
+Written = TypeVar("Written", bound=table.FrfTable)
 
 
 @dataclass(frozen=True)
@@ -61,19 +63,12 @@ class Cut:
 
 @dataclass(frozen=True)
 class FrfTable:
-    """FRFs on one frequency axis, spectra still in the database; `modalbase.formats.frfs` writes it.
+    """FRFs on one frequency axis, spectra still in the database; `modalbase.formats.frfs` writes it."""
 
-    Attributes:
-        session: where the spectra are read.
-        frfs: N rows without their spectra.
-        frequency_hz: (L,) the lines that are wanted.
-        lines: where they are in the stored spectra.
-    """
-
-    session: Session
-    frfs: Sequence[Frf]
-    frequency_hz: FloatArray
-    lines: slice
+    session: Session  # where the spectra are read
+    frfs: Sequence[Frf]  # N rows without their spectra
+    frequency_hz: FloatArray  # (L,) the lines that are wanted
+    lines: slice  # where they are in the stored spectra
 
     @property
     def quantity(self) -> str:
@@ -137,6 +132,19 @@ class FrfTable:
         return decode(spectrum)[self.lines].real.astype(np.float64)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PredictedTable(Frfs):
+    """FRFs of a model, in memory, which are written like measured ones."""
+
+    description: str  # whose they are, in words
+    points_of: Callable[[], Mapping[int, tuple[float, float, float]]]  # label to coordinates of the points, m
+
+    @property
+    def points(self) -> Mapping[int, tuple[float, float, float]]:
+        """Label to coordinates of the points, m."""
+        return self.points_of()
+
+
 def frequency_axis(session: Session, frf: Frf) -> FloatArray:
     """The frequency lines of an FRF, (L,), Hz: from start, step and count, or the stored array where the axis is
     uneven.
@@ -163,7 +171,7 @@ def make_tables(session: Session, frfs: Sequence[Frf], cut: Cut) -> list[FrfTabl
     return tables
 
 
-def only_table(tables: Sequence[FrfTable]) -> FrfTable:
+def only_table(tables: Sequence[Written]) -> Written:
     """The table of FRFs that make one.
 
     Raises:
@@ -198,19 +206,13 @@ def _stream(session: Session, frfs: Sequence[Frf], *columns: str) -> Iterator[tu
 
 @dataclass(frozen=True)
 class MeasuredFrfs:
-    """FRFs of one quantity on one frequency axis.
+    """FRFs of one quantity on one frequency axis."""
 
-    Attributes:
-        frfs: in the specimen's frame; `variance` where every FRF has a coherence and a number of averages.
-        ids: N ids of their rows.
-        sha256s: N digests of their spectra, hexadecimal.
-        windows: rates of the exponential windows that they state to carry, and their standard deviations, 1/s; None of
-            those that state nothing.
-    """
-
-    frfs: FrfSet
-    ids: tuple[UUID, ...]
-    sha256s: tuple[str, ...]
+    frfs: FrfSet  # in the specimen's frame; `variance` where every FRF has a coherence and a number of averages
+    ids: tuple[UUID, ...]  # N ids of their rows
+    sha256s: tuple[str, ...]  # N digests of their spectra, hexadecimal
+    # rates of the exponential windows that they state to carry, and their standard deviations, 1/s; None of those that
+    # state nothing
     windows: frozenset[tuple[float | None, float | None]]
 
     @property
@@ -233,35 +235,20 @@ class MeasuredFrfs:
 
 @dataclass(frozen=True)
 class MeasuredCampaign:
-    """All that an update needs to know of a campaign.
+    """All that an update needs to know of a campaign."""
 
-    Attributes:
-        campaign_id: its key.
-        structure_version_id: key of the structure's version that this was read with.
-        structure_version: its number.
-        structure: what the structure is in that version.
-        boundary: cantilever, free or simply_supported.
-        sensor_mass_kg: mass of the sensor, 0 where none is stated.
-        sensor_point: grid point where the sensor sits; None where it roves or is not stated.
-        added_masses: what the specimen carried besides the sensor.
-        inputs: how well is known what the test was done with.
-        points: label to coordinates in the specimen's frame, m.
-        frf_sets: one per quantity and frequency axis, the largest first.
-        warnings: what was left out, and why.
-    """
-
-    campaign_id: UUID
-    structure_version_id: UUID
-    structure_version: int
-    structure: StructureIn
-    boundary: str
-    sensor_mass_kg: float
-    sensor_point: int | None
-    added_masses: tuple[AddedMass, ...]
-    inputs: CampaignInputs
-    points: dict[int, tuple[float, float, float]]
-    frf_sets: tuple[MeasuredFrfs, ...]
-    warnings: tuple[str, ...]
+    campaign_id: UUID  # its key
+    structure_version_id: UUID  # key of the structure's version that this was read with
+    structure_version: int  # its number
+    structure: StructureIn  # what the structure is in that version
+    boundary: str  # cantilever, free or simply_supported
+    sensor_mass_kg: float  # mass of the sensor, 0 where none is stated
+    sensor_point: int | None  # grid point where the sensor sits; None where it roves or is not stated
+    added_masses: tuple[AddedMass, ...]  # what the specimen carried besides the sensor
+    inputs: CampaignInputs  # how well is known what the test was done with
+    points: dict[int, tuple[float, float, float]]  # label to coordinates in the specimen's frame, m
+    frf_sets: tuple[MeasuredFrfs, ...]  # one per quantity and frequency axis, the largest first
+    warnings: tuple[str, ...]  # what was left out, and why
 
 
 def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampaign:

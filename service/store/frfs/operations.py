@@ -93,15 +93,10 @@ PROCESSED_COLUMNS = (
 
 @dataclass(frozen=True)
 class NewFrfs:
-    """FRFs that were read and checked, on their way to the database.
+    """FRFs that were read and checked, on their way to the database."""
 
-    Attributes:
-        path: rows, as `service.store.frfs.schemas.write_rows` left them.
-        count: how many.
-    """
-
-    path: Path
-    count: int
+    path: Path  # rows, as `service.store.frfs.schemas.write_rows` left them
+    count: int  # how many
 
 
 frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
@@ -229,36 +224,3 @@ def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tu
     digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
     query = select(Frf.campaign_id, digest, func.max(Frf.created_at)).where(Frf.campaign_id.in_(campaign_ids))
     return {key: (found, newest) for key, found, newest in session.execute(query.group_by(Frf.campaign_id))}
-
-
-def row_of_prediction(measured: Frf, frequency_hz: FloatArray, dtype: np.dtype[np.complexfloating]) -> Frf:
-    """A row that describes a prediction of a measured FRF, and is never stored; its id is the measured FRF's."""
-    same = {name: getattr(measured, name) for name in ("id", "campaign_id", "label", "quantity", *DOFS)}
-    return _unstored(frequency_hz, dtype, **same)
-
-
-def row_of_forecast(
-    key: UUID,
-    response: Sequence[int],
-    reference: Sequence[int],
-    frequency_hz: FloatArray,
-    dtype: np.dtype[np.complexfloating],
-) -> Frf:
-    """A row that describes an accelerance of a forecast between a response's and a reference's (point, direction); its id is
-    the forecast's.
-    """
-    dofs = dict(zip(DOFS, (*response, *reference), strict=True))
-    label = f"{response[0]} {'xyz'[response[1] - 1]} by {reference[0]} {'xyz'[reference[1] - 1]}"
-    return _unstored(frequency_hz, dtype, id=key, label=label, quantity="accelerance", **dofs)
-
-
-def _unstored(frequency_hz: FloatArray, dtype: np.dtype[np.complexfloating], **own: Any) -> Frf:
-    return Frf(
-        **own,
-        averages=None,
-        start_hz=float(frequency_hz[0]),
-        end_hz=float(frequency_hz[-1]),
-        lines=frequency_hz.size,
-        dtype=f"<{dtype.kind}{dtype.itemsize}",
-        coherence_sha256=None,
-    )

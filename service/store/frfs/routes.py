@@ -26,12 +26,13 @@ from modalbase.formats import uff
 from modalbase.formats.frfs import write_csv, write_npz
 from modalbase.formats.frfs.arrow import write_arrow
 from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.frfs.table import FrfTable as Written
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
-from service.store.frfs.data import Cut, FrfTable, make_tables, only_table
+from service.store.frfs.data import Cut, FrfTable, PredictedTable, make_tables, only_table
 from service.store.frfs.operations import Frf
 from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
@@ -39,8 +40,10 @@ from service.web.bodies import Labels
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.parameters import form_of, not_modified
 
+Table = FrfTable | PredictedTable
 
-def write_json(table: FrfTable, file: IO[bytes]) -> None:
+
+def write_json(table: Written, file: IO[bytes]) -> None:
     """`{quantity, unit, frequency_hz, frfs: [{id, response_point, …, real, imag, coherence}]}`."""
     quantity = table.quantity
     head = {"quantity": quantity, "unit": UNITS[quantity], "frequency_hz": table.frequency_hz.tolist()}  # type: ignore[index]
@@ -59,17 +62,11 @@ def write_json(table: FrfTable, file: IO[bytes]) -> None:
     file.write(b"]}")
 
 
-def write_uff(tables: Sequence[FrfTable], file: IO[bytes], *, binary: bool) -> None:
+def write_uff(tables: Sequence[Table], file: IO[bytes], *, binary: bool) -> None:
     """Grid points of the campaign (set 2411), FRFs and their coherences (set 58b, or 58 as text), SI.
 
     The binary form keeps every bit; the text keeps 13 digits.
-
-    Raises:
-        Invalid: the FRFs are of several campaigns, whose points may differ.
     """
-    campaigns = {frf.campaign_id for table in tables for frf in table.frfs}
-    if len(campaigns) > 1:
-        raise Invalid("format", f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}")
     contents: Iterator[uff.Content] = (uff.GridPoint(label, xyz) for label, xyz in tables[0].points.items())
     for block in encode(itertools.chain(contents, _functions(tables)), binary=binary):
         file.write(block)
@@ -77,21 +74,13 @@ def write_uff(tables: Sequence[FrfTable], file: IO[bytes], *, binary: bool) -> N
 
 @dataclass(frozen=True)
 class Format:
-    """A way to write FRFs.
+    """A way to write FRFs."""
 
-    Attributes:
-        media_type: of the file.
-        suffix: of its name.
-        value_bytes: about what a value takes, its coherence included.
-        write: writes tables; where `one_table`, there is one.
-        one_table: only FRFs of one quantity on one axis can be written.
-    """
-
-    media_type: str
-    suffix: str
-    value_bytes: int
-    write: Callable[[Sequence[FrfTable], IO[bytes]], None]
-    one_table: bool = True
+    media_type: str  # of the file
+    suffix: str  # of its name
+    value_bytes: int  # about what a value takes, its coherence included
+    write: Callable[[Sequence[Table], IO[bytes]], None]  # writes tables; where `one_table`, there is one
+    one_table: bool = True  # only FRFs of one quantity on one axis can be written
 
 
 def _alone(write: Callable[[FrfTable, IO[bytes]], None]) -> Callable[..., None]:
@@ -109,7 +98,7 @@ FORMATS: dict[str, Format] = {
 """By their names in `?format=`."""
 
 
-def _functions(tables: Sequence[FrfTable]) -> Iterator[uff.Content]:
+def _functions(tables: Sequence[Table]) -> Iterator[uff.Content]:
     """Each FRF, and its coherence after it."""
     for table in tables:
         axis = _uff_axis(table)
@@ -121,7 +110,7 @@ def _functions(tables: Sequence[FrfTable]) -> Iterator[uff.Content]:
                 label=frf.label,
                 id_lines=ids,
                 **dofs,
-                quantity=frf.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
+                quantity=table.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
                 frequency=axis,
                 values=values,
             )
@@ -139,7 +128,7 @@ def _functions(tables: Sequence[FrfTable]) -> Iterator[uff.Content]:
                 )
 
 
-def _uff_axis(table: FrfTable) -> uff.Axis:
+def _uff_axis(table: Table) -> uff.Axis:
     """Start and step where they give the lines exactly, else the lines."""
     frequency = table.frequency_hz
     if frequency.size > 1:
@@ -214,7 +203,11 @@ class Spectra:
 
     def of(self, session: Session, frfs: Sequence[Frf]) -> Response:
         """The spectra of FRFs as a file; 304 where the client has it."""
-        tables, form = make_tables(session, frfs, self.cut), FORMATS[self.form]
+        form, campaigns = FORMATS[self.form], {frf.campaign_id for frf in frfs}
+        if not form.one_table and len(campaigns) > 1:
+            why = f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}"
+            raise Invalid("format", why)
+        tables = make_tables(session, frfs, self.cut)
         headers = {"ETag": _etag(session, tables, self.form), "Vary": "Accept"}
         if (unchanged := not_modified(self.request, headers)) is not None:
             return unchanged

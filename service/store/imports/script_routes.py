@@ -91,17 +91,11 @@ ReadingDep = Annotated[Reading, Depends()]
 
 @dataclass(frozen=True)
 class _Came:
-    """Time blocks of a script.
+    """Time blocks of a script."""
 
-    Attributes:
-        sent: arrays of JSON and their mapping, or the import of a file.
-        filename: where they come from.
-        dry_run: they shall only be looked at.
-    """
-
-    sent: tuple[Variables, Any] | UUID
-    filename: str
-    dry_run: bool
+    sent: tuple[Variables, Any] | UUID  # arrays of JSON and their mapping, or the import of a file
+    filename: str  # where they come from
+    dry_run: bool  # they shall only be looked at
 
 
 async def _records(
