@@ -241,6 +241,7 @@ class MeasuredCampaign:
     structure_version_id: UUID  # key of the structure's version that this was read with
     structure_version: int  # its number
     structure: StructureIn  # what the structure is in that version
+    frame: Frame  # of the file's coordinates
     boundary: str  # cantilever, free or simply_supported
     sensor_mass_kg: float  # mass of the sensor, 0 where none is stated
     sensor_point: int | None  # grid point where the sensor sits; None where it roves or is not stated
@@ -267,6 +268,7 @@ def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampa
         structure_version_id=version.id,
         structure_version=version.number,
         structure=structure,
+        frame=frame,
         boundary=campaign.boundary,
         sensor_mass_kg=instruments.sensor_mass_kg or 0.0,
         sensor_point=instruments.sensor_point,

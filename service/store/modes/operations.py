@@ -5,7 +5,6 @@ job that finds the modes of a campaign in its FRFs and keeps them as a mode set.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -98,15 +97,26 @@ def create_mode_set(session: Session, user: User, campaign_id: UUID, body: ModeS
     return mode_set
 
 
-def store_identified(
-    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID, details: dict[str, Any]
+DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
+"""What of the document about an identification its mode set has too, so that nobody sees the modes without it."""
+
+
+def keep_identified(
+    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, document: dict[str, Any], *, job_id: UUID
 ) -> ModeSet:
-    """Store modes that a job has identified, directions in the file's coordinates, with covariance and how they were found."""
+    """Store modes that a job found in the specimen's frame, with their directions in the file's coordinates, as all stored
+    shapes are, with covariance and how they were found.
+    """
+    details = {part: document[part] for part in DETAILS}
+    said = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
+    details["evidence"] = [{part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz]
     covariance = None if modes.covariance is None else modes.covariance.tolist()
     found = {"job_id": job_id, "origin": "identified", "covariance": covariance, "details": details}
     mode_set = ModeSet(campaign_id=campaign_id, name=name, **found)
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
-    points, directions = [dof.point for dof in modes.dofs], [dof.direction for dof in modes.dofs]
+    frame = frame_of(campaign_of(session, campaign_id))
+    dofs = [frame.file_dof(dof) for dof in modes.dofs]
+    points, directions = [dof.point for dof in dofs], [dof.direction for dof in dofs]
     rows = (
         {
             "frequency_hz": float(modes.frequency_hz[k]),
@@ -292,24 +302,6 @@ def _store(session: Session, row: Identification, items: Iterator[Identification
 
 identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
 IDENTIFICATIONS = JobNoun("identifications", identification_for, _load, find_modes, _store, libraries=CORE_LIBRARIES)
-
-
-DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
-"""What of the document about an identification its mode set has too, so that nobody sees the modes without it."""
-
-
-def keep_identified(
-    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, document: dict[str, Any], *, job_id: UUID
-) -> ModeSet:
-    """Store modes that a job found in the specimen's frame, with their directions in the file's coordinates, as all
-    stored shapes are.
-    """
-    frame = frame_of(campaign_of(session, campaign_id))
-    in_file = replace(modes, dofs=tuple(frame.file_dof(dof) for dof in modes.dofs))
-    details = {part: document[part] for part in DETAILS}
-    said = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
-    details["evidence"] = [{part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz]
-    return store_identified(session, campaign_id, name, in_file, job_id=job_id, details=details)
 
 
 def start_identification(session: Session, user: User, campaign_id: UUID, body: IdentificationIn) -> Identification:

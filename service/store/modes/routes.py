@@ -207,7 +207,8 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
         elif not decision.keep and pole in rows:
             place = rows.index(pole)
             del rows[place], evidence[place], places[place]
-        decided.append(_record(user, decision, pole))
+        at = {"by": user.name, "at": datetime.now(UTC).isoformat()}
+        decided.append({"frequency_hz": pole["frequency_hz"], "keep": decision.keep, "reason": decision.reason, **at})
     if not rows:
         raise InputError("decisions", "drop every mode of the set; keep at least one")
     details = {**mode_set.details, **beside, "evidence": evidence}
@@ -236,16 +237,6 @@ def _pole(field: str, decision: DecisionIn, *where: list[dict[str, Any]]) -> dic
         there = ", ".join(f"{pole['frequency_hz']:.6g}" for pole in poles[:30])
         raise InputError(field, f"is {decision.frequency_hz:g}, and no pole of the set is there; it has {there} Hz")
     return near
-
-
-def _record(user: User, decision: DecisionIn, pole: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "frequency_hz": pole["frequency_hz"],
-        "keep": decision.keep,
-        "reason": decision.reason,
-        "by": user.name,
-        "at": datetime.now(UTC).isoformat(),
-    }
 
 
 def _covariance(mode_set: ModeSet, places: list[int | None]) -> list[Any] | None:

@@ -27,7 +27,7 @@ from service.compute.processing import ProcessingInputs
 from service.compute.updating import Hits, JointBody, JointCampaign, JointInputs, UpdateInputs
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
-from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
+from service.store.campaigns.operations import campaign_of, campaigns_of
 from service.store.coupons.operations import batch_for, summarise
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
@@ -71,13 +71,12 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     parameters, prior_warnings = recipe_parameters(session, recipe, specimen)
     core = inputs.to_core()
     left_in = used.window_remark if used is not None and core.window_rate is None else []
-    frame = frame_of(campaign_of(session, job.campaign_id))
     frfs = None if used is None else used.frfs
-    axes = frame.point_axes(campaign.points)
+    axes = campaign.frame.point_axes(campaign.points)
     measured = None if records else Measurement(frfs, campaign.points, modes, roving_mass(campaign), core, axes)
     return UpdateInputs(
         measurement=measured,
-        hits=None if records is None else Hits(records, campaign.points, frame, _roving_over(campaign), core),
+        hits=None if records is None else Hits(records, campaign.points, campaign.frame, _roving_over(campaign), core),
         specimen=specimen,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
@@ -139,8 +138,7 @@ def _measured(
     """The largest set of FRFs, the recipe's modes in the specimen's frame, and how well the inputs are known."""
     used, modes = campaign.frf_sets[0] if campaign.frf_sets else None, None
     if recipe.mode_set is not None:
-        frame = frame_of(campaign_of(session, campaign.campaign_id))
-        modes = modes_in_frame(load_modes(session, recipe.mode_set), frame)
+        modes = modes_in_frame(load_modes(session, recipe.mode_set), campaign.frame)
     window = (None, None) if used is None else used.window
     return used, modes, recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window)
 
@@ -332,7 +330,7 @@ def _campaign(
         angle_deg=job.angle_deg,
     )
     used, modes, inputs = _measured(session, campaign, recipe)
-    axes = frame_of(campaign_of(session, campaign.campaign_id)).point_axes(campaign.points)
+    axes = campaign.frame.point_axes(campaign.points)
     frfs = None if used is None else used.frfs
     return JointCampaign(
         name=names[0],
