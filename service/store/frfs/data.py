@@ -33,6 +33,16 @@ Values = NDArray[np.complexfloating]
 Written = TypeVar("Written", bound=table.FrfTable)
 
 
+def require_order(fmin: float | None, fmax: float | None) -> None:
+    """Refuse a band whose ends are the wrong way round.
+
+    Raises:
+        Invalid: they are.
+    """
+    if fmin is not None and fmax is not None and fmin > fmax:
+        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
+
+
 @dataclass(frozen=True)
 class Cut:
     """Which lines of a spectrum: from `fmin` to `fmax`, Hz, both included, every `stride`-th of them."""

@@ -32,7 +32,7 @@ from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
-from service.store.frfs.data import Cut, FrfTable, PredictedTable, make_tables, only_table
+from service.store.frfs.data import Cut, FrfTable, PredictedTable, make_tables, only_table, require_order
 from service.store.frfs.operations import Frf
 from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
@@ -161,8 +161,7 @@ class FrfFilter:
 
     def __post_init__(self) -> None:
         """Refuse a band whose ends are the wrong way round."""
-        if self.fmin is not None and self.fmax is not None and self.fmin > self.fmax:
-            raise Invalid("fmin", f"is {self.fmin:g} Hz and above fmax, {self.fmax:g} Hz")
+        require_order(self.fmin, self.fmax)
 
     def query(self, campaign_id: UUID) -> Select[Frf]:
         """The query of the FRFs of a campaign that pass, without an order."""
@@ -216,14 +215,24 @@ class Spectra:
         return send(lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers)
 
 
-def _spectra(
-    request: Request,
-    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 58b, uff-ascii set 58; default: by Accept")],
+def _cut(
     fmin: Annotated[Hertz, Query(description="Hz")] = None,
     fmax: Annotated[Hertz, Query(description="Hz")] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
+) -> Cut:
+    require_order(fmin, fmax)
+    return Cut(fmin, fmax, stride)
+
+
+CutDep = Annotated[Cut, Depends(_cut)]
+
+
+def _spectra(
+    request: Request,
+    cut: CutDep,
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 58b, uff-ascii set 58; default: by Accept")],
 ) -> Spectra:
-    return Spectra(request, Cut(fmin, fmax, stride), form)
+    return Spectra(request, cut, form)
 
 
 SpectraDep = Annotated[Spectra, Depends(_spectra)]
