@@ -23,12 +23,7 @@ from service.jobs.resource import JobNoun
 from service.store.campaigns.schemas import Boundary, GridPoint, labels_once
 from service.store.storage import book, require_room
 from service.store.structures.models import load_model
-from service.store.structures.operations import (
-    describe_version,
-    present_structure,
-    structure_for,
-    version_of,
-)
+from service.store.structures.operations import describe_version, present_structure, structure_for, version_of
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
