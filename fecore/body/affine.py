@@ -23,22 +23,14 @@ _STRAINS = 1 << 20  # numbers (8 MiB) that the strains of some vectors may take 
 
 @dataclass(frozen=True)
 class Group:
-    """Elements that share their coefficients.
+    """Elements that share their coefficients."""
 
-    Attributes:
-        nodes: (e, n) node numbers.
-        operators: (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root of a point's
-            weight.
-        which: (e,) operator of each element.
-        terms: (k, r, r) C_k.
-        coefficients: (k,) their numbers among the matrix's coefficients.
-    """
-
-    nodes: IntArray
+    nodes: IntArray  # (e, n) node numbers
+    # (s, p, r, d) rows of strains at p points over the d = n × (dofs of a node) dofs, by the root of a point's weight
     operators: FloatArray
-    which: IntArray
-    terms: FloatArray
-    coefficients: IntArray
+    which: IntArray  # (e,) operator of each element
+    terms: FloatArray  # (k, r, r) C_k
+    coefficients: IntArray  # (k,) their numbers among the matrix's coefficients
 
     def matrices(self, coefficients: FloatArray) -> FloatArray:
         """(s, d·d) matrices of the distinct elements at all (k,) coefficients of the whole."""
@@ -85,18 +77,13 @@ def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:
 
 @dataclass(frozen=True)
 class Pattern:
-    """The sparsity pattern of the free dofs, and where in it each entry of each element matrix lands.
+    """The sparsity pattern of the free dofs, and where in it each entry of each element matrix lands."""
 
-    Attributes:
-        indptr, indices: the pattern, as in `scipy.sparse.csc_array`.
-        free: (nodes, dofs of a node) whether each dof is free.
-        numbers: (nodes, dofs of a node) number of each free dof.
-    """
-
+    # indptr, indices: the pattern, as in `scipy.sparse.csc_array`
     indptr: IntArray
     indices: IntArray
-    free: BoolArray
-    numbers: IntArray
+    free: BoolArray  # (nodes, dofs of a node) whether each dof is free
+    numbers: IntArray  # (nodes, dofs of a node) number of each free dof
     pairs: IntArray
     above: IntArray
 
@@ -144,21 +131,14 @@ class Pattern:
 
 @dataclass(frozen=True)
 class AffineMatrix:
-    """A(c) over the free dofs, symmetric, on one compressed-column sparsity pattern.
-
-    Attributes:
-        pattern: the pattern.
-        groups: the elements.
-        slots: where each group's entries land.
-        names: the coefficients' names.
-        blocks: index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as
-            [[D11, D12], [D12, D22]], whose part of the sum is ∫BᵀCB. So A(c) ≥ α A(c₀) where every C(c) ≥ α C(c₀).
-    """
+    """A(c) over the free dofs, symmetric, on one compressed-column sparsity pattern."""
 
     pattern: Pattern
-    groups: tuple[Group, ...]
-    slots: tuple[IntArray, ...]
-    names: tuple[str, ...]
+    groups: tuple[Group, ...]  # the elements
+    slots: tuple[IntArray, ...]  # where each group's entries land
+    names: tuple[str, ...]  # the coefficients' names
+    # index matrices into the coefficients: each is a symmetric matrix C of coefficients, such as [[D11, D12], [D12,
+    # D22]], whose part of the sum is ∫BᵀCB. So A(c) ≥ α A(c₀) where every C(c) ≥ α C(c₀).
     blocks: tuple[IntArray, ...]
 
     @property

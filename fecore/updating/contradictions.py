@@ -55,18 +55,13 @@ _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrice
 
 @dataclass(frozen=True)
 class Agreement:
-    """One campaign beside the others.
+    """One campaign beside the others."""
 
-    Attributes:
-        predictive_p: probability of frequencies further from the others' prediction than measured; None of a single campaign.
-        alone: (q,) coordinates' deviations of the material's parameters by this campaign alone.
-        alone_sd: (q,) their standard deviations.
-        z: (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing.
-    """
-
+    # probability of frequencies further from the others' prediction than measured; None of a single campaign
     predictive_p: float | None
-    alone: FloatArray
-    alone_sd: FloatArray
+    alone: FloatArray  # (q,) coordinates' deviations of the material's parameters by this campaign alone
+    alone_sd: FloatArray  # (q,) their standard deviations
+    # (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing
     z: FloatArray
 
 

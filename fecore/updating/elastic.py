@@ -46,14 +46,10 @@ class NoPartnersError(UpdatingError):
 
 
 class SwingingError(UpdatingError):
-    """The partners of modes change to and fro for ever.
+    """The partners of modes change to and fro for ever."""
 
-    Attributes:
-        torn: campaigns and measured modes whose partners change.
-        between: the partners in every campaign, each with the x that they were found at.
-    """
-
-    torn: tuple[tuple[int, int], ...] = ()
+    torn: tuple[tuple[int, int], ...] = ()  # campaigns and measured modes whose partners change
+    # the partners in every campaign, each with the x that they were found at
     between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
 
 

@@ -81,20 +81,13 @@ class Unknown:
 
 @dataclass(frozen=True)
 class CampaignModel:
-    """A campaign as a fit sees it.
+    """A campaign as a fit sees it."""
 
-    Attributes:
-        name: of the campaign; empty where there is one.
-        forward: its model; the first points are those of the modes' shapes, in their order.
-        modes: measured modes; without shapes they are paired by frequency.
-        pick: (p, X) matrix P.
-        seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
-    """
-
-    name: str
-    forward: ForwardModel
-    modes: MeasuredModes
-    pick: FloatArray
+    name: str  # of the campaign; empty where there is one
+    forward: ForwardModel  # its model; the first points are those of the modes' shapes, in their order
+    modes: MeasuredModes  # measured modes; without shapes they are paired by frequency
+    pick: FloatArray  # (p, X) matrix P
+    # what inputs may do that are believed to be nothing, at the updated model
     seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: ()
 
     @property
@@ -145,40 +138,26 @@ class Coupon:
     """What static tests of a batch say of one of the material's constants.
 
     Where specimens scatter a batch is of one more specimen, of which its own mean is known better: σ/√(n + 1).
-
-    Attributes:
-        name: of the constant.
-        mean: SI.
-        standard_deviation: σ, with which the mean says what one more piece is (`fecore.coupons.batch.prior`), SI.
-        batch: name of the batch.
-        pieces: n; 0 where σ is that of the mean itself.
     """
 
-    name: str
-    mean: float
-    standard_deviation: float
-    batch: str = "coupons"
-    pieces: int = 0
+    name: str  # of the constant
+    mean: float  # SI
+    standard_deviation: float  # σ, with which the mean says what one more piece is (`fecore.coupons.batch.prior`), SI
+    batch: str = "coupons"  # name of the batch
+    pieces: int = 0  # n; 0 where σ is that of the mean itself
 
 
 @dataclass(frozen=True)
 class Layout:
-    """All unknowns, and the campaigns that see them.
+    """All unknowns, and the campaigns that see them."""
 
-    Attributes:
-        campaigns: models whose parametrisations have the shared parameters first and the same.
-        unknowns: entries of x, those that all campaigns share first.
-        common: constants, among the shared ones, of sets that are made of one material.
-        scatter: prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs, else of a constant
-            between sets of one material; 0 where nothing scatters.
-        coupons: what static tests say of the shared parameters.
-    """
-
-    campaigns: tuple[CampaignModel, ...]
-    unknowns: tuple[Unknown, ...]
-    common: tuple[CommonPrior, ...] = ()
+    campaigns: tuple[CampaignModel, ...]  # models whose parametrisations have the shared parameters first and the same
+    unknowns: tuple[Unknown, ...]  # entries of x, those that all campaigns share first
+    common: tuple[CommonPrior, ...] = ()  # constants, among the shared ones, of sets that are made of one material
+    # prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs, else of a constant
+    # between sets of one material; 0 where nothing scatters
     scatter: float = 0.0
-    coupons: tuple[Coupon, ...] = ()
+    coupons: tuple[Coupon, ...] = ()  # what static tests say of the shared parameters
 
     @classmethod
     def of_one(

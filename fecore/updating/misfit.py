@@ -27,41 +27,27 @@ Weighting = Literal["linear", "relative", "log", "noise"]
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point, gains minimised out.
+    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point, gains minimised out."""
 
-    Attributes:
-        cost: misfit E, with the gains' prior.
-        gradient, hessian: (2m,) and (2m, 2m).
-        reduction: (b, 2m) how u moves with the gains it draws along: it reduces what `FrfJacobian` gives.
-    """
-
-    cost: float
+    cost: float  # misfit E, with the gains' prior
+    # gradient, hessian: (2m,) and (2m, 2m)
     gradient: FloatArray
     hessian: FloatArray
-    reduction: FloatArray
+    reduction: FloatArray  # (b, 2m) how u moves with the gains it draws along: it reduces what `FrfJacobian` gives
 
 
 @dataclass(frozen=True)
 class FrfMisfit:
-    """Measured FRFs, the model's residues, and the weighting between them.
+    """Measured FRFs, the model's residues, and the weighting between them."""
 
-    Attributes:
-        frfs: measured FRFs in the fitted band.
-        model: the elastic model's part of the synthesis.
-        weighting: name of the residual.
-        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate.
-        gain_sd: (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has.
-        common_gain_sd: the same of what the gains have in common: calibration, and the model's mass.
-        delay_sd: prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none.
-    """
-
-    frfs: FrfSet
-    model: ModalFrfModel
-    weighting: Weighting
-    variance: FloatArray
+    frfs: FrfSet  # measured FRFs in the fitted band
+    model: ModalFrfModel  # the elastic model's part of the synthesis
+    weighting: Weighting  # name of the residual
+    variance: FloatArray  # (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate
+    # (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has
     gain_sd: FloatArray | None = None
-    common_gain_sd: float = 0.0
-    delay_sd: float = 0.0
+    common_gain_sd: float = 0.0  # the same of what the gains have in common: calibration, and the model's mass
+    delay_sd: float = 0.0  # prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none
 
     def __post_init__(self) -> None:
         if self.weighting not in get_args(Weighting):
@@ -196,19 +182,14 @@ class FrfMisfit:
 class FrfJacobian:
     """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes, d of the delay): A_ik d_k, or under a roving
     mass (A_ik g_i + B_ik h_i) d_k; and -iωH for the delay.
-
-    Attributes:
-        misfit: whose FRFs they are.
-        eigenvalue, rate: (m,) where.
-        factors: (N, L) g and h (`ModalFrfModel.load_factors`), or None.
-        predicted: (N, L) the FRFs there.
     """
 
-    misfit: FrfMisfit
+    misfit: FrfMisfit  # whose FRFs they are
+    # eigenvalue, rate: (m,) where
     eigenvalue: FloatArray
     rate: FloatArray
-    factors: tuple[ComplexArray, ComplexArray] | None
-    predicted: ComplexArray
+    factors: tuple[ComplexArray, ComplexArray] | None  # (N, L) g and h (`ModalFrfModel.load_factors`), or None
+    predicted: ComplexArray  # (N, L) the FRFs there
 
     @cached_property
     def denominator(self) -> ComplexArray:

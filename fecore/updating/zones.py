@@ -74,19 +74,12 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
 
 @dataclass(frozen=True)
 class _Parts:
-    """The unknowns of an update with those of each zone's parts in the place of its factor.
+    """The unknowns of an update with those of each zone's parts in the place of its factor."""
 
-    Attributes:
-        prior: the parameters with parts.
-        number: (X,) of each, the part that it is the factor of, from 0; -1 of another.
-        column: (X,) its place among the parameters with zones.
-        lines: (F + 1,) x of the lines between parts, m.
-    """
-
-    prior: Parametrisation
-    number: IntArray
-    column: IntArray
-    lines: FloatArray
+    prior: Parametrisation  # the parameters with parts
+    number: IntArray  # (X,) of each, the part that it is the factor of, from 0; -1 of another
+    column: IntArray  # (X,) its place among the parameters with zones
+    lines: FloatArray  # (F + 1,) x of the lines between parts, m
 
     @classmethod
     def of(cls, coarse: Parametrisation, recipe: Recipe) -> _Parts:
