@@ -238,29 +238,38 @@ class FrfJacobian:
         return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.frfs.omega, gains])
 
     def _modal_hessian(self, weight: FloatArray) -> FloatArray:
-        """(2m + g, 2m + g) the same without the delay. All is made of the sums
-
-        S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, since all else is a power of ω.
-        """
-        d, coupling, n = self.by_eigenvalue, self._coupling(weight), self.misfit.gained
-        powers = self.misfit.frfs.omega ** np.arange(5 if n.size else 3)[:, None]
-        S = np.zeros((len(powers), len(d), len(d)), dtype=complex)
-        first = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1))
-        for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
-            lines = d[k:] * coupling[first[k] : first[k + 1]]
-            S[:, k, k:] = 2 * (lines @ (d[k].conj() * powers).T).T
-            S[:, k:, k] = S[:, k, k:].conj()
-        crossed = -S[1].imag  # Re iω z
-        plain = np.block([[S[0].real, crossed], [crossed.T, S[2].real]])
+        """(2m + g, 2m + g) the same without the delay, from sums over lines: all else is a power of ω."""
+        n, (c, lam) = self.misfit.gained, (self.rate[:, None], self.eigenvalue[:, None])
+        S = self._sums(self._coupling(weight), 5 if n.size else 3)
+        plain = np.block([[S[0], -S[1]], [S[1], S[2]]])
         if not n.size:
             return plain
-        c, lam = self.rate[:, None], self.eigenvalue[:, None]
-        by_eigenvalue = -(lam * S[0] - S[2] - 1j * c * S[1]).real
-        by_rate = -(1j * (lam * S[1] - S[3]) + c * S[2]).real
-        both = lam * lam.T * S[0] - (lam + lam.T) * S[2] + S[4] + c * c.T * S[2]
-        both = (both + 1j * (c.T * (lam * S[1] - S[3]) - c * (lam.T * S[1] - S[3]))).real
+        turned = lam * S[1] - S[3]
+        by_eigenvalue = -(lam * S[0] - S[2] + c * S[1])
+        by_rate = turned - c * S[2]
+        both = lam * lam.T * S[0] - (lam + lam.T) * S[2] + S[4] + c * c.T * S[2] - (c.T * turned + c * turned.T)
         mixed = np.hstack([by_eigenvalue, by_rate])[n]
         return np.block([[plain, mixed.T], [mixed, both[np.ix_(n, n)]]])
+
+    def _sums(self, coupling: FloatArray | ComplexArray, count: int) -> FloatArray:
+        """(p, m, m) S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, of an even p the real part, of an odd one the imaginary.
+
+        They are symmetric or skew; the rest of each is not needed.
+        """
+        d, number = self.by_eigenvalue, np.arange(count)
+        powers = 2 * (1j ** (number % 2))[:, None] * self.misfit.frfs.omega ** number[:, None]  # Im x*y = Re (ix)*y
+        S, parts = np.zeros((count, len(d), len(d))), (d.real.copy(), d.imag.copy())
+        first, sign = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1)), (-1.0) ** number[:, None]
+        for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
+            own, lines = coupling[first[k] : first[k + 1]], d[k] * powers
+            if np.iscomplexobj(own):
+                whole = d[k:] * own
+                real, imaginary = whole.real, whole.imag
+            else:  # two products of real numbers take half the time of one of complex ones
+                real, imaginary = (part[k:] * own.real for part in parts)
+            S[:, k, k:] = lines.real @ real.T + lines.imag @ imaginary.T
+            S[:, k:, k] = sign * S[:, k, k:]
+        return S
 
     def _coupling(self, weight: FloatArray) -> FloatArray | ComplexArray:
         """(pairs, L) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""
