@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import AnyBody, meshed
-from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
@@ -99,8 +97,8 @@ def lay_out(
             pick[row, number[name, owner]] = 1.0
             if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
                 pick[row, number[name, campaign.specimen]] = 1.0
-        seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
-        models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
+        known = campaign.inputs, campaign.fixed_points
+        models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, *known))
     scale = OWN_SD if first.common and not scatter else scatter
     return Layout(tuple(models), tuple(places.values()), first.common, scale, tuple(coupons))
 

@@ -14,7 +14,8 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.excursions import Excursion
+from fecore.updating.belief import over_sets, weights_of
+from fecore.updating.excursions import Excursion, excursions
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.mixing import Mixing, mixings
@@ -81,11 +82,6 @@ class ElasticResult:
     problem: LinearProblem  # the linear problem at the estimate
     discrepancy: float  # s, the estimated relative model error of a frequency
     scatter: float  # τ, the estimated relative deviation of a specimen's modulus
-    # the posterior of x about the estimate, given the partners of the modes and which are real; discrepancy and scatter
-    # included, excursions not
-    given: Mixture
-    mixture: Mixture  # the same over which of the modes are real (`belief`)
-    excursions: tuple[tuple[Excursion, ...], ...]  # of each campaign, inputs that may be something, for what they do
     history: tuple[ConvergenceStep, ...]  # iterates, first to last
     # every start that was tried, this one among them; empty where there was no choice of starts
     starts: tuple[StartHistory, ...] = ()
@@ -107,6 +103,25 @@ class ElasticResult:
     def gain(self) -> FloatArray:
         """(X, n) ∂x̂/∂ln f_measured."""
         return self.problem.gain(self.discrepancy, self.scatter)
+
+    @cached_property
+    def given(self) -> Mixture:
+        """The posterior of x about the estimate, given the partners of the modes and which are real, without excursions."""
+        return self.problem.mixture(self.layout.scatter)[0]
+
+    @cached_property
+    def mixture(self) -> Mixture:
+        """The same over which of the modes are real (`belief`)."""
+        if self.stretches is not None:
+            return self.given
+        belief = weights_of(self.problem, *prior_belief(self.layout, self.pairings), self.scatter)
+        return over_sets(self.problem, belief, self.layout.scatter, self.given)
+
+    @cached_property
+    def excursions(self) -> tuple[tuple[Excursion, ...], ...]:
+        """Of each campaign, inputs that may be something, for what they do."""
+        campaigns = zip(self.layout.campaigns, self.states, strict=True)
+        return tuple(excursions(state, c.inputs, c.fixed_points) for c, state in campaigns)
 
     @cached_property
     def sources(self) -> dict[str, FloatArray]:

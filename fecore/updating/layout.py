@@ -14,7 +14,7 @@ campaign is the same problem with P = 1.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,8 +26,8 @@ from fecore.body.structure import OWN_SD, CommonPrior
 from fecore.body.supports import CLAMP
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.inputs import Inputs
 from fecore.updating.pairing import has_shapes
 from fecore.updating.parameters import Parametrisation, by_name
 from fecore.updating.posterior import prior_of_scatter
@@ -87,8 +87,8 @@ class CampaignModel:
     forward: ForwardModel  # its model; the first points are those of the modes' shapes, in their order
     modes: MeasuredModes  # measured modes; without shapes they are paired by frequency
     pick: FloatArray  # (p, X) matrix P
-    # what inputs may do that are believed to be nothing, at the updated model
-    seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: ()
+    inputs: Inputs = field(default_factory=Inputs.exact)  # how well the laboratory knows what it hands in
+    fixed_points: tuple[int, ...] = ()  # at which a sensor stood through the test, if its mass was not stated
 
     @property
     def prior(self) -> Parametrisation:
@@ -161,16 +161,13 @@ class Layout:
 
     @classmethod
     def of_one(
-        cls,
-        forward: ForwardModel,
-        modes: MeasuredModes,
-        seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
+        cls, forward: ForwardModel, modes: MeasuredModes, inputs: Inputs | None = None, fixed: tuple[int, ...] = ()
     ) -> Layout:
         """The unknowns of one campaign: its parameters and inputs."""
         prior = forward.parametrisation
         owners = [None if name in prior.reported else "" for name in prior.names]
         unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, prior.xi_sd), strict=True))
-        campaigns = (CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),)
+        campaigns = (CampaignModel("", forward, modes, np.eye(len(prior.names)), inputs or Inputs.exact(), fixed),)
         return cls(campaigns, unknowns, prior.common, OWN_SD if prior.common else 0.0)
 
     @property
@@ -293,12 +290,11 @@ class Layout:
         return rows, np.array(values), np.array(sds)
 
     def unverified(self) -> Layout:
-        """The same on bases as they are now and without excursions, for a search that is verified afterwards."""
-        loose = [replace(c, forward=c.forward.unverified(), seek_excursions=lambda _: ()) for c in self.campaigns]
-        return replace(self, campaigns=tuple(loose))
+        """The same on bases as they are now, for a search that is verified afterwards."""
+        return replace(self, campaigns=tuple(replace(c, forward=c.forward.unverified()) for c in self.campaigns))
 
     def with_prior(self, prior: Parametrisation, **of_model: Any) -> Layout:
         """The layout of one campaign with other parameters and their body, its model changed in these attributes."""
         (only,) = self.campaigns
         forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **of_model)
-        return Layout.of_one(forward, only.modes, only.seek_excursions)
+        return Layout.of_one(forward, only.modes, only.inputs, only.fixed_points)

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import sparse_factors, update_from_several_starts
-from fecore.updating.excursions import excursions, fixed_points
+from fecore.updating.excursions import fixed_points
 from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -170,9 +169,8 @@ def _elastic(
 ) -> tuple[ElasticResult, MeasuredModes]:
     """The elastic constants and the modes that they were judged by: stage 1, or the joint fit of the FRFs."""
     fixed = () if data.frfs is None else fixed_points(*data.frfs.points)
-    seek = partial(excursions, inputs=inputs, fixed_points=fixed)
     if data.modes is not None:
-        layout = Layout.of_one(forward, data.modes, seek)
+        layout = Layout.of_one(forward, data.modes, inputs, fixed)
         elastic = update_from_several_starts(layout, progress, use_shapes=recipe.use_shapes, seed=recipe.seed)
         if elastic.unlike:
             return elastic, data.modes
@@ -187,7 +185,7 @@ def _elastic(
     # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.
     middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
     law = laws_of(recipe, ModalDamping((middle,)), forward.specimen)[0]
-    joint = update_jointly(forward, frfs, law, recipe.seed, progress, seek)
+    joint = update_jointly(forward, frfs, law, recipe.seed, progress, inputs, fixed)
     return joint.elastic, _unwindowed(joint.modes, inputs)
 
 

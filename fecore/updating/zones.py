@@ -33,7 +33,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         first: the update with one factor for the whole of each zone.
         recipe: of the update.
     """
-    prior, only = first.prior, first.only
+    prior = first.prior
     zones = np.array([kind_of(name) == "zone" for name in prior.names])
     if not zones.any():
         return first
@@ -56,18 +56,13 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     layout = first.layout.with_prior(replace(prior, body=body, prior_sd=np.where(zones, known, prior.prior_sd)))
     misfit, states = replace(misfit, layout=layout), layout.solved(at)
     pairings = misfit.pair(states)
-    problem = misfit.linear(at, states, pairings, first.weights)
-    given = problem.mixture(0.0)[0]
     return replace(
         first,
         layout=layout,
         x=at,
         states=states,
         pairings=pairings,
-        problem=problem,
-        given=given,
-        mixture=given,
-        excursions=(only.seek_excursions(states[0]),),
+        problem=misfit.linear(at, states, pairings, first.weights),
         stretches=Stretches(parts.lines, partitions.change, mixture),
     )
 

@@ -108,7 +108,7 @@ def test_bodies_that_carry_nothing_are_not_said_to() -> None:
     """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with probability p at most."""
     for seed in range(3):
         checks = _Sources.of(fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))).checks
-        masses = [each for each in checks if each.kind == "mass"]
+        masses = [check for check, _ in checks if check.kind == "mass"]
         assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
         assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
 
