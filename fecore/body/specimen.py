@@ -147,12 +147,6 @@ class Specimen(FlatBody):
         own = {name: float(getattr(self if name in _DIMENSIONS else self.material, name)) for name in CONSTANTS}
         return own | zone_factors(self.zones)
 
-    def with_constants(self, constants: FloatArray) -> Specimen:
-        """The specimen with other constants, in the order of `CONSTANTS`."""
-        values = dict(zip(CONSTANTS, map(float, constants), strict=True))
-        dimensions = {name: values.pop(name) for name in _DIMENSIONS}
-        return replace(self, material=replace(self.material, **values), **dimensions)  # type: ignore[arg-type]
-
     @cached_property
     def structure(self) -> Structure:
         """The strip with the dofs w, θx and θy."""

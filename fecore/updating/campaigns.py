@@ -18,8 +18,7 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.conflicts import Conflict
-from fecore.updating.contradictions import Agreement, compare_sources
+from fecore.updating.contradictions import Agreement, Conflict, compare_sources
 from fecore.updating.elastic_findings import USUAL_MISS, contradiction, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts

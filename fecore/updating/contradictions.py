@@ -31,7 +31,6 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
 from fecore.updating.added_mass import added_mass
-from fecore.updating.conflicts import Check, Conflict, Said
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.inputs import UNSTATED_SENSOR
 from fecore.updating.layout import Unknown
@@ -53,6 +52,40 @@ RIVAL = float(np.log(20.0))
 
 
 _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrices can be inverted
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
+
+    constant: str
+    stated: float
+    stated_sd: float
+    rest: float
+    rest_sd: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """A source beside all others."""
+
+    kind: str  # `input`, `coupons`, `campaign`, `mass` that a body carries, or `scatter` of the specimens
+    name: str  # of the source, as a sentence names it
+    p: float  # probability of a difference from the rest that is larger than the one found
+    evidence: float  # logarithm of how much likelier the data are where this source is off by a slip
+    owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
+    said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
+    place: tuple[float, ...] = ()  # m, where a mass is likeliest
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A source that contradicts the others."""
+
+    cause: Check  # the likeliest
+    rivals: tuple[Check, ...]  # other explanations that the data do not rule out, the likeliest first
+    cleared: tuple[str, ...]  # names of sources that contradict no more once the cause is allowed for
+    moved: float  # how far a constant then moves at most, in its stated standard deviations
 
 
 @dataclass(frozen=True)
@@ -224,7 +257,7 @@ class _Sources:
         spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
         p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
-        check = Check(source.kind, source.name, p, float(evidence), source.owner, said=said, slip=slip)
+        check = Check(source.kind, source.name, p, float(evidence), source.owner, said=said)
         return check, lambda: self._allowing(source.name, problem=_loosened(self.problem, source, slip))
 
     def _of_campaign(self, number: int) -> tuple[Check, Callable[[], _Sources]]:

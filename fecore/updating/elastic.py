@@ -27,7 +27,7 @@ from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.belief import weights_of
 from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.forward import ForwardState
 from fecore.updating.layout import Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY, LinearProblem
@@ -50,17 +50,6 @@ class SwingingError(UpdatingError):
     torn: tuple[tuple[int, int], ...] = ()  # campaigns and measured modes whose partners change
     # the partners in every campaign, each with the x that they were found at
     between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
-
-
-def update_elastic(
-    forward: ForwardModel,
-    modes: MeasuredModes,
-    progress: Callable[[float], None] = lambda _: None,
-    *,
-    use_shapes: bool = False,
-) -> ElasticResult:
-    """`fit` of one campaign from the prior means of its model, whose first points are those of the modes' shapes."""
-    return fit(Layout.of_one(forward, modes), progress, use_shapes=use_shapes)
 
 
 def fit(
