@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import pi
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.bdf.labels import Labels
-from modalbase.formats.models.bdf.materials import Materials
+from modalbase.formats.models.bdf.deck import Deck
 from modalbase.formats.models.bdf.shapes import SHAPES, is_real
-from modalbase.formats.models.bdf.unused import Notes
 from modalbase.formats.models.model import BeamSection
 
-PROPERTIES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
 _OF_ELEMENT = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
 _STATIONS = ("YES", "YESA", "NO")
 _ROUND_OFF = 1e-9
@@ -30,29 +28,22 @@ class Property:
     centroid: tuple[float, float] = (0.0, 0.0)
 
 
-@dataclass
 class Sections:
-    """Sections of a deck, read when an element asks.
+    """Sections of a deck, read when an element asks."""
 
-    Attributes:
-        cards: by kind of card and number.
-        materials, labels, notes: of the deck.
-        extra: non-structural mass per length by property.
-    """
-
-    cards: dict[str, dict[int, Card]]
-    materials: Materials
-    labels: Labels
-    notes: Notes
-    extra: dict[int, float]
-    _read: dict[tuple[str | int, ...], Property] = field(default_factory=dict)
+    def __init__(self, deck: Deck, extra: Mapping[int, float]) -> None:
+        """Of a deck, and non-structural mass per length by property."""
+        self._deck, self._extra = deck, extra
+        self._read: dict[tuple[str | int, ...], Property] = {}
 
     def get(self, element: Card, number: int) -> Property:
         """The property of an element."""
         kinds = _OF_ELEMENT[element.name]
         key = (kinds[0], number)
         if key not in self._read:
-            card = next((self.cards[kind][number] for kind in kinds if number in self.cards[kind]), None)
+            card = next(
+                (self._deck.profiles[kind][number] for kind in kinds if number in self._deck.profiles[kind]), None
+            )
             if card is None:
                 raise element.wrong(1, "PID", f"a property of it; there is no {' or '.join(kinds)} {number}")
             self._read[key] = self._of(card, number)
@@ -70,9 +61,9 @@ class Sections:
     def _of(self, card: Card, number: int) -> Property:
         found = getattr(self, f"_{card.name.lower()}")(card)
         section, centroid = found if isinstance(found, tuple) else (found, (0.0, 0.0))
-        extra = section.extra_mass + self.extra.get(number, 0.0)
+        extra = section.extra_mass + self._extra.get(number, 0.0)
         section = self._resisting(card, replace(section, extra_mass=extra))
-        return Property(self.labels.of(card.name, number), section, centroid)
+        return Property(self._deck.labels.of(card.name, number), section, centroid)
 
     def _section(
         self, card: Card, mid: int, what: str, values: list[float], shear: tuple[float, float] | None
@@ -83,10 +74,10 @@ class Sections:
             raise card.error(f"the area is {area:g}, expected above zero")
         if min(first, second, torsion) < 0 or mixed**2 > first * second:
             raise card.error("the moments I1, I2, I12 and J are of no section; expected I1, I2, J ≥ 0 and I12² ≤ I1 I2")
-        material = self.materials.get(card, mid, what)
+        material = self._deck.materials.get(card, mid, what)
         if not material.is_isotropic:
             raise card.wrong(mid, what, f"a MAT1; {material.name} is not isotropic")
-        mass = extra * self.materials.mass_factor
+        mass = extra * self._deck.mass_factor
         inertia, file = (second, first, mixed), card.file
         return BeamSection(material.name, area, inertia, torsion, card.line, shear=shear, extra_mass=mass, file=file)
 
@@ -96,7 +87,7 @@ class Sections:
         first, second, mixed = section.inertia
         if first > 0 and second > 0 and section.torsion > 0:
             return section
-        self.notes.add(
+        self._deck.notes.add(
             card,
             f"{card.name} without I or J",
             f"it resists there with {_LEAST:g} of a round bar of its area, not with none",
@@ -109,7 +100,7 @@ class Sections:
         if first > 0 and second > 0:
             return first, second
         if first > 0 or second > 0:
-            self.notes.add(card, f"{card.name} K1, K2", "one of both is rigid in shear; here neither is flexible")
+            self._deck.notes.add(card, f"{card.name} K1, K2", "one of both is rigid in shear; here neither is flexible")
         return None
 
     def _prod(self, card: Card) -> BeamSection:
@@ -122,7 +113,7 @@ class Sections:
         if not 0 < wall <= outer / 2:
             raise card.wrong(3, "T", "a wall of at most half the diameter OD")
         if card.text(5) and card.real(5, "OD2") != outer:
-            self.notes.add(card, "PTUBE OD2", "the tube is read with the diameter of its first end", True)
+            self._deck.notes.add(card, "PTUBE OD2", "the tube is read with the diameter of its first end", True)
         inner = outer - 2 * wall
         area, torsion = pi * (outer**2 - inner**2) / 4, pi * (outer**4 - inner**4) / 32
         return self._section(card, 1, "MID", [area, 0.0, 0.0, 0.0, torsion, card.real(4, "NSM", 0.0)], None)
@@ -172,12 +163,12 @@ class Sections:
         while at < len(card) and card.text(at) in _STATIONS:
             own = [card.real(at + 2 + k, f"DIM{k + 1}", value) for k, value in enumerate(dimensions)]
             if own != dimensions:
-                self.notes.add(card, "PBEAML that tapers", "it is read with the section of its end A", True)
+                self._deck.notes.add(card, "PBEAML that tapers", "it is read with the section of its end A", True)
                 return
             at += 3 + len(dimensions)
 
     def _note_centre(self, card: Card) -> None:
-        self.notes.add(
+        self._deck.notes.add(
             card,
             f"{card.name} with its shear centre aside",
             "the neutral axis lies where it does; that the section turns about another line is lost",
@@ -198,13 +189,13 @@ class Sections:
             at += 16 if card.text(at) == "YES" else 8
         values = _mean(stations) if any(own != start for _, own in stations) else start
         if values is not start:
-            self.notes.add(card, "PBEAM that tapers", "it is read with its mean section", True)
+            self._deck.notes.add(card, "PBEAM that tapers", "it is read with its mean section", True)
         shear = self._shears(card, card.real(at, "K1", 1.0), card.real(at + 1, "K2", 1.0))
         centroid = card.real(at + 12, "N1(A)", 0.0), card.real(at + 13, "N2(A)", 0.0)
         if centroid != (0.0, 0.0):
             self._note_centre(card)
         if any(card.text(at + 8 + k) and card.real(at + 8 + k, "M1(A)") for k in range(4)):
-            self.notes.add(card, "PBEAM M1, M2", "non-structural mass stands on the neutral axis", True)
+            self._deck.notes.add(card, "PBEAM M1, M2", "non-structural mass stands on the neutral axis", True)
         section = self._section(card, 1, "MID", values, shear)
         fields = (("area", 2), ("I2", 3), ("I1", 4), ("J", 6)) if values is start else ()
         places = {name: card.place(index) for name, index in fields if card.text(index)}

@@ -79,7 +79,7 @@ class Constraints:
         for row in card.rows:
             kind, names = row.parted
             if kind.upper() not in ("BEAM", "TIE", "PIN") or len(names) != 2:
-                self._losses.add(row, f"a constraint of type {kind[:12].upper()} between nodes", changes=True)
+                self._losses.note(row, f"a constraint of type {kind[:12].upper()} between nodes", changes=True)
                 continue
             led, leaders = (self._mesh.select_nodes(name, part.scope, row) for name in names)
             if len(leaders) != 1:
@@ -88,14 +88,14 @@ class Constraints:
             dofs = ALL[:3] if kind.upper() == "PIN" else ALL
             apart = np.linalg.norm(self._places[led] - self._places[leader], axis=1)
             if kind.upper() != "BEAM" and np.any(apart > self._near):
-                self._losses.add(row, f"{kind.upper()} between nodes that are apart", changes=True)
+                self._losses.note(row, f"{kind.upper()} between nodes that are apart", changes=True)
                 continue
             self._rigid(led, leader, dofs, row.line)
 
     def _rigid_body(self, card: Card, part: Part) -> None:
         leader = self._one(card.needs("REF NODE"), part, card)
         if card.get("ROT NODE"):
-            self._losses.add(card, "the ROT NODE: supports and masses that act on it", changes=True)
+            self._losses.note(card, "the ROT NODE: supports and masses that act on it", changes=True)
         for parameter, dofs in (("ELSET", ALL), ("NSET", ALL), ("TIE NSET", ALL), ("PIN NSET", ALL[:3])):
             if not (name := card.get(parameter)):
                 continue
@@ -126,7 +126,7 @@ class Constraints:
             self._rigid(nodes, leader, dofs, coupling.line, system)
             return
         if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
-            self._losses.add(card, "weights that fall with the distance: all are taken alike", changes=True)
+            self._losses.note(card, "weights that fall with the distance: all are taken alike", changes=True)
         axes = None if system is None or dofs == ALL else system.at(self._places[[leader]])[0]
         self.links.append(Link(leader, tuple(nodes.tolist()), dofs, coupling.line, axes=axes))
 
@@ -203,7 +203,7 @@ class Constraints:
                 found, _ = self._merged.setdefault((int(a[0]), int(b[0])), (set(), row.line))
                 found.add(dofs[0])
                 return
-        self._losses.add(row, "an equation between dofs, other than that nodes at one place move alike", changes=True)
+        self._losses.note(row, "an equation between dofs, other than that nodes at one place move alike", changes=True)
 
     def _tie(self, card: Card, part: Part) -> None:
         """Nodes of the first surface that lie on nodes of the second are led by them."""
@@ -216,7 +216,7 @@ class Constraints:
             for node, leader in pairs:
                 self.links.append(Link(node, (leader,), ALL, row.line))
             if missed := len(set(led.tolist()) - set(leading.tolist())) - len(pairs):
-                self._losses.add(
+                self._losses.note(
                     row, f"a tie of {missed} node(s) that lie on no node of the other surface", changes=True
                 )
 

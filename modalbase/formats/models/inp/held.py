@@ -47,7 +47,7 @@ def supports(
 
 def _of_card(card: Card, scope: str, mesh: Mesh, axes: dict[int, Floats], losses: Losses) -> list[Support]:
     if "SUBMODEL" in card.parameters:
-        losses.add(card, "motion that another model prescribes", changes=True)
+        losses.note(card, "motion that another model prescribes", changes=True)
         return []
     found: list[Support] = []
     for row in card.rows:
@@ -76,7 +76,7 @@ def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
         raise row.error(f"holds {fields[0][:20]!r}, expected {', '.join(_NAMED)}, or the first and last dof")
     first = row.whole(fields[0], "the first dof")
     if first > 6:
-        losses.add(row, "dofs above 6, such as temperature", changes=False)
+        losses.note(row, "dofs above 6, such as temperature", changes=False)
         return ()
     return tuple(dof_range(fields, row))
 
@@ -97,4 +97,4 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
             and names & _LOADS
             and (nonlinear or ("PERTURBATION" in steps[modes][0].parameters and not plain))
         ):
-            losses.add(step[0], "a state of stress before the modes, which stiffens or softens", changes=True)
+            losses.note(step[0], "a state of stress before the modes, which stiffens or softens", changes=True)
