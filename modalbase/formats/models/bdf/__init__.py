@@ -9,7 +9,6 @@ materials   MAT1, MAT2, MAT8
 deck        its cards, and these four for all readers of cards
 shells      plates and laminates
 shapes      cross sections by their dimensions
-sections    properties of bars, beams and rods
 beams       bars, beams and rods
 carried     masses and springs, and mass that is spread
 held        rigid elements and constraints

@@ -9,7 +9,7 @@ import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.bdf.deck import Deck
-from modalbase.formats.models.measures import normals_of
+from modalbase.formats.models.check import normals_of
 from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
 
 _BENDING = 1.0, 1e-3  # 12I/T³ of a plate, and how near to it

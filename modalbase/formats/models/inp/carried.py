@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalbase.formats.models.check import sizes
 from modalbase.formats.models.inp.lines import Card, Row
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.mesh import Element, Mesh
 from modalbase.formats.models.inp.orientations import System
 from modalbase.formats.models.inp.sections import Part, Sections
-from modalbase.formats.models.measures import sizes
 from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring
 
 PROPERTIES = {"mass": "MASS", "inertia": "ROTARYINERTIA", "spring": "SPRING"}

@@ -9,8 +9,7 @@ import numpy as np
 
 from modalbase.formats.models.check import check
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
-from modalbase.formats.models.inp.constraints import NAMES, Constraints
-from modalbase.formats.models.inp.held import note_prestress, supports
+from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
 from modalbase.formats.models.inp.lines import Card, card_names, folded, read_cards, squeezed
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.materials import Materials
