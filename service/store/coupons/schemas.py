@@ -13,7 +13,7 @@ from pydantic_core import PydanticCustomError
 from fecore.coupons.batch import check_failure_code
 from fecore.coupons.curves import Ends
 from fecore.errors import InputError
-from modalbase.formats.machine_csv.units import factor
+from modalbase.formats.machine_csv.cells import factor
 from service.web import Name, StrictModel, Text, example
 from service.web.quantities import COUPON_SIZE, MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength
 
