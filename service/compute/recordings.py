@@ -18,10 +18,11 @@ from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import recognise
 from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping, read_variables
+from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT
-from modalbase.formats.records.recording import Arrays, Recording, Wav, read_recording, read_wav_head
+from modalbase.formats.records.recording import Arrays, Recording, read_recording
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
-from modalbase.formats.records.variables import SAMPLE_RATE, Variables
+from modalbase.formats.records.wav import Wav, read_wav_head
 from modalbase.formats.uff import Limits, TimeResponse, UffError, read_file
 
 Place = tuple[int, int]
