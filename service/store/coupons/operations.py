@@ -166,7 +166,7 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     reduced = sent.reduced
     reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])
-    curve = new_curve(row, sent, reduced)
+    curve = new_curve(row, sent)
     structure = structure_for.row(session, batch.structure_id)
     book(session, structure_for, structure, "curves", len(curve.file) + len(curve.data))
     session.add(curve)
