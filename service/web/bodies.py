@@ -115,8 +115,7 @@ def _short(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
     return value
 
 
-def once(value: list[str]) -> list[str]:
-    """Refuse a list that has one of its texts twice."""
+def _once(value: list[str]) -> list[str]:
     if twice := sorted({one for one in value if value.count(one) > 1}):
         raise wrong(f"has {twice[0]} twice")
     return value
@@ -127,7 +126,7 @@ Details = Annotated[
     dict[str, JsonValue], AfterValidator(_short), Field(description=f"at most {MOST_DETAILS} characters as JSON")
 ]
 Tag = Annotated[str, Field(max_length=100, pattern=r"^[^\s,]([^,\x00-\x1f]*[^\s,])?$")]
-Tags = Annotated[list[Tag], AfterValidator(once), Field(max_length=50, description="words to find it by, no commas")]
+Tags = Annotated[list[Tag], AfterValidator(_once), Field(max_length=50, description="words to find it by, no commas")]
 Meta = Annotated[
     dict[str, JsonValue],
     AfterValidator(_short),

@@ -7,14 +7,13 @@ from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from fecore.coupons.batch import check_failure_code
 from fecore.coupons.curves import Ends
 from fecore.errors import InputError
 from modalbase.formats.machine_csv.cells import factor
 from service.web import Name, StrictModel, Text, example, wrong
-from service.web.bodies import once
 from service.web.quantities import COUPON_SIZE, MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength
 
 Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
@@ -58,9 +57,7 @@ class BatchIn(StrictModel):
     model_config = example(name="0°, D3039", constants=["Ex"])
 
     name: Name
-    constants: Annotated[list[Constant], AfterValidator(once)] = Field(
-        min_length=1, max_length=4, description="elastic constants that the batch gives"
-    )
+    constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that the batch gives")
     sets: list[Name] = Field(
         default_factory=list,
         max_length=200,
@@ -70,6 +67,13 @@ class BatchIn(StrictModel):
     conditions: dict[Text, Text] = Field(
         default_factory=dict, max_length=50, description="conditioning, speed, machine, gauge, grips, in words"
     )
+
+    @field_validator("constants")
+    @classmethod
+    def _each_once(cls, constants: list[Constant]) -> list[Constant]:
+        if len(set(constants)) != len(constants):
+            raise wrong("a constant is named twice")
+        return constants
 
     @model_validator(mode="after")
     def _published_is_given(self) -> Self:
