@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
 from modalbase.formats.models.inp.losses import Losses
@@ -224,22 +225,15 @@ class Constraints:
                 )
 
     def _coincident(self, led: Integers, leading: Integers) -> list[tuple[int, int]]:
-        """Pairs of nodes at one place, each led one once.
-
-        Nodes at one place are so along any line; one that lies askew to all walls leaves few others to compare.
-        """
-        along = self._places @ _ASKEW
-        leading = leading[np.argsort(along[leading])]
-        first = np.searchsorted(along[leading], along[led] - self._near)
-        last = np.searchsorted(along[leading], along[led] + self._near, side="right")
-        found = []
-        for k in np.flatnonzero(last > first).tolist():
-            near = leading[first[k] : last[k]]
-            apart = np.linalg.norm(self._places[near] - self._places[led[k]], axis=1)
-            others = near[(apart <= self._near) & (near != led[k])]
-            if others.size:
-                found.append((int(led[k]), int(others[0])))
-        return found
+        """Pairs of nodes at one place, each led one once; a node that is in both surfaces does not lead itself."""
+        if not (led.size and leading.size):
+            return []
+        apart, at = cKDTree(self._places[leading]).query(self._places[led], k=2)
+        found: dict[int, int] = {}
+        for k, which in np.argwhere(apart <= self._near).tolist():
+            if (leader := int(leading[at[k, which]])) != led[k]:
+                found.setdefault(int(led[k]), leader)
+        return list(found.items())
 
     def _surface(self, name: str, part: Part, where: Card | Row) -> Integers:
         """Nodes of a surface, or of a set of nodes."""
@@ -270,9 +264,6 @@ class Constraints:
             raise row.error(f"names the face {face}, expected SPOS, SNEG or E1 to E{corners}")
         nodes = element.nodes
         return (nodes[k], nodes[(k + 1) % corners], *nodes[corners + k : corners + k + 1])
-
-
-_ASKEW = np.array([0.5405, 0.6214, 0.5671])
 
 
 def dof_range(fields: list[str], row: Row) -> range:
