@@ -1,7 +1,6 @@
 """Nastran bulk data to the neutral model.
 
-card        one card: its fields as numbers, each with its place
-lines       a deck and its INCLUDE files to lines, and these to cards
+card        a deck and its INCLUDE files to lines, and these to cards, whose fields are numbers with their places
 case        executive and case control: which sets hold
 frames      coordinate systems and grids
 labels      names of sets from the comments of pre-processors

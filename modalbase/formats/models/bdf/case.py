@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from modalbase.formats.models.bdf.lines import Line
+from modalbase.formats.models.bdf.card import Line
 from modalbase.formats.uff.text import decoded
 
 _ORDER = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*=\s*(.*?)\s*$")

@@ -6,14 +6,13 @@ from collections import defaultdict
 from collections.abc import Mapping
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card, numbered
+from modalbase.formats.models.bdf.card import Card, cards_of, numbered, split_deck
 from modalbase.formats.models.bdf.case import read_case
 from modalbase.formats.models.bdf.frames import Grids, read_grids
 from modalbase.formats.models.bdf.labels import PLATES, PROFILES, Labels
-from modalbase.formats.models.bdf.lines import cards_of, split_deck
 from modalbase.formats.models.bdf.materials import Materials
 from modalbase.formats.models.bdf.unused import note_params, refuse_solids
-from modalbase.formats.models.losses import Losses
+from modalbase.formats.models.model import Losses
 
 _FRAMES = tuple(f"CORD{number}{kind}" for number in "12" for kind in "RCS")
 _MATERIALS = ("MAT1", "MAT2", "MAT8", "MAT3", "MAT9", "MAT10")

@@ -11,10 +11,8 @@ from textwrap import wrap
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.beams import rod_key
-from modalbase.formats.models.bdf.card import Card, number, whole
-from modalbase.formats.models.bdf.lines import cards_of, split_deck
-from modalbase.formats.models.changes import Number
-from modalbase.formats.models.edits import Constants, Edits, Writing
+from modalbase.formats.models.bdf.card import Card, cards_of, number, split_deck, whole
+from modalbase.formats.models.changes import Constants, Edits, Number, Writing
 from modalbase.formats.models.model import FiniteElementModel, Material
 
 _SMALL, _LARGE, _REMARK = 8, 16, 70  # columns

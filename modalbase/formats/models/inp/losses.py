@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from modalbase.formats.models import losses
+from modalbase.formats.models import model
 from modalbase.formats.models.inp.lines import Card, Row
 
 _HARMLESS = {
@@ -68,7 +68,7 @@ _LOSSES = {name: (loss, False) for loss, names in _HARMLESS.items() for name in 
 _LOSSES |= {name: (loss, True) for loss, names in _CHANGES.items() for name in names.split()}
 
 
-class Losses(losses.Losses):
+class Losses(model.Losses):
     """Cards that were not used, under the names that the user wrote."""
 
     def note(self, where: Card | Row, loss: str, *, changes: bool) -> None:

@@ -17,9 +17,8 @@ import scipy
 
 from modalbase.formats.columns import read_columns, real, whole
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.models.bdf.card import Card, cards_of, split_deck
 from modalbase.formats.models.bdf.frames import read_grids
-from modalbase.formats.models.bdf.lines import cards_of, split_deck
 from modalbase.formats.models.matrices.model import DOFS, Entries, code, integers
 from modalbase.formats.models.model import Floats, Integers
 from modalbase.formats.npy import Array, members_of, read_array
