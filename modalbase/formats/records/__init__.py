@@ -2,8 +2,7 @@
 in SI.
 """
 
-from modalbase.formats.records.arrays import Variables, described
-from modalbase.formats.records.blocks import TimeBlock
+from modalbase.formats.records.arrays import TimeBlock, Variables, described
 from modalbase.formats.records.mapping import (
     ChannelMapping,
     Mapping,

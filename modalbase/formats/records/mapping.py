@@ -24,8 +24,15 @@ from typing import Any, get_args
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import Variables, is_named, real, sampling_rate, variable
-from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
+from modalbase.formats.records.arrays import (
+    ChannelQuantity,
+    TimeBlock,
+    Variables,
+    is_named,
+    real,
+    sampling_rate,
+    variable,
+)
 from modalbase.formats.types import FloatArray
 
 Value = float | str
