@@ -134,25 +134,13 @@ def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, s
     size = sizes(block, model.nodes)
     worst = worst_corner(block, model.nodes)
     for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
-        where, number = block.where(k), int(block.numbers[k])
         if not size[k] > 0:
-            yield (
-                where,
-                f"element {number} of the set {block.set} has no size: its nodes lie at one place or on one line",
-            )
+            what = "has no size: its nodes lie at one place or on one line"
         elif block.kind.startswith("beam"):
-            yield (
-                where,
-                f"element {number} of the set {block.set} has its middle node outside the middle half between its ends",
-            )
+            what = "has its middle node outside the middle half between its ends"
         else:
-            yield (
-                where,
-                (
-                    f"element {number} of the set {block.set} folds over (the least Jacobian is {worst[k]:.2g} of the mean); "
-                    "its nodes are in the wrong order or place"
-                ),
-            )
+            what = f"folds over (the least Jacobian is {worst[k]:.2g} of the mean); its nodes are in the wrong order or place"
+        yield block.where(k), f"element {block.numbers[k]} of the set {block.set} {what}"
 
 
 def _parts(model: FiniteElementModel) -> Integers:

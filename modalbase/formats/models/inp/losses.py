@@ -71,8 +71,8 @@ _LOSSES |= {name: (loss, True) for loss, names in _CHANGES.items() for name in n
 class Losses(model.Losses):
     """Cards that were not used, under the names that the user wrote."""
 
-    def note(self, where: Card | Row, loss: str, *, changes: bool) -> None:
-        """Note a card, or a line of one."""
+    def note(self, where: Card | Row, loss: str, *, changes: bool = True) -> None:
+        """Note a card, or a line of one; most change modes."""
         label = where.label if isinstance(where, Card) else where.card
         self.add(where, label.upper(), loss, changes)
 
