@@ -31,19 +31,12 @@ _MOST_NAMED = 60
 
 @dataclass(frozen=True)
 class Channels:
-    """The channels of a recording that a mapping names, the force first, and where each hit was.
+    """The channels of a recording that a mapping names, the force first, and where each hit was."""
 
-    Attributes:
-        file: the recording.
-        sample_rate_hz: samples a second.
-        mapped: channels of the mapping.
-        stated: the order of the hits; where it is empty, all are at the force's point.
-    """
-
-    file: Wav | Tdms | Arrays
-    sample_rate_hz: float
-    mapped: tuple[ChannelMapping, ...]
-    stated: Recording
+    file: Wav | Tdms | Arrays  # the recording
+    sample_rate_hz: float  # samples a second
+    mapped: tuple[ChannelMapping, ...]  # channels of the mapping
+    stated: Recording  # the order of the hits; where it is empty, all are at the force's point
 
     @property
     def names(self) -> list[str]:
