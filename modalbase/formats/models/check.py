@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+import scipy
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import Elements, FiniteElementModel, Floats, Integers, Link, ShellSection, where
@@ -149,8 +148,8 @@ def _parts(model: FiniteElementModel) -> Integers:
     joined = [(link.node, leader) for link in model.links for leader in link.leaders]
     joined += [(spring.node, spring.second) for spring in model.springs if spring.second is not None]
     rows, columns = np.concatenate([*pairs, np.array(joined, dtype=np.int64).reshape(-1, 2).T], axis=1)
-    graph = coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(model.nodes),) * 2)
-    _, part = connected_components(graph, directed=False)
+    graph = scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(model.nodes),) * 2)
+    _, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
     _, first = np.unique(part, return_index=True)
     return np.asarray(first[part])
 

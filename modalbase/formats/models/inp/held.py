@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy
 
 from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
 from modalbase.formats.models.inp.losses import Losses
@@ -226,7 +226,7 @@ class Constraints:
         """Pairs of nodes at one place, each led one once; a node that is in both surfaces does not lead itself."""
         if not (led.size and leading.size):
             return []
-        apart, at = cKDTree(self._places[leading]).query(self._places[led], k=2)
+        apart, at = scipy.spatial.cKDTree(self._places[leading]).query(self._places[led], k=2)
         found: dict[int, int] = {}
         for k, which in np.argwhere(apart <= self._near).tolist():
             if (leader := int(leading[at[k, which]])) != led[k]:
