@@ -96,11 +96,6 @@ class Model(Job):
         """Cards that were not used, and what is lost by that."""
         return Table(self._found["ignored"])
 
-    @property
-    def _found(self) -> dict[str, Any]:
-        found: dict[str, Any] = self.wait().check().fields["found"]
-        return found
-
     def save(self, file: str | Path) -> Path:
         """Write the deck as it was sent."""
         return save_file(self.lab.connection, f"structures/{self.fields['structure_id']}/model/original", file)
@@ -131,11 +126,6 @@ class Forecast(Stoppable):
     def points(self) -> Table:
         """Where to hit and where to measure, m."""
         return Table(self._found["points"], key="label")
-
-    @property
-    def _found(self) -> dict[str, Any]:
-        found: dict[str, Any] = self.wait().check().fields["found"]
-        return found
 
     def frfs(self) -> Frfs:
         """Accelerances of the model, as numpy arrays: every point to measure by every reference.

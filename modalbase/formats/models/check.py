@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
+import scipy
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import Elements, FiniteElementModel, Floats, Integers, Link, ShellSection, where
@@ -132,49 +133,29 @@ def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, s
     size = sizes(block, model.nodes)
     worst = worst_corner(block, model.nodes)
     for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
-        where, number = block.where(k), int(block.numbers[k])
         if not size[k] > 0:
-            yield (
-                where,
-                f"element {number} of the set {block.set} has no size: its nodes lie at one place or on one line",
-            )
+            what = "has no size: its nodes lie at one place or on one line"
         elif block.kind.startswith("beam"):
-            yield (
-                where,
-                f"element {number} of the set {block.set} has its middle node outside the middle half between its ends",
-            )
+            what = "has its middle node outside the middle half between its ends"
         else:
-            yield (
-                where,
-                (
-                    f"element {number} of the set {block.set} folds over (the least Jacobian is {worst[k]:.2g} of the mean); "
-                    "its nodes are in the wrong order or place"
-                ),
-            )
+            what = f"folds over (the least Jacobian is {worst[k]:.2g} of the mean); its nodes are in the wrong order or place"
+        yield block.where(k), f"element {block.numbers[k]} of the set {block.set} {what}"
 
 
-def parts_of(model: FiniteElementModel) -> Integers:
-    """(n,) the number of the part that each node belongs to; nodes hang together by elements, links and springs."""
+def _parts(model: FiniteElementModel) -> Integers:
+    """(n,) the first node of the part that each belongs to; nodes hang together by elements, links and springs."""
     pairs = [np.stack([np.repeat(b.nodes[:, 0], b.nodes.shape[1]), b.nodes.ravel()]) for b in model.elements]
     joined = [(link.node, leader) for link in model.links for leader in link.leaders]
     joined += [(spring.node, spring.second) for spring in model.springs if spring.second is not None]
-    if joined:
-        pairs.append(np.array(joined, dtype=np.int64).T)
-    edges = np.concatenate(pairs, axis=1) if pairs else np.zeros((2, 0), dtype=np.int64)
-    part = np.arange(len(model.nodes))
-    while True:
-        least = np.minimum(part[edges[0]], part[edges[1]])
-        following = part.copy()
-        for end in edges:
-            np.minimum.at(following, part[end], least)
-        following = following[following]
-        if np.array_equal(following, part):
-            return part
-        part = following
+    rows, columns = np.concatenate([*pairs, np.array(joined, dtype=np.int64).reshape(-1, 2).T], axis=1)
+    graph = scipy.sparse.coo_array((np.ones(len(rows)), (rows, columns)), shape=(len(model.nodes),) * 2)
+    _, part = scipy.sparse.csgraph.connected_components(graph, directed=False)
+    _, first = np.unique(part, return_index=True)
+    return np.asarray(first[part])
 
 
 def _hangs_together(model: FiniteElementModel) -> None:
-    part = parts_of(model)
+    part = _parts(model)
     has_element = np.zeros(len(model.nodes), dtype=bool)
     for block in model.elements:
         has_element[part[block.nodes].ravel()] = True

@@ -1,12 +1,9 @@
 """Nastran bulk data to the neutral model.
 
-card        one card: its fields as numbers, each with its place
-lines       a deck and its INCLUDE files to lines, and these to cards
-case        executive and case control: which sets hold
+card        a deck and its INCLUDE files to lines, and these to cards, whose fields are numbers with their places
 frames      coordinate systems and grids
-labels      names of sets from the comments of pre-processors
 materials   MAT1, MAT2, MAT8
-deck        its cards, and these four for all readers of cards
+deck        case control, names of sets, and the cards, with these two for all readers of cards
 shells      plates and laminates
 shapes      cross sections by their dimensions
 beams       bars, beams and rods

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -214,10 +213,9 @@ def _mean(stations: list[tuple[float, list[float]]]) -> list[float]:
     ordered = sorted(stations, key=lambda one: one[0])
     if ordered[-1][0] < 1:
         ordered.append((1.0, ordered[-1][1]))
-    total = [0.0] * 6
-    for (low, before), (high, after) in pairwise(ordered):
-        total = [t + (high - low) * (b + a) / 2 for t, b, a in zip(total, before, after, strict=True)]
-    return total
+    places, values = zip(*ordered, strict=True)
+    mean: list[float] = np.trapezoid(values, places, axis=0).tolist()
+    return mean
 
 
 _RODS = {"CROD": (2, 3), "CTUBE": (2, 3), "CONROD": (1, 2)}

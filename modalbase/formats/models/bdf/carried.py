@@ -7,9 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card, numbered, whole
-from modalbase.formats.models.bdf.case import Case
-from modalbase.formats.models.bdf.deck import Deck
-from modalbase.formats.models.bdf.labels import PLATES, PROFILES
+from modalbase.formats.models.bdf.deck import PLATES, PROFILES, Case, Deck
 from modalbase.formats.models.model import Floats, PointMass, Spring
 
 _LOWER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))  # I11 I21 I22 I31 I32 I33

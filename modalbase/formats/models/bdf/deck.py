@@ -1,19 +1,144 @@
-"""A deck's cards, and what all readers of them need."""
+"""A deck: which sets its case control holds, the names of sets, its cards, and what all readers of them need.
+
+Names are those of the comments that pre-processors write, safe as names of parameters.
+"""
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card, numbered
-from modalbase.formats.models.bdf.case import read_case
+from modalbase.formats.models.bdf.card import Card, Line, cards_of, numbered, split_deck
 from modalbase.formats.models.bdf.frames import Grids, read_grids
-from modalbase.formats.models.bdf.labels import PLATES, PROFILES, Labels
-from modalbase.formats.models.bdf.lines import cards_of, split_deck
 from modalbase.formats.models.bdf.materials import Materials
 from modalbase.formats.models.bdf.unused import note_params, refuse_solids
-from modalbase.formats.models.losses import Losses
+from modalbase.formats.models.model import Losses
+from modalbase.formats.uff.text import decoded
+
+_ORDER = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*=\s*(.*?)\s*$")
+_SELECTORS = ("SPC", "MPC", "NSM", "METHOD", "K2GG", "M2GG", "B2GG", "K2PP", "M2PP", "STATSUB", "TEMPERATURE", "A2GG")
+
+
+@dataclass
+class Case:
+    """What the subcase of the modes selects.
+
+    Attributes:
+        is_stated: whether there is any case control; a deck of bulk data alone selects nothing.
+        title: of the deck.
+        selected: sets by the name of the order, such as `SPC`.
+        others: other sets of the same kind that further subcases select, with the line.
+        params: lines PARAM of the case control.
+    """
+
+    is_stated: bool = False
+    title: str = ""
+    selected: dict[str, str] = field(default_factory=dict)
+    others: dict[str, list[tuple[str, int]]] = field(default_factory=dict)
+    params: list[Line] = field(default_factory=list)
+
+    def number(self, order: str) -> int | None:
+        """The set that an order selects."""
+        text = self.selected.get(order, "")
+        return int(text) if text.isdecimal() and text.isascii() and len(text) < 12 else None
+
+
+def read_case(lines: Sequence[Line]) -> Case:
+    """The case control of the lines before BEGIN BULK.
+
+    Orders above the first subcase hold in all. Of several subcases the first with a METHOD of its own is taken, else the
+    first; what others select instead is noted.
+    """
+    found = Case(is_stated=bool(lines))
+    common: dict[str, tuple[str, int]] = {}
+    subcases: list[dict[str, tuple[str, int]]] = []
+    for line in lines:
+        text = line.text
+        if text.lstrip().startswith("SUBCASE"):
+            subcases.append({})
+            continue
+        if text.replace(",", " ").split(None, 1)[:1] == ["PARAM"]:
+            found.params.append(line)
+            continue
+        match = _ORDER.match(text)
+        if match is None:
+            continue
+        order, value = match.groups()
+        if order == "TITLE" and not found.title:
+            found.title = decoded(line.raw.partition("=")[2].encode("latin-1"))[:200]
+        for name in _SELECTORS:
+            if order == name or (len(order) >= 4 and name.startswith(order)):
+                (subcases[-1] if subcases else common)[name] = (value, line.number)
+    chosen = next((case for case in subcases if "METHOD" in case), subcases[0] if subcases else {})
+    found.selected = {name: value for name, (value, _) in {**common, **chosen}.items()}
+    for case in subcases:
+        for name, (value, number) in case.items():
+            if value != found.selected.get(name):
+                found.others.setdefault(name, []).append((value, number))
+    return found
+
+
+_NUMBERED = (
+    re.compile(r"\$\s*HMNAME\s+PROP\s+(\d{1,12})\s*\"([^\"]*)\""),
+    re.compile(r"\$\s*ANSA_NAME(?:_COMMENT)?;(\d{1,12});P[A-Z]+;([^;]*)"),
+    re.compile(r"\$\*?\s*Property\s*:\s*(\d{1,12})\s+name\s*:\s*(.*)", re.IGNORECASE),
+    re.compile(r"\$\*?\s*Femap.*\bProperty\s+(\d{1,12})\s*:\s*(.*)", re.IGNORECASE),
+)
+_NEXT = (
+    re.compile(r"\$\s*Elements and Element Properties for region\s*:\s*(.*)", re.IGNORECASE),
+    re.compile(r"\$\s*Pset:\s*\"([^\"]*)\""),
+    re.compile(r"\$\*?\s.*\bProperty\s*:\s*(.*)", re.IGNORECASE),
+)
+PLATES = ("PSHELL", "PCOMP", "PCOMPG")
+PROFILES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
+"""Cards of properties: of shells; of bars, beams and rods."""
+
+_LONGEST = 60
+
+
+@dataclass
+class Labels:
+    """Names of properties; `hear` comments and `see` cards in their order."""
+
+    numbered: dict[int, str] = field(default_factory=dict)
+    following: dict[tuple[str, str], str] = field(default_factory=dict)
+    _next: str = ""
+    _given: dict[str, tuple[str, int]] = field(default_factory=dict)
+
+    def hear(self, comment: str) -> None:
+        """Take a name from a comment."""
+        if '"' not in comment and ":" not in comment and ";" not in comment:
+            return
+        for pattern in _NUMBERED:
+            if match := pattern.match(comment):
+                self.numbered.setdefault(int(match.group(1)), _plain(match.group(2)))
+                return
+        for pattern in _NEXT:
+            if match := pattern.match(comment):
+                self._next = _plain(match.group(1))
+                return
+
+    def see(self, card: Card) -> None:
+        """Give the next property the name that stood before it."""
+        if self._next and card.name in (*PLATES, *PROFILES):
+            self.following[card.name, card.text(0)] = self._next
+            self._next = ""
+
+    def of(self, card_name: str, number: int) -> str:
+        """The set of a property: the name that the deck gives it, else `pshell_3`; no two alike."""
+        own = f"{card_name.lower()}_{number}"
+        name = self.following.get((card_name, str(number))) or self.numbered.get(number) or own
+        owner = self._given.setdefault(name.lower(), (card_name, number))
+        return name if owner == (card_name, number) else f"{name}_{number}"
+
+
+def _plain(name: str) -> str:
+    """A name of letters, digits and _ alone; empty where nothing is left."""
+    return re.sub(r"\W+", "_", decoded(name.encode("latin-1"))).strip("_")[:_LONGEST]
+
 
 _FRAMES = tuple(f"CORD{number}{kind}" for number in "12" for kind in "RCS")
 _MATERIALS = ("MAT1", "MAT2", "MAT8", "MAT3", "MAT9", "MAT10")

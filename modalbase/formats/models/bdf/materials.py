@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.losses import Losses
-from modalbase.formats.models.model import Material
+from modalbase.formats.models.model import Losses, Material
 
 _COUPLING = 1e-6  # of G11 and G22, below which a MAT2 has its axes along its symmetry
 

@@ -43,9 +43,9 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
         {**shells.sections, **beams.sections},
         deck.materials.found,
         node_axes={row: deck.grids.axes(row) for row in deck.grids.displacement},
-        masses=tuple(read_masses(deck)),
         links=tuple(read_links(deck)),
         supports=tuple(read_supports(deck)),
+        masses=tuple(read_masses(deck)),
         springs=tuple(read_springs(deck)),
     )
     _note_rest(deck)

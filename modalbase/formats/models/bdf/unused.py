@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.losses import Losses
-from modalbase.formats.models.model import where
+from modalbase.formats.models.model import Losses, where
 
 _SOLIDS = frozenset(("CHEXA", "CTETRA", "CPENTA", "CPYRAM", "CPYRA", "CHEXA8", "CHEXA20", "CHEX8", "CHEX20", "CIHEX1"))
 

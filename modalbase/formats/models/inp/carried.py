@@ -68,7 +68,7 @@ class Carried:
 
     def _spring(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
         if "NONLINEAR" in card.parameters:
-            self._losses.note(card, "a spring that is not linear", changes=True)
+            self._losses.note(card, "a spring that is not linear")
             return
         system = part.system(card.get("ORIENTATION"), card)
         for element in elements:
@@ -140,7 +140,7 @@ def spread_mass(
     beams = {isinstance(sections.found[name], BeamSection) for name in names}
     fits = {"MASSPERAREA": beams == {False}, "MASSPERLENGTH": beams == {True}, "TOTALMASS": len(beams) == 1}
     if not whole or not fits.get(units, False):
-        losses.note(card, "spread mass on part of a set, on shells and beams at once, or in other units", changes=True)
+        losses.note(card, "spread mass on part of a set, on shells and beams at once, or in other units")
         return
     if units == "TOTALMASS":
         places = np.array(mesh.places)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 
 from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
 from modalbase.formats.models.inp.losses import Losses
@@ -82,7 +83,7 @@ class Constraints:
         for row in card.rows:
             kind, names = row.parted
             if kind.upper() not in ("BEAM", "TIE", "PIN") or len(names) != 2:
-                self._losses.note(row, f"a constraint of type {kind[:12].upper()} between nodes", changes=True)
+                self._losses.note(row, f"a constraint of type {kind[:12].upper()} between nodes")
                 continue
             led, leaders = (self._mesh.select_nodes(name, part.scope, row) for name in names)
             if len(leaders) != 1:
@@ -91,14 +92,14 @@ class Constraints:
             dofs = ALL[:3] if kind.upper() == "PIN" else ALL
             apart = np.linalg.norm(self._places[led] - self._places[leader], axis=1)
             if kind.upper() != "BEAM" and np.any(apart > self._near):
-                self._losses.note(row, f"{kind.upper()} between nodes that are apart", changes=True)
+                self._losses.note(row, f"{kind.upper()} between nodes that are apart")
                 continue
             self._rigid(led, leader, dofs, row.line)
 
     def _rigid_body(self, card: Card, part: Part) -> None:
         leader = self._one(card.needs("REF NODE"), part, card)
         if card.get("ROT NODE"):
-            self._losses.note(card, "the ROT NODE: supports and masses that act on it", changes=True)
+            self._losses.note(card, "the ROT NODE: supports and masses that act on it")
         for parameter, dofs in (("ELSET", ALL), ("NSET", ALL), ("TIE NSET", ALL), ("PIN NSET", ALL[:3])):
             if not (name := card.get(parameter)):
                 continue
@@ -129,7 +130,7 @@ class Constraints:
             self._rigid(nodes, leader, dofs, coupling.line, system)
             return
         if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
-            self._losses.note(card, "weights that fall with the distance: all are taken alike", changes=True)
+            self._losses.note(card, "weights that fall with the distance: all are taken alike")
         axes = None if system is None or dofs == ALL else system.at(self._places[[leader]])[0]
         self.links.append(Link(leader, tuple(nodes.tolist()), dofs, coupling.line, axes=axes))
 
@@ -206,7 +207,7 @@ class Constraints:
                 found, _ = self._merged.setdefault((int(a[0]), int(b[0])), (set(), row.line))
                 found.add(dofs[0])
                 return
-        self._losses.note(row, "an equation between dofs, other than that nodes at one place move alike", changes=True)
+        self._losses.note(row, "an equation between dofs, other than that nodes at one place move alike")
 
     def _tie(self, card: Card, part: Part) -> None:
         """Nodes of the first surface that lie on nodes of the second are led by them."""
@@ -219,27 +220,18 @@ class Constraints:
             for node, leader in pairs:
                 self.links.append(Link(node, (leader,), ALL, row.line))
             if missed := len(set(led.tolist()) - set(leading.tolist())) - len(pairs):
-                self._losses.note(
-                    row, f"a tie of {missed} node(s) that lie on no node of the other surface", changes=True
-                )
+                self._losses.note(row, f"a tie of {missed} node(s) that lie on no node of the other surface")
 
     def _coincident(self, led: Integers, leading: Integers) -> list[tuple[int, int]]:
-        """Pairs of nodes at one place, each led one once.
-
-        Nodes at one place are so along any line; one that lies askew to all walls leaves few others to compare.
-        """
-        along = self._places @ _ASKEW
-        leading = leading[np.argsort(along[leading])]
-        first = np.searchsorted(along[leading], along[led] - self._near)
-        last = np.searchsorted(along[leading], along[led] + self._near, side="right")
-        found = []
-        for k in np.flatnonzero(last > first).tolist():
-            near = leading[first[k] : last[k]]
-            apart = np.linalg.norm(self._places[near] - self._places[led[k]], axis=1)
-            others = near[(apart <= self._near) & (near != led[k])]
-            if others.size:
-                found.append((int(led[k]), int(others[0])))
-        return found
+        """Pairs of nodes at one place, each led one once; a node that is in both surfaces does not lead itself."""
+        if not (led.size and leading.size):
+            return []
+        apart, at = scipy.spatial.cKDTree(self._places[leading]).query(self._places[led], k=2)
+        found: dict[int, int] = {}
+        for k, which in np.argwhere(apart <= self._near).tolist():
+            if (leader := int(leading[at[k, which]])) != led[k]:
+                found.setdefault(int(led[k]), leader)
+        return list(found.items())
 
     def _surface(self, name: str, part: Part, where: Card | Row) -> Integers:
         """Nodes of a surface, or of a set of nodes."""
@@ -270,9 +262,6 @@ class Constraints:
             raise row.error(f"names the face {face}, expected SPOS, SNEG or E1 to E{corners}")
         nodes = element.nodes
         return (nodes[k], nodes[(k + 1) % corners], *nodes[corners + k : corners + k + 1])
-
-
-_ASKEW = np.array([0.5405, 0.6214, 0.5671])
 
 
 def dof_range(fields: list[str], row: Row) -> range:
@@ -321,7 +310,7 @@ def supports(
 
 def _of_card(card: Card, scope: str, mesh: Mesh, axes: dict[int, Floats], losses: Losses) -> list[Support]:
     if "SUBMODEL" in card.parameters:
-        losses.note(card, "motion that another model prescribes", changes=True)
+        losses.note(card, "motion that another model prescribes")
         return []
     found: list[Support] = []
     for row in card.rows:
@@ -371,4 +360,4 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
             and names & _LOADS
             and (nonlinear or ("PERTURBATION" in steps[modes][0].parameters and not plain))
         ):
-            losses.note(step[0], "a state of stress before the modes, which stiffens or softens", changes=True)
+            losses.note(step[0], "a state of stress before the modes, which stiffens or softens")

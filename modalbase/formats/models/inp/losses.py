@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from modalbase.formats.models import losses
+from modalbase.formats.models import model
 from modalbase.formats.models.inp.lines import Card, Row
 
 _HARMLESS = {
@@ -68,11 +68,11 @@ _LOSSES = {name: (loss, False) for loss, names in _HARMLESS.items() for name in 
 _LOSSES |= {name: (loss, True) for loss, names in _CHANGES.items() for name in names.split()}
 
 
-class Losses(losses.Losses):
+class Losses(model.Losses):
     """Cards that were not used, under the names that the user wrote."""
 
-    def note(self, where: Card | Row, loss: str, *, changes: bool) -> None:
-        """Note a card, or a line of one."""
+    def note(self, where: Card | Row, loss: str, *, changes: bool = True) -> None:
+        """Note a card, or a line of one; most change modes."""
         label = where.label if isinstance(where, Card) else where.card
         self.add(where, label.upper(), loss, changes)
 

@@ -69,7 +69,7 @@ def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
     materials = Materials()
     materials.read([card for _, cards, _ in scopes for card in cards])
     for card in materials.hot:
-        losses.note(card, "constants at other temperatures: those of the first line are taken", changes=True)
+        losses.note(card, "constants at other temperatures: those of the first line are taken")
     return _Reading(deck, losses, mesh, materials).model(scopes)
 
 
@@ -250,10 +250,10 @@ class _Reading:
         """Note what a section says beyond what is read, or in two ways."""
         for parameter in ("DENSITY", "BENDING ONLY", "MEMBRANE ONLY", "STIFFNESS MODIFIER"):
             if card.name in SHELLS and squeezed(parameter) in card.parameters:
-                self._losses.note(card, f"the parameter {parameter} of a section", changes=True)
+                self._losses.note(card, f"the parameter {parameter} of a section")
         if card.get("SECTION").upper() == "CIRC" and len(card.first.fields) == 1 and not part.scope:
             loss = "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as CalculiX does"
-            self._losses.note(card, loss, changes=True)
+            self._losses.note(card, loss)
 
     def _thickness(self, part: Part, cards: list[Card]) -> dict[int, float]:
         """Of the nodes that *NODAL THICKNESS names, by row."""

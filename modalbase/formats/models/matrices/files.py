@@ -11,20 +11,62 @@ import warnings
 import zipfile
 from codecs import BOM_UTF8
 from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from modalbase.formats.columns import read_columns, real, whole
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card
+from modalbase.formats.models.bdf.card import Card, cards_of, split_deck
 from modalbase.formats.models.bdf.frames import read_grids
-from modalbase.formats.models.bdf.lines import cards_of, split_deck
-from modalbase.formats.models.matrices.model import DOFS, Entries, code, integers
 from modalbase.formats.models.model import Floats, Integers
 from modalbase.formats.npy import Array, members_of, read_array
 
+DOFS = 6
+"""Of a node."""
+
+_MOST = 1e12
 _PARTS = ("data", "indices", "indptr")
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Entries of a matrix.
+
+    Attributes:
+        rows, columns: from 0, or codes of `code` where `is_labelled`.
+        values: of them.
+        is_labelled: whether they are known by node and dof.
+        is_half: whether one triangle stands for both; None where the entries themselves must show it.
+        size: of a matrix whose rows are numbered.
+    """
+
+    rows: Integers
+    columns: Integers
+    values: Floats
+    is_labelled: bool = False
+    is_half: bool | None = None
+    size: int | None = None
+
+
+def code(nodes: Integers, dofs: Integers) -> Integers:
+    """One number for a node's number and a dof from 0."""
+    return nodes * DOFS + dofs
+
+
+def integers(place: str, values: NDArray[Any]) -> Integers:
+    """Numbers of rows, nodes and dofs.
+
+    Raises:
+        FormatError: one is not whole, or has more than 12 digits.
+    """
+    exact = np.asarray(values, dtype=float)
+    if not np.all((np.abs(exact) < _MOST) & (exact == np.round(exact))):
+        raise FormatError(place, "has a row, column, node or dof that is not a whole number of at most 12 digits")
+    return exact.astype(np.int64)
 
 
 def read_archive(

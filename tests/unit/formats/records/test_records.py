@@ -17,7 +17,7 @@ from scipy.io import savemat, wavfile
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records import TimeBlock, Variables, blocks_of, propose, read_mapping, read_variables
-from modalbase.formats.records.blocks import arrays_of
+from modalbase.formats.records.arrays import arrays_of
 
 RNG = np.random.default_rng(1)
 FORCE = RNG.standard_normal((3, 256)).astype(np.float32)
