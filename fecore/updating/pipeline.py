@@ -182,7 +182,7 @@ def _elastic(
     # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.
     middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
     law = laws_of(recipe, ModalDamping((middle,)), forward.specimen)[0]
-    joint = update_jointly(forward, frfs, law, recipe.seed, progress, inputs, fixed)
+    joint = update_jointly(forward, frfs, law, recipe.seed, progress, inputs=inputs, fixed_points=fixed)
     return joint.elastic, _unwindowed(joint.modes, inputs)
 
 
