@@ -91,18 +91,14 @@ class Surfaces:
         found = self.nearest(centres[evenly_spread(centres, most)])
         return found.foot, found.normal
 
-    def find(self, points: FloatArray, tolerance: float | None = None) -> Places:
+    def find(self, points: FloatArray) -> Places:
         """The nearest points of the surface to (p, 3) points. One beyond an edge counts as on it.
 
-        Args:
-            points: m.
-            tolerance: m by which a point may lie further from the surface than half the wall; `reach` if not stated.
-
         Raises:
-            OffSpecimenError: a point lies further.
+            OffSpecimenError: a point lies further from the surface than half the wall and `reach`.
         """
         found = self.nearest(points)
-        off = self.are_off(points, found, tolerance)
+        off = self.are_off(points, found)
         if np.any(off):
             index = int(np.flatnonzero(off)[0])
             place = ", ".join(f"{x:g}" for x in points[index])
@@ -114,11 +110,10 @@ class Surfaces:
             )
         return found
 
-    def are_off(self, points: FloatArray, found: Places, tolerance: float | None = None) -> BoolArray:
-        """(p,) which points lie further from their places than half the wall and the tolerance, as of `find`."""
+    def are_off(self, points: FloatArray, found: Places) -> BoolArray:
+        """(p,) which points lie further from their places than half the wall and `reach`."""
         wall = found.thickness[:, None] / 2 * np.where(found.on_beam[:, None], 1.0, np.abs(found.normal))
-        reach = np.array(self.reach if tolerance is None else (tolerance,) * 3)
-        return np.asarray(np.any(np.abs(points - found.foot) > wall + reach * (1 + 1e-9), axis=1))
+        return np.asarray(np.any(np.abs(points - found.foot) > wall + np.array(self.reach) * (1 + 1e-9), axis=1))
 
     def nearest(self, points: FloatArray) -> Places:
         """The nearest points of the surface, however far."""

@@ -88,9 +88,7 @@ class Model:
         """(n, nodes, 3) displacement along x, y and z of the nodes in (dofs, n) shapes; 0 where a node is held."""
         return np.ascontiguousarray(self.everywhere(shapes)[:, :3].transpose(2, 0, 1))
 
-    def observe(
-        self, points: FloatArray, directions: FloatArray, tolerance: float | None = None
-    ) -> scipy.sparse.csr_array:
+    def observe(self, points: FloatArray, directions: FloatArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement at (p, 3) points along (p, 3) unit directions: (u₀ + θ × (p − x₀)) · n.
 
         A point belongs to the nearest point x₀ of the surface, whose element interpolates u₀ and θ.
@@ -98,17 +96,16 @@ class Model:
         Args:
             points: m.
             directions: unit vectors.
-            tolerance: m, see `Surfaces.find`.
 
         Raises:
-            OffSpecimenError: a point lies further from the surface than half the wall and the tolerance.
+            OffSpecimenError: a point lies further from the surface than half the wall and the reach of the body.
             InputError: the model has no motion along a direction.
         """
         blind = np.flatnonzero(~self.moves_along(directions))
         if blind.size:
             names = ", ".join(DISPLACEMENTS[dof] for dof in self.dofs)
             raise InputError(f"directions[{blind[0]}]", f"is {directions[blind[0]]}; this model has {names} alone")
-        return self._rows(self.surfaces.find(points, tolerance), directions)
+        return self._rows(self.surfaces.find(points), directions)
 
     def moves_along(self, directions: FloatArray) -> BoolArray:
         """(p,) whether (p, 3) unit directions lie in those in which the model's nodes move."""

@@ -16,7 +16,6 @@ on and not by the law: each has a rate of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,12 +67,7 @@ class DampingFit:
 
 
 def fit_law(
-    misfit: FrfMisfit,
-    law: DampingLaw,
-    start: FloatArray,
-    nuisance: Nuisance,
-    scale: float = 1.0,
-    progress: Callable[[float], None] = lambda _: None,
+    misfit: FrfMisfit, law: DampingLaw, start: FloatArray, nuisance: Nuisance, scale: float = 1.0
 ) -> DampingFit:
     """Fit a law's coefficients and the modes' frequency shifts.
 
@@ -83,7 +77,6 @@ def fit_law(
         start: (p,) first coefficients.
         nuisance: modes that may lie off the model and the law.
         scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into the units of E.
-        progress: called with the share that is done.
 
     Raises:
         UpdatingError: no convergence; it carries the best iterate.
@@ -91,8 +84,7 @@ def fit_law(
     problem = LawProblem(misfit, law, nuisance, scale)
     history: list[FloatArray] = []
 
-    def visit(trial: int, point: LawPoint) -> None:
-        progress(1 - 0.7**trial)
+    def visit(_: int, point: LawPoint) -> None:
         if not history or point.coefficients is not history[-1]:
             history.append(point.coefficients)
 
