@@ -349,7 +349,7 @@ def test_every_other_proposal_works_too(stranger: Stranger) -> None:
             stranger.send("PATCH", route, json=stranger.proposed(route, "patch"), headers={"If-Match": "*"})
 
 
-def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory, tmp_path: Path) -> None:
+def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory) -> None:
     sizes = {"length_m": 0.4, "width_m": 0.06, "height_m": 0.08, "flange_thickness_m": 0.004, "web_thickness_m": 0.004}
     stated = {"shape": "angle", "density_kg_m3": 1850, **sizes, **ANGLE["shape"]["material"]}
     project = lab.new_project("profiles")
@@ -362,12 +362,6 @@ def test_a_profile_is_stated_by_its_shape(lab: modalbase.Laboratory, tmp_path: P
     assert plans[0]["expected_sd"]["web.E1"] < plans[1]["expected_sd"]["web.E1"]
     with pytest.raises(modalbase.ClientError, match="height"):
         project.structure("angle", create=True, **{**stated, "height_m": 0.09})
-    file = tmp_path / "angle.uff"
-    file.write_bytes(measured())
-    campaign = angle.new_campaign("free", "free", window_rate_per_s=0)
-    campaign.import_file(file)
-    found = campaign.update(damping_models=["rayleigh"]).result().parameters["web.E1"]
-    assert found["interval_95"][0] < TRUTH["web.E1"] < found["interval_95"][1]
 
 
 def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path) -> None:

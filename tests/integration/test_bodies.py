@@ -64,7 +64,8 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client
     wanted = {"filter": f"id = '{address.rpartition('/')[2]}' AND flange.E1_sd > 0", "fields": "flange.E1"}
     (row,) = ok(api.get("search/results", params=wanted), 200)["items"]
     assert row["flange.E1"] == found["flange.E1"]["estimate"]
-    get_shown(api, address)
+    if boundary == "cantilever":
+        get_shown(api, address)
 
 
 def uff_contents(content: bytes) -> list[Any]:
