@@ -19,13 +19,18 @@ from service.monitoring.routes import Version
 from service.monitoring.runs import monitor_for
 from service.show.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.show.figures.coupon import coupon_figure
-from service.show.figures.hits import hits_figure
+from service.show.figures.frfs import hits_figure
 from service.show.figures.marks import Figure
-from service.show.figures.series import series_figure
-from service.show.figures.stabilisation import stabilisation_figure
-from service.show.figures.trend import MOST_RESULTS, results_figure, trend_figure
-from service.show.hits import Chosen, point_blocks, point_shown
-from service.show.measured import likeness_figure, measured_frf_figure, measured_shapes_figure
+from service.show.figures.modes import stabilisation_figure
+from service.show.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
+from service.show.measured import (
+    Chosen,
+    likeness_figure,
+    measured_frf_figure,
+    measured_shapes_figure,
+    point_blocks,
+    point_shown,
+)
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for

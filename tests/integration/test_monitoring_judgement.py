@@ -32,7 +32,7 @@ from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, Monit
 from service.settings import Settings
 from service.show.figures.paper import draw, render
 from service.show.figures.screen import screen
-from service.show.figures.series import series_figure
+from service.show.figures.trend import series_figure
 from service.store.campaigns.operations import create_campaign
 from service.store.campaigns.schemas import CampaignIn
 from service.store.frfs.operations import Frf

@@ -11,12 +11,10 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.monitoring import routes as monitoring
-from service.show.hits import AXES
-from service.show.pages.grid import draw_grid, has_mesh, points_in_space
-from service.show.pages.joint import joint_updates_of
+from service.show.measured import AXES
 from service.show.pages.look import Visit, VisitDep
-from service.show.pages.names import NamedJob, name_jobs, over_time
-from service.show.pages.viewer import marked, viewer_of
+from service.show.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
+from service.show.pages.viewer import draw_grid, has_mesh, marked, points_in_space, viewer_of
 from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaign_for, frame_of, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
