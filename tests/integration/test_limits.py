@@ -117,7 +117,7 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
 
 
 def test_many_clients_and_streams_at_once_get_answers(new_database: Callable[[], str]) -> None:
-    found = load(seconds=1, clients=40, streams=40, keys=4, pause=1, database_url=new_database())
+    found = load(seconds=2, clients=40, streams=40, keys=4, pause=1, database_url=new_database())
     assert found.bare_errors == []
     assert found.streams == 40
     assert found.events >= 40

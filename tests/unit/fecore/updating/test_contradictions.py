@@ -12,8 +12,7 @@ import pytest
 
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.conflicts import Conflict
-from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
+from fecore.updating.contradictions import SLIPS, Conflict, _Sources, compare_sources
 from fecore.updating.elastic import fit
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
@@ -55,7 +54,7 @@ def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_som
     """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with probability p at most."""
     elastic = fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))
     assert compare_sources(elastic)[0] == ()
-    masses = [each for each in _Sources.of(elastic).checks if each.kind == "mass"]
+    masses = [check for check, _ in _Sources.of(elastic).checks if check.kind == "mass"]
     assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
     assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
 
