@@ -202,9 +202,10 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
     numbers = [[mode["number"] for mode in (figure.meta or {})["modes"]] for figure in figures]
     assert [len(rows) for rows in numbers] == sheets
     assert [number for rows in numbers for number in rows] == list(range(1, min(count, 40) + 1))
-    printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
-    assert printed.count(b"/Subtype /Image") == len(sheets)
     assert max(sheets) <= MOST_ROWS
+    if count == MOST_ROWS + 1:
+        printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
+        assert printed.count(b"/Subtype /Image") == len(sheets)
 
 
 def test_a_figure_that_is_higher_than_a_page_is_drawn_smaller() -> None:
