@@ -5,15 +5,14 @@ Dimensions, thickness ratios, constants, damping, supports and points are others
 
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 
 from benchmarks.calculix import modes
 from benchmarks.structures import stated, update_printed
 from benchmarks.structures_solids import solid
+from benchmarks.tables import Off, print_coverage
 from fecore.frf import Dof, FrfSet
-from fecore.normal import Z_95
+from tests.support.beams import add_noise
 
 _TOLERANCES = {"L": 5e-4, "h": 2e-3, "b": 2e-3, "tf": 0.015, "tw": 0.015}
 _NOMINAL = {"E1": 23e9, "E2": 8.5e9, "G12": 3.0e9, "nu12": 0.27, "rho": 1850.0}
@@ -69,10 +68,7 @@ def measured(kind: str, seed: int, *, clamped: bool) -> tuple[dict, FrfSet]:
     modal = -(omega**2) / (own**2 - omega**2 + 1j * omega * (a0 + a1 * own**2))
     fixed = (len(nodes) - 1 if clamped else 0, next(i for i in range(len(nodes) // 2, len(nodes)) if abs(axes[i]) == 2))
     exact = np.concatenate([(shapes[at] * shapes) @ modal for at in fixed])
-    noise = rng.standard_normal((2, 2, *exact.shape)) / np.sqrt(2)
-    relative, level = noise[:, 0] + 1j * noise[:, 1]
-    rms = np.sqrt(np.mean(np.abs(exact) ** 2, axis=1, keepdims=True))
-    values = exact * (1 + _NOISE * relative) + _NOISE * rms * level
+    values = add_noise(exact, _NOISE, 1.0, rng)
     dofs = [Dof(number, axis) for number, axis in enumerate(axes, start=1)]
     responses = tuple(dofs[at] for at in fixed for _ in dofs)
     points = [{"number": n, "xyz": body.places[node].tolist()} for n, node in enumerate(nodes, start=1)]
@@ -81,17 +77,12 @@ def measured(kind: str, seed: int, *, clamped: bool) -> tuple[dict, FrfSet]:
     return truth, FrfSet(lines, values, responses, tuple(dofs) * 2)
 
 
-def main(first_seed: int = 4100, draws: int = 1, *kinds: str) -> None:
-    """Print the constants of drawn bodies, every other one clamped, and how far all of them are from the truth."""
-    if not shutil.which("ccx"):
-        print("  (CalculiX is not installed)")
-        return
-    z: list[float] = []
+def structures_drawn(first_seed: int = 4100, draws: int = 1, *kinds: str) -> None:
+    """Profiles drawn at random as solids by CalculiX, every other one clamped, updated by `{}`."""
+    offs: list[Off] = []
     for seed in range(first_seed, first_seed + draws):
         for number, kind in enumerate(kinds or _SIZES):
             clamped = (seed + number) % 2 == 1
             truth, frfs = measured(kind, seed, clamped=clamped)
-            z += update_printed(f"{kind} {seed} {truth['bc']}", *stated(truth, 4, frfs))
-    far = np.abs(z)
-    spread = f"{np.mean(far < Z_95):.0%} within 1.96 sd, {np.sum(far > 3)} beyond 3, rms {np.sqrt(np.mean(far**2)):.2f}"
-    print(f"  {far.size} constants: {spread}")
+            offs += update_printed(f"{kind} {seed} {truth['bc']}", *stated(truth, 4, frfs))
+    print_coverage(f"{sum(abs(off.z) > 3 for off in offs)} beyond 3 sd", {"all constants": offs})

@@ -5,14 +5,14 @@ One material, so that the errors are those of the joint model. Solids of this fi
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
 from benchmarks import calculix
-from benchmarks.structures import body, frequencies
+from benchmarks.structures import body, frequencies, rms_and_worst
+from benchmarks.tables import Table
 
 WALL = {
     "E1": 28.8e9, "E2": 9.2e9, "E3": 8.3e9, "nu12": 0.245, "nu13": 0.3, "nu23": 0.35,
@@ -76,19 +76,15 @@ def solid(kind: str, d: dict[str, float], walls: dict[str, dict[str, float]], al
     )
 
 
-def main(*kinds: str) -> None:
-    """Print rms and worst error of 20 modes, shells alone and with joints."""
-    if not shutil.which("ccx"):
-        print("  (CalculiX is not installed)")
-        return
-    print("mm: kind, length, height, width, walls     shells alone    with joints   (rms / worst %, mean)")
+def structures_solids(*kinds: str) -> None:
+    """Joints of walls of unlike thickness against CalculiX's solids: 20 modes by shells alone and with joints."""
+    columns = ("shells rms:.2f", "worst:.2f", "with joints rms:.2f", "worst:.2f", "mean:+.2f")
+    table = Table("20 modes against solids, %", "body:8", "mm, length, height, width, walls:32", *columns)
     for kind, *sizes in CASES:
         if kinds and kind not in kinds:
             continue
         d = dict(zip(("L", "h", "b", "tf", "tw"), (size / 1000 for size in sizes), strict=True))
         truth = {"kind": kind, "true_dims": d, "walls": {"flange": WALL, "web": WALL}}
-        exact, row = calculix.modes(solid(kind, d, truth["walls"]), 26)[0][6:], ""
-        for on in (False, True):
-            error = 100 * (frequencies(body(truth, 6, on), len(exact)) / exact - 1)
-            row += f"   {np.sqrt(np.mean(error**2)):5.2f} /{np.abs(error).max():5.2f}"
-        print(f"  {kind:8s}{sizes!s:32s}{row}   {error.mean():+.2f}", flush=True)
+        exact = calculix.modes(solid(kind, d, truth["walls"]), 26)[0][6:]
+        alone, joined = (100 * (frequencies(body(truth, 6, on), len(exact)) / exact - 1) for on in (False, True))
+        table.row(kind, sizes, *rms_and_worst(alone), *rms_and_worst(joined), joined.mean())

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from uuid import UUID
 
-from fastapi import Header, Query, Response
+from fastapi import Query, Response
 from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
@@ -22,7 +22,7 @@ from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
 from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
 from service.web import api_router
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
+from service.web.parameters import form_of
 
 if TYPE_CHECKING:
     from service.store.forecasts.operations import Forecast
@@ -88,18 +88,13 @@ def get_forecast_frfs(
     forecast_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None,
-        Query(alias="format", description="as of measured FRFs; default: by Accept"),
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+    name: Annotated[str, form_of(MEDIA_TYPES, "as of measured FRFs; default: by Accept")],
 ) -> Response:
     """Accelerances of the nominal model: every point to measure by every reference, in the formats of measured FRFs.
 
     Values are in single precision, in the structure's frame. Without a damping ratio there are none, and the answer is 409.
     """
-    form = FORMATS[choose_format(file_format, accept, MEDIA_TYPES)]
-    table = _table(session, forecast_for(session, user, forecast_id))
+    form, table = FORMATS[name], _table(session, forecast_for(session, user, forecast_id))
     return spooled(
         lambda file: form.write([table], file), form.media_type, f"forecast.{form.suffix}", {"Vary": "Accept"}
     )

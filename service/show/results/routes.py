@@ -8,7 +8,7 @@ from typing import IO, Annotated, Any, Literal
 from uuid import UUID
 
 from anyio import from_thread
-from fastapi import Header, Path, Query, Request, Response
+from fastapi import Path, Query, Request, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 
 from service.access import CurrentUser, SessionDep, SettingsDep
@@ -38,8 +38,7 @@ from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_ans
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
-from service.web.parameters import not_modified
+from service.web.parameters import form_of, not_modified
 
 router = api_router(tags=["update jobs"])
 
@@ -58,6 +57,7 @@ def get_predicted_frfs(
     session: SessionDep,
     user: CurrentUser,
     request: Request,
+    name: Annotated[str, form_of(MEDIA_TYPES, "as of measured FRFs; default: by Accept")],
     model: Annotated[Model, Query(description="with the updated parameters, or with the initial ones")] = "updated",
     point: Annotated[Point, Query(description="response point")] = None,
     direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
@@ -65,20 +65,13 @@ def get_predicted_frfs(
     fmin: Annotated[Hertz, Query(description="Hz")] = None,
     fmax: Annotated[Hertz, Query(description="Hz")] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None,
-        Query(alias="format", description="as of measured FRFs; default: by Accept"),
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
     """FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.
 
     `id` and `label` are those of the measured FRF. Values are in single precision.
     """
     _require_order(fmin, fmax)
-    job = update_job_for(session, user, job_id)
-    name = choose_format(file_format, accept, MEDIA_TYPES)
-    form = FORMATS[name]
+    job, form = update_job_for(session, user, job_id), FORMATS[name]
     table = predicted_table(session, job, model, Chosen(point, direction, reference), Cut(fmin, fmax, stride))
     # A result never changes: the query says which part of it this is, and only UFF holds grid points, which may.
     headers = {"Vary": "Accept"}
