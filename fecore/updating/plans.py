@@ -164,6 +164,11 @@ def plan_tests(
     """
     if not tests:
         raise InputError("tests", "is empty, expected at least one that could be made")
+    reported = parametrise(tests[0].body, parameters).reported
+    named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
+    for field_name, names in {"about": (about,) if about else (), **named}.items():
+        if unknown := set(names).difference(reported):
+            raise InputError(field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(reported)}")
     campaigns = as_updated(campaigns)
     fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
@@ -174,17 +179,11 @@ def plan_tests(
     now = lay_out(campaigns or [simulated[0].campaign], parameters, SCATTER)
     known = _Known(tuple(campaigns), tuple(parameters), fitted, now)
     prior = simulated[0].prior
-    slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
-    named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
-    for field_name, names in {"about": (about,) if about else (), **named}.items():
-        if unknown := set(names) - set(prior.reported):
-            raise InputError(
-                field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(prior.reported)}"
-            )
+    slope = prior.slope(_at(prior, theta))[: len(reported)]
     found = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
     found += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
-        by_name(prior.reported, known.standard_deviations(now) * slope),
+        by_name(reported, known.standard_deviations(now) * slope),
         tuple(sorted(found, key=lambda each: -each.information)),
     )
 
@@ -284,7 +283,9 @@ class _Simulated:
         state = forward.solve(_at(prior, theta))
         hz = state.frequency_hz[state.frequency_hz < test.highest_hz]
         if not hz.size:
-            raise InputError("highest_hz", f"of {test.name} is {test.highest_hz:g}, below the first mode of its model")
+            raise InputError(
+                "highest_hz", f"is {test.highest_hz:g} Hz, below the first mode of the model of {test.name}"
+            )
         campaign = Campaign(
             test.name, test.specimen, body, MeasuredModes(hz, np.full(hz.size, np.nan)), inputs=test.inputs
         )
