@@ -46,7 +46,7 @@ TABLES = {
         Case("laboratories", "updates", quick="2"),
         Case("independent", "updates", quick="1", needs="ccx"),
         Case("structures", "structures"),
-        Case("structures_drawn", "structures_drawn", needs="ccx"),
+        Case("structures_drawn", "structures_solids", needs="ccx"),
         Case("structures_solids", "structures_solids", needs="ccx"),
         Case("campaigns", "updates", "coverage 3 1", "coverage 1 1"),
         Case("campaigns", "updates", "solids 2 1", "solids 1 1", needs="ccx"),
