@@ -20,7 +20,7 @@ from service.show.pages.updates import NamedJob, name_jobs, over_time
 from service.store.campaigns.operations import campaign_for, campaigns_of, describe
 from service.store.campaigns.schemas import CampaignOut
 from service.store.coupons import routes as coupons
-from service.store.modes.operations import mode_set_for, mode_sets_of
+from service.store.modes.operations import mode_set_for
 from service.store.structures.operations import describe_version, structures_of, version_of
 from service.store.updating import routes as updating
 from service.web.routing import page_router
@@ -64,7 +64,7 @@ def get_comparison(
         campaign_for(visit.session, visit.user, key)
         found = updating.list_update_jobs(visit.session, visit.user, campaign=key, status=["succeeded"], limit=1).items
         jobs += found
-        sets += () if found else mode_sets_of(visit.session, key)[-1:]
+        sets += () if found else mode_set_for.all(visit.session, campaign_id=[key])[-1:]
     rows = [row for row in name_jobs(visit, jobs, PARTS) if row.result is not None]
     sides = _sides(visit, rows, sets)
     known = [row.result for row in rows if row.result is not None]
@@ -84,7 +84,7 @@ def get_comparison(
 
 def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> list[Side]:
     keys = [*(row.job.campaign_id for row in rows), *(each.campaign_id for each in sets)]
-    campaigns = {row.id: describe(row) for row in campaigns_of(visit.session, keys)}
+    campaigns = {key: describe(row) for key, row in campaigns_of(visit.session, keys).items()}
     structures = structures_of(visit.session, [each.structure_id for each in campaigns.values()])
     several = len(structures) > 1
     said = [(row.campaign, row.structure, moment(row.job.created_at)) for row in rows]

@@ -19,7 +19,7 @@ from service.show.pages.look import Visit, VisitDep, page
 from service.show.pages.updates import joint_updates_of, name_jobs
 from service.store.campaigns import routes as campaigns
 from service.store.frfs import routes as frfs
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.routes import FrfFilter
 from service.store.instruments.routes import nouns as instruments
 from service.store.modes import routes as modes
 from service.store.storage import routes as storage

@@ -28,9 +28,9 @@ from service.store.campaigns.operations import campaigns_of
 from service.store.campaigns.schemas import CampaignOut
 from service.store.coupons import routes as coupons
 from service.store.frfs import routes as frfs
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.routes import FrfFilter
 from service.store.modes import routes as modes
-from service.store.modes.operations import mode_sets_of
+from service.store.modes.operations import mode_set_for
 from service.store.structures import routes as structures
 from service.store.structures.operations import structures_of
 from service.store.updating import routes as updating
@@ -64,7 +64,7 @@ class NamedJob:
 
 def name_jobs(visit: Visit, jobs: Sequence[UpdateJobOut], parts: Sequence[str] = ("verdict",)) -> list[NamedJob]:
     """Jobs that the visitor may see, each with its names and these parts of its result."""
-    campaigns = {row.id: row for row in campaigns_of(visit.session, [job.campaign_id for job in jobs])}
+    campaigns = campaigns_of(visit.session, [job.campaign_id for job in jobs])
     structures = structures_of(visit.session, [row.structure_id for row in campaigns.values()])
     results = result_parts(visit.session, [job.id for job in jobs], parts)
     return [
@@ -203,7 +203,7 @@ def get_new_joint(
     tests = [(s, campaigns.nouns.page(visit.session, visit.user, s.id, limit=MOST, deleted=False).items) for s in found]
     chosen = [(s, c) for s, each in tests for c in each if c.id in set(campaign or ())]
     sets: dict[UUID, list[tuple[UUID, str]]] = {c.id: [] for _, c in chosen}
-    for row in mode_sets_of(visit.session, *sets):
+    for row in mode_set_for.all(visit.session, campaign_id=sets):
         sets[row.campaign_id].append((row.id, f"{row.name} ({row.origin})"))
     batches = [
         b for s in {s.id: s for s, _ in chosen} for b in coupons.batches.page(visit.session, visit.user, s).items
@@ -225,7 +225,7 @@ def get_plan(structure_id: UUID, visit: VisitDep) -> HTMLResponse:
     """Where to hit next: the tests to compare, and what was measured so far; the answer is written below the form."""
     tests = campaigns.nouns.page(visit.session, visit.user, structure_id, limit=MOST, deleted=False).items
     names = {test.id: test.name for test in tests}
-    sets = [(row, names[row.campaign_id]) for row in mode_sets_of(visit.session, *names)]
+    sets = [(row, names[row.campaign_id]) for row in mode_set_for.all(visit.session, campaign_id=names)]
     return visit.show("plan.html", **visit.in_structure(structure_id), sets=sets)
 
 
@@ -238,7 +238,7 @@ def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = 
     job = updating.joint.one(visit.session, visit.user, joint_id)
     if part:
         return visit.show_progress(job, "joint-updates")
-    rows = {row.id: row for row in campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])}
+    rows = campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])
     names = {str(key): row.name for key, row in rows.items()}
     common = {"job": job, **visit.in_project(job.project_id), "names": names, "kind": "joint-updates"}
     if job.status != "succeeded":

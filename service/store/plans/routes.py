@@ -26,7 +26,7 @@ from service.compute.models.bodies import AS_MODELLED
 from service.compute.planning import PlanOrder, compute_plan
 from service.errors import Invalid
 from service.jobs.aside import read_aside
-from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
+from service.store.campaigns.operations import campaign_for
 from service.store.campaigns.schemas import AddedMass, Boundary
 from service.store.coupons.schemas import Constant
 from service.store.frfs.data import load_measured_campaign
@@ -267,16 +267,15 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, first: St
     campaign = campaign_for.named(session, user, each.campaign_id, f"{at}/campaign_id")
     check_mode_set(session, user, each.mode_set, campaign.id, f"{at}/mode_set")
     loaded = load_measured_campaign(session, campaign.id)
-    frame = frame_of(campaign_of(session, campaign.id))
     stated = InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs)
     return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),
         body=joint_body(session, loaded.structure, loaded.boundary, USUAL, masses=carried_masses(loaded), first=first),
-        modes=modes_in_frame(load_modes(session, each.mode_set), frame),
+        modes=modes_in_frame(load_modes(session, each.mode_set), loaded.frame),
         points=dict(loaded.points),
         inputs=stated.to_core(),
-        axes=frame.point_axes(loaded.points),
+        axes=loaded.frame.point_axes(loaded.points),
     )
 
 
