@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks import calculix, peers
 from benchmarks.clock import least, median_ms, now, timed
+from benchmarks.structures import frequencies
 from benchmarks.tables import Table, load
 from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABLE_4_UPDATED, cantilever
 from examples.paper.synthesis import grid, rayleigh_body
@@ -25,7 +26,6 @@ from fecore.body.specimen import Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
-from fecore.dynamics.eigen import normal_modes
 from fecore.frf import Dof, along_z
 from fecore.modal import identify
 from fecore.updating.damping_data import damping_data
@@ -270,11 +270,8 @@ def cards(draws: int = 40, seed: int = 7, modes: int = 6) -> None:
     table = Table("", "boundary:16", "mm:28", "solid, %:.3f", "shell, %:.3f")
     for _ in range(draws):
         specimen = _specimen(rng)
-        m, model = specimen.material, specimen.model
-        K = model.stiffness.at(model.stiffness_coefficients(specimen.section))
-        M = model.mass.at(model.mass_coefficients(specimen.section))
-        ours = normal_modes(K, M, modes + 6, model.rigid_modes).frequency_hz
-        ours, size = ours[ours > 1.0][:modes], (specimen.length, specimen.width, specimen.thickness)
+        m, size = specimen.material, (specimen.length, specimen.width, specimen.thickness)
+        ours = frequencies(specimen, modes)[:modes]
         moduli: Any = (m.Ex, m.Ey, m.Gxy, m.Gxz, m.Gyz)
         deck = Deck(*size, moduli, m.nu_xy, m.density, specimen.boundary, 2 * modes + 12)
         for name, text in (("solid", write_solids(deck)), ("shell", write_shells(deck, corrected=True))):
