@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from benchmarks.made_frfs import GOOD, KINDS, Harsh
+from benchmarks.tables import Table
 from fecore.errors import IdentificationError
 from fecore.frf import FrfSet
 from fecore.modal import Found, Options, identify
@@ -31,10 +32,10 @@ _SEEDS = (11, 12, 13)
 
 def main(*words: str) -> None:
     """Print the table."""
-    print(f"{'set':24} {'FRFs':>5} {'lines':>6} {'modes':>6} {'bands':>12} {'halves':>12} {'CPU s':>7}")
+    table = Table("", "set:24", "FRFs:d", "lines:d", "modes:d", "bands:12", "halves:12", "CPU s:.2f")
     total = np.zeros(4, dtype=int)
     for name, frfs in sets(words):
-        total += _compared(name, frfs)
+        total += _compared(name, frfs, table)
     print(f"agreement: bands {_share(total[:2])}, halves {_share(total[2:])}; the goal is 97 %")
 
 
@@ -55,7 +56,7 @@ def sets(words: Sequence[str]) -> Iterator[tuple[str, FrfSet]]:
             yield path.stem, with_coherence(path)
 
 
-def _compared(name: str, frfs: FrfSet) -> np.ndarray:
+def _compared(name: str, frfs: FrfSet, table: Table) -> np.ndarray:
     """Modes that agree and all, of bands and then of halves; prints the row of the set."""
     end = float(frfs.frequency_hz[-1])
     bands = [(low * end, high * end) for low, high in BANDS]
@@ -66,21 +67,16 @@ def _compared(name: str, frfs: FrfSet) -> np.ndarray:
     seconds = time.process_time() - began
     halves = [_found(frfs.select(list(range(first, rows, 2))), None) for first in (0, 1)] if rows >= _FEW else []
     limits = [(low + _EDGE * (high - low), high - _EDGE * (high - low)) for low, high in bands]
-    by_band = [
-        (
-            one,
-            *_missing(found[one], found[two], max(limits[one][0], limits[two][0]), min(limits[one][1], limits[two][1])),
-        )
-        for one, two in itertools.permutations(range(len(bands)), 2)
-    ]
+    pairs = itertools.permutations(zip(found, limits, strict=True), 2)
+    by_band = [_missing(a, b, max(k[0], m[0]), min(k[1], m[1])) for (a, k), (b, m) in pairs]
     of_halves = [_missing(a, b, 0, np.inf) for a, b in itertools.permutations([whole, *halves], 2)] if halves else []
-    counts = [sum(n for _, _, n in by_band), sum(n for _, n in of_halves)]
-    agree = [counts[0] - sum(len(m) for _, m, _ in by_band), counts[1] - sum(len(m) for m, _ in of_halves)]
+    counts = [sum(n for _, n in each) for each in (by_band, of_halves)]
+    agree = [n - sum(len(m) for m, _ in each) for n, each in zip(counts, (by_band, of_halves), strict=True)]
     modes = 0 if whole is None else int(np.sum(whole.probability >= SURE))
     shares = [_share(np.array(pair)) for pair in zip(agree, counts, strict=True)]
-    print(f"{name:24} {rows:5} {frfs.frequency_hz.size:6} {modes:6} {shares[0]:>12} {shares[1]:>12} {seconds:7.2f}")
-    for title, lists in (("bands", [m for _, m, _ in by_band]), ("halves", [m for m, _ in of_halves])):
-        if said := sorted({word for missing in lists for word in missing}):
+    table.row(name, rows, frfs.frequency_hz.size, modes, *shares, seconds)
+    for title, each in (("bands", by_band), ("halves", of_halves)):
+        if said := sorted({word for missing, _ in each for word in missing}):
             print(f"    {title} differ: {', '.join(said)}", flush=True)
     return np.array([agree[0], counts[0], agree[1], counts[1]])
 

@@ -28,6 +28,7 @@ import scipy
 from benchmarks import agreement
 from benchmarks.calibration import print_reliability, scores
 from benchmarks.made_frfs import GOOD, KINDS, Draw, Harsh
+from benchmarks.tables import Table
 from benchmarks.truth import OPTIONAL, OTHER, SPLIT, modes_of_poles
 from fecore.errors import IdentificationError
 from fecore.modal.drift import in_band
@@ -146,30 +147,26 @@ def print_kinds(poles: Poles, p: np.ndarray) -> None:
     of, kind, distortion = (np.array(each) for each in (poles.of, poles.kind, poles.distortion))
     sure, open_ = p >= SURE, (p >= REFUSED) & (p < SURE)
     print(
-        "of modes: all, kept, uncertain, refused, without a pole; second poles on modes: kept, uncertain; others: kept,\n"
-        "uncertain; foretold of both kept; % of truths of f and of ζ in 95 % intervals; CPU seconds, mean and most"
+        f"modes are kept from P = {SURE:g} on and refused below {REFUSED:g}; `foretold`: of both kinds of others kept"
     )
+    of_modes = ("modes:d", "kept:d", "uncertain:d", "refused:d", "no pole:d")
+    others = ("second, kept:d", "uncertain:d", "others, kept:d", "uncertain:d", "foretold:.1f")
+    table = Table("", "kind:10", *of_modes, *others, "held, f %:.1f", "ζ %:.1f", "CPU s:.2f", "most:.2f")
     for name, seconds in poles.seconds.items():
         own = kind == name
         modes, splits, others = own & (of >= 0), own & (of == SPLIT), own & (of == OTHER)
         counts = [modes, modes & sure, modes & open_, modes & (p < REFUSED)]
         wrong = [splits & sure, splits & open_, others & sure, others & open_]
         inside = 100 * np.mean(poles.inside[name] or [(np.nan, np.nan)], axis=0)
-        print(
-            f"{name:10}"
-            + "".join(f"{each.sum():6}" for each in counts)
-            + f"{poles.lost[name]:6}"
-            + "".join(f"{each.sum():6}" for each in wrong)
-            + f" {np.sum(1 - p[own & sure]):6.1f} {inside[0]:6.1f} {inside[1]:6.1f}"
-            + f" {np.mean(seconds):6.2f} {np.max(seconds):6.2f}"
-        )
+        sums, foretold = [[each.sum() for each in some] for some in (counts, wrong)], np.sum(1 - p[own & sure])
+        table.row(name, *sums[0], poles.lost[name], *sums[1], foretold, *inside, np.mean(seconds), np.max(seconds))
     for name in ("squared", "cubed", "loose"):
         own = (kind == name) & distortion
         print(f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain {np.sum(own & open_)}")
 
 
-def main(part: str = "weights", *words: str) -> None:
-    """Print the weights and how good they are; or, for `agreement`, whether one record has one answer."""
+def calibrate(part: str = "weights", *words: str) -> None:
+    """The probability of a pole on made FRFs: its weights, reliability, modes lost; `agreement`: has one record one answer?"""
     if part == "agreement":
         agreement.main(*words)
         return
@@ -179,16 +176,18 @@ def main(part: str = "weights", *words: str) -> None:
     true = np.array(poles.of) >= 0
     b, C = fitted_weights(ratio, x, true)
     print(f"{true.size} poles, {np.sum(~true)} of them no modes")
-    for name, prior, sd, mean, own in zip(NAMES, PRIOR_MEAN, PRIOR_SD, b, np.sqrt(np.diag(C)), strict=True):
-        print(f"{name:9} prior {prior:6.2f} ± {sd:.2f}   fitted {mean:6.2f} ± {own:.2f}")
+    table = Table("", "weight:9", "prior:.2f", "±:.2f", "fitted:.2f", "±:.2f")
+    for row in zip(NAMES, PRIOR_MEAN, PRIOR_SD, b, np.sqrt(np.diag(C)), strict=True):
+        table.row(*row)
     used = judged(ratio, x, MEAN, COVARIANCE)  # what a user gets
     prior = judged(ratio, x, PRIOR_MEAN, np.diag(PRIOR_SD**2) * 0.04)
     found = {"in use": used, "prior": prior, "held out": held_out(ratio, x, true, draw)}
     for number, name in enumerate(("phase", *NAMES[1:])):
         less = np.where(np.arange(x.shape[1]) == number, 0.0, x) if number else x
         found[f"without {name}"] = held_out(ratio * bool(number), less, true, draw)
+    table = Table("", "weights:18", "log loss:.4f", "Brier:.4f")
     for name, p in found.items():
-        print(f"{name:16} log loss %.4f, Brier %.4f" % scores(p, true))
+        table.row(name, *scores(p, true))
     print_reliability(used, true, "poles", "of modes", (0, 0.01, 0.1, 0.5, 0.9, 0.99))
     print_kinds(poles, used)
     print("MEAN = np.array([" + ", ".join(f"{each:.3f}" for each in b) + "])")

@@ -23,6 +23,7 @@ import scipy
 
 from benchmarks.calibration import print_reliability, scores
 from benchmarks.made_hits import COMPARED, Position, made
+from benchmarks.tables import Table
 from fecore.arrays import BoolArray, FloatArray
 from fecore.signal import Processing, by_point
 from fecore.signal.comparison import Point
@@ -52,7 +53,7 @@ class Looked:
 
 
 @dataclass(frozen=True)
-class Table:
+class Tabled:
     """Features of the hits of several campaigns: x (n, F), whether none is beside a hit, whether it is good; and its kind."""
 
     x: FloatArray
@@ -90,7 +91,7 @@ def usual(campaigns: Sequence[Looked]) -> dict[str, tuple[float, float, float]]:
     }
 
 
-def tabled(campaigns: Sequence[Looked]) -> Table:
+def tabled(campaigns: Sequence[Looked]) -> Tabled:
     """The hits that are good, or bad and bias their FRF."""
     rows, alone, good, kind = [], [], [], []
     for own in campaigns:
@@ -103,10 +104,10 @@ def tabled(campaigns: Sequence[Looked]) -> Table:
             good.append(fault is None)
             few = fault in (*COMPARED, "turned") and hits < 3
             kind.append("good" if fault is None else f"{fault}, 1 or 2 hits" if few else fault)
-    return Table(np.array(rows), np.array(alone), np.array(good), kind)
+    return Tabled(np.array(rows), np.array(alone), np.array(good), kind)
 
 
-def fitted(table: Table, free: Sequence[int] | None = None) -> FloatArray:
+def fitted(table: Tabled, free: Sequence[int] | None = None) -> FloatArray:
     """(2 + F,) the most probable constant, what a hit alone loses, and weights; those not `free` are nil."""
     design = np.column_stack((np.ones(len(table.x)), -table.alone.astype(float), -table.x))
     mean = np.array([4.0, 0.5, *[_PRIOR_MEAN] * table.x.shape[1]])
@@ -125,36 +126,36 @@ def fitted(table: Table, free: Sequence[int] | None = None) -> FloatArray:
     return np.asarray(scipy.optimize.minimize(cost, start, jac=True, bounds=bounds, method="L-BFGS-B").x)
 
 
-def probability(table: Table, b: FloatArray) -> FloatArray:
+def probability(table: Tabled, b: FloatArray) -> FloatArray:
     """P of each hit."""
     return np.asarray(scipy.special.expit(b[0] - b[1] * table.alone - table.x @ b[2:]))
 
 
-def print_kinds(table: Table, p: FloatArray) -> None:
+def print_kinds(table: Tabled, p: FloatArray) -> None:
     """How many of each kind are refused."""
     hits = Counter(table.kind)
     refused = Counter(kind for kind, own in zip(table.kind, p, strict=True) if own < FALSE_DISCOVERY)
-    print(f"refused where P < {FALSE_DISCOVERY:g}")
+    shown = Table(f"refused where P < {FALSE_DISCOVERY:g}", "kind:24", "refused:d", "of:d", "share:.1%")
     for kind in sorted(hits):
-        print(f"  {kind:24} {refused[kind]:5} of {hits[kind]:5} {refused[kind] / hits[kind]:8.1%}")
+        shown.row(kind, refused[kind], hits[kind], refused[kind] / hits[kind])
     few = {kind for kind in hits if kind.endswith("1 or 2 hits")}
     bad = [kind for kind in hits if kind != "good" and kind not in few]
     missed = sum(hits[kind] - refused[kind] for kind in bad)
     print(f"bad hits missed, where others can be asked: {missed} of {sum(hits[k] for k in bad)}")
 
 
-def print_worth(learn: Table, test: Table) -> None:
+def print_worth(learn: Tabled, test: Tabled) -> None:
     """What each feature is worth: log loss, Brier score, good hits refused and bad ones missed without it."""
-    print("without        log loss    Brier    good refused    bad missed")
+    shown = Table("", "without:12", "log loss:.4f", "Brier:.4f", "good refused:d", "bad missed:d")
     for k in (-1, *range(len(NAMES))):
         p = probability(test, fitted(learn, [j for j in range(len(NAMES)) if j != k]))
         refused = p < FALSE_DISCOVERY
-        print(f"{NAMES[k] if k >= 0 else 'nothing':12} %10.4f %8.4f" % scores(p, test.good), end="")
-        print(f"{np.sum(refused & test.good):10} {np.sum(~refused & ~test.good):16}")
+        wrong = np.sum(refused & test.good), np.sum(~refused & ~test.good)
+        shown.row(NAMES[k] if k >= 0 else "nothing", *scores(p, test.good), *wrong)
 
 
 def calibrate_hits(campaigns: int = 200, seed: int = 0) -> None:
-    """Print the table and how good it is."""
+    """The weights of the hits' probability, its reliability, and the worth of each feature."""
     learned = list(looked_at(range(seed, seed + campaigns)))
     others = list(looked_at(range(seed + 1000, seed + 1000 + campaigns)))
     learn, test = tabled(learned), tabled(others)

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from benchmarks.tables import Table
 from fecore.arrays import BoolArray, FloatArray
 
 
@@ -18,10 +19,10 @@ def scores(p: FloatArray, true: BoolArray) -> tuple[float, float]:
 
 def print_reliability(p: FloatArray, true: BoolArray, of: str, are: str, edges: Sequence[float]) -> None:
     """How often those of like P are what P says, between edges."""
-    print(f"P from    to {of:>8}   mean P   share {are}")
+    table = Table("", "P from:6", "to:.2f", f"{of}:d", "mean P:.4f", f"share {are}:.4f", "±:.4f")
     for low, high in pairwise((*edges, 1.0000001)):
         own = (p >= low) & (p < high)
         if own.any():
             share = true[own].mean()
             error = np.sqrt(max(share * (1 - share), 1 / own.sum()) / own.sum())
-            print(f"{low:6.2f} {high:5.2f} {own.sum():8} {p[own].mean():8.4f} {share:10.4f} ± {error:.4f}")
+            table.row(low, high, own.sum(), p[own].mean(), share, error)

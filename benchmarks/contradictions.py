@@ -17,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.draws import modes_at
+from benchmarks.tables import Table, beside
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import CLAMP, PointMass
 from fecore.coupons.batch import Statistics, prior
-from fecore.frf import Dof, along_z
-from fecore.modes import MeasuredModes
+from fecore.frf import along_z
 from fecore.updating.campaigns import Campaign, CampaignsResult, update_campaigns
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
@@ -95,7 +96,7 @@ ERRORS = {
 
 
 def contradictions(draws: int = 6, seed: int = 36, *errors: str) -> list[str]:
-    """Print, for each error: its effect, how often it is named, first, and how far off the constants of usable results are.
+    """The wrong source of a joint update: its effect, how often it is named, first, and what usable results are off.
 
     Words choose the errors whose names hold one of them, as `mass`.
     """
@@ -104,9 +105,8 @@ def contradictions(draws: int = 6, seed: int = 36, *errors: str) -> list[str]:
         print(f"  ({folder.name} is not there: no solids)")
         return []
     stored = {cut.solids: _Stored.of(folder, cut.solids) for cut in (A, *OTHERS.values()) if cut.solids}
-    print(
-        "  error                      effect  named  first  some conflict  usable beyond 3 sd  held of 95 % intervals"
-    )
+    table = Table("", "error:26", "effect:.1f", "named:d", "first:d", "some conflict:d", "usable beyond 3 sd:d",
+                  "held:d", "of 95 % intervals:d")  # fmt: skip
     right = dict[str, list[CampaignsResult]]()
     for name, error in ERRORS.items():
         if errors and error.culprit and not any(word in name for word in errors):
@@ -114,7 +114,7 @@ def contradictions(draws: int = 6, seed: int = 36, *errors: str) -> list[str]:
         results = [_updated(stored, error, np.random.default_rng([seed, number])) for number in range(draws)]
         without = right.setdefault(error.other, results)
         effect = np.median([_moved(*each) for each in zip(results, without, strict=True)])
-        print(f"  {name:26} {effect:6.1f}  {_row(results, error, stored[A.solids].config)}", flush=True)
+        table.row(name, effect, *_row(results, error, stored[A.solids].config))
     return []
 
 
@@ -138,20 +138,17 @@ def _moved(wrong: CampaignsResult, right: CampaignsResult) -> float:
     return max(abs(a.estimate - b.estimate) / b.standard_deviation for a, b in pairs if a.name in MODULI)
 
 
-def _row(results: list[CampaignsResult], error: Error, true: Mapping[str, float]) -> str:
+def _row(results: list[CampaignsResult], error: Error, true: Mapping[str, float]) -> tuple[int, ...]:
+    """How often it is named, first, and there is some conflict; usable ones beyond 3 sd; intervals that hold, of so many."""
     causes = [[each.name for c in result.conflicts for each in (c.cause, *c.rivals)] for result in results]
     first = [result.conflicts[0].cause.name if result.conflicts else "" for result in results]
-    off = [
-        [(p.estimate - true[p.name]) / p.standard_deviation for p in r.parameters if p.name in MODULI] for r in results
-    ]
-    held = [
-        [p.interval_95[0] <= true[p.name] <= p.interval_95[1] for p in r.parameters if p.name in MODULI]
-        for r in results
-    ]
-    usable = sum(r.verdict.level == "usable" and np.abs(o).max() > 3 for r, o in zip(results, off, strict=True))
+    offs = [beside(result.parameters, {name: true[name] for name in MODULI}).values() for result in results]
+    far = [max(abs(off.z) for off in each) > 3 for each in offs]
+    usable = sum(r.verdict.level == "usable" and away for r, away in zip(results, far, strict=True))
     named = sum(error.culprit in each for each in causes) if error.culprit else 0
-    counts = (named, sum(error.culprit == each for each in first if each), sum(map(bool, causes)), usable)
-    return "  ".join(f"{count:5}" for count in counts) + f"  {np.sum(held):5} of {np.size(held)}"
+    held = [off.held for each in offs for off in each]
+    firsts = sum(error.culprit == each for each in first if each)
+    return named, firsts, sum(map(bool, causes)), usable, sum(held), len(held)
 
 
 def _updated(stored: Mapping[str, _Stored], error: Error, random: np.random.Generator) -> CampaignsResult:
@@ -199,7 +196,6 @@ def _campaign(
     else:
         hz *= 1 + THEORY * random.standard_normal(MODES)
     order = np.argsort(hz)
-    covariance = np.diag(np.concatenate([(NOISE * hz[order]) ** 2, np.full(MODES, 1e-8)]))
     stated = replace(
         stated,
         length=stated.length + wrong.get("length", 0.0),
@@ -209,8 +205,7 @@ def _campaign(
         material=replace(material, density=material.density + wrong.get("density", 0.0)),
     )
     points = {n: (float(u * stated.length), float(v * stated.width), 0.0) for n, (u, v) in enumerate(shares, start=1)}
-    shapes, dofs = measured.shapes[:MODES][order] + 0j, tuple(Dof(point, 3) for point in points)
-    modes = MeasuredModes(hz[order], np.full(MODES, 0.01), shapes, dofs, covariance)
+    modes = modes_at(points, hz[order], measured.shapes[:MODES][order], NOISE)
     return Campaign(name, name, stated, modes, points, inputs)
 
 

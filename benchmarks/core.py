@@ -1,9 +1,5 @@
 """The speed of the core beside peers in the same run, and decks of it beside CalculiX.
 
-forward   assembly with ten modes, re-solves, FRFs, growth; beside scikit-fem, pyfe3d and CalculiX
-updating  the default job by step, samples beside the Gaussian posterior, both stages beside scipy's `least_squares`
-cards     frequencies of decks as `modalbase cards` writes them
-
 The peers are optional: `pip install -e '.[bench]'`, and `ccx` where it is installed. One thread of BLAS for everyone. Ratios
 come from one run; a busy machine stretches wall clock, so processor time stands beside it.
 """
@@ -20,6 +16,8 @@ import numpy as np
 
 from benchmarks import calculix, peers
 from benchmarks.clock import least, median_ms, now, timed
+from benchmarks.structures import frequencies
+from benchmarks.tables import Table, load
 from examples.paper.published import CANTILEVER_CONVERGED, TABLE_4_COUPONS, TABLE_4_UPDATED, cantilever
 from examples.paper.synthesis import grid, rayleigh_body
 from fecore.body.laminate import OrthotropicMaterial, Ply
@@ -28,7 +26,6 @@ from fecore.body.specimen import Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
-from fecore.dynamics.eigen import normal_modes
 from fecore.frf import Dof, along_z
 from fecore.modal import identify
 from fecore.updating.damping_data import damping_data
@@ -54,13 +51,13 @@ PLACES = np.array([(x, y) for x in np.linspace(0.05, 0.5, 11) for y in (-0.018, 
 
 
 def forward(rounds: int = 25) -> None:
-    """Print all tables.
+    """The forward model: assembly with ten modes, re-solves, FRFs, growth; beside scikit-fem, pyfe3d and CalculiX.
 
     glibc hands freed memory back at once until a process has freed one large block, as each that has read FRFs has; until then
     page faults take a quarter of a small solve. So one is freed first, for us and for the peers.
     """
     np.empty(4_000_000)
-    print(f"load average {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; ratios within this run are what counts")
+    print(f"{load()}; ratios within this run are what counts")
     _against_peers(rounds)
     _resolves(rounds)
     _frfs()
@@ -91,7 +88,8 @@ def _against_peers(rounds: int) -> None:
         calls["pyfe3d Quad4R"] = lambda: peers.pyfe3d(SPECIMEN)
     if shutil.which("ccx"):
         calls["CalculiX S8R"] = lambda: calculix.shell(SPECIMEN)
-    print("assembly + 10 modes, 40 x 4     median ms   ratio      CPU ms   bending 1   torsion 1 (error %)")
+    columns = ("median ms:.2f", "ratio:.2f", "CPU ms:.2f", "bending 1, error %:+.4f", "torsion 1, error %:+.4f")
+    table = Table("", "assembly + 10 modes, 40 x 4:28", *columns)
     found, times = {name: call() for name, call in calls.items()}, {name: list[np.ndarray]() for name in calls}
     random = np.random.default_rng(0)
     # In turn, so that a busy machine is busy for all; in no order, as each leaves the caches to the next.
@@ -102,9 +100,7 @@ def _against_peers(rounds: int) -> None:
     for name in calls:
         errors = [100 * (found[name][np.argmin(np.abs(found[name] - f))] / f - 1) for f in reference[[0, 2]]]
         wall, cpu = np.median(times[name], axis=0)
-        print(
-            f"  {name:28s} {1e3 * wall:9.2f} {wall / own:7.2f} {1e3 * cpu:11.2f}   {errors[0]:+9.4f}   {errors[1]:+9.4f}"
-        )
+        table.row(name, 1e3 * wall, wall / own, 1e3 * cpu, *errors)
     if len(calls) < 5:
         print("  (peers that are not installed are left out)")
 
@@ -125,10 +121,12 @@ def _resolves(rounds: int) -> None:
     took = np.median(rows, axis=0).reshape(2, 2)
     build = median_ms(lambda: ForwardModel(specimen, known, along_z((0,)), PLACES[:1], 8).basis.system, 5)
     size, solves = reduced.basis.basis.shape[1], reduced.basis.full_solves
-    print(f"re-solve for new parameters, 8 modes     full ms   reduced ms ({size} vectors)   full/reduced")
+    table = Table(
+        f"re-solve for new parameters, 8 modes, {size} vectors", "of:28", "full ms:.2f", "reduced ms:.3f", "ratio:.1f"
+    )
     for name, (whole, small) in zip(("natural frequencies", "and their derivatives"), took, strict=True):
-        print(f"  {name:36s} {whole:9.2f} {small:12.3f} {whole / small:26.1f}")
-    print(f"  making the basis                     {build:9.1f}   ({solves} full solves in 200 draws of +-2 %)")
+        table.row(name, whole, small, whole / small)
+    print(f"  making the basis: {build:.1f} ms, {solves} full solves in 200 draws of +-2 %")
 
 
 def _frfs() -> None:
@@ -146,14 +144,14 @@ def _frfs() -> None:
 def _growth(sizes: int) -> None:
     """Time of a solve (10 modes, factorisation and count included) over the number of dofs."""
     dofs, times = [], []
-    print("growth of the solve     dofs   median s   assembly s")
+    table = Table("growth of the solve", "mesh:10", "dofs:d", "median s:.3f", "assembly s:.3f")
     for nx, ny in ((40, 4), (80, 8), (140, 14), (220, 22), (330, 33))[:sizes]:
         body, (assembly, _) = timed(lambda nx=nx, ny=ny: plate((0.5, 0.04), (nx, ny), of_boundary("cantilever")))
         model, (assembled, _) = timed(lambda body=body: body.model)
         assembly += assembled
         times.append(median_ms(lambda body=body: _solve(body), 9 if nx < 100 else 3) / 1e3)
         dofs.append(model.stiffness.size)
-        print(f"  {nx:4d} x {ny:<3d}        {dofs[-1]:9d} {times[-1]:10.3f} {assembly:11.3f}")
+        table.row(f"{nx} x {ny}", dofs[-1], times[-1], assembly)
     print(f"  fitted exponent {np.polyfit(np.log(dofs), np.log(times), 1)[0]:.2f} (target 1.3)")
 
 
@@ -163,18 +161,15 @@ LINES_HZ = np.linspace(0.3125, 1000.0, 3200)
 
 
 def updating(lines: int = 3200) -> None:
-    """Print the three tables."""
-    print(
-        f"load average {os.getloadavg()[0]:.1f}; OPENBLAS_NUM_THREADS={os.environ.get('OPENBLAS_NUM_THREADS', 'not set')}\n"
-    )
+    """The default update by step, samples beside the Gaussian posterior, both stages beside scipy's `least_squares`."""
+    print(f"{load()}; OPENBLAS_NUM_THREADS={os.environ.get('OPENBLAS_NUM_THREADS', 'not set')}\n")
     body = cantilever(TABLE_4_UPDATED)
     data = Measurement(rayleigh_body(body, CANTILEVER_CONVERGED, 5, LINES_HZ[:: 3200 // lines]), grid(body))
     laplace, laps = min((_by_stage(data) for _ in range(3)), key=lambda run: float(sum(run[1].values())[1]))
-    wall, processor = sum(laps.values(), np.zeros(2))
-    print(f"default job, 33 FRFs x {lines} lines            wall s   processor s   share")
-    for stage, lap in laps.items():
-        print(f"  {stage:40s} {lap[0]:8.2f} {lap[1]:12.2f} {100 * lap[1] / processor:7.0f} %")
-    print(f"  {'together (target: under 4 s)':40s} {wall:8.2f} {processor:12.2f}")
+    whole = sum(laps.values(), np.zeros(2))
+    table = Table(f"default job, 33 FRFs x {lines} lines", "stage:40", "wall s:.2f", "processor s:.2f", "share:.0%")
+    for stage, lap in {**laps, "together (target: under 4 s)": whole}.items():
+        table.row(stage, *lap, lap[1] / whole[1])
     _sampling(data, laplace)
     _against_least_squares(data)
 
@@ -196,9 +191,9 @@ def _sampling(data: Measurement, laplace: UpdateResult) -> None:
     sampled, laps = _by_stage(data, Recipe(posterior="mcmc", seed=1))
     lap = laps["sampling the posterior"]
     effective = ", ".join(f"{count:.0f}" for count in sampled.posterior.effective_samples)
-    print("\nMCMC beside Laplace                 sd ratio (target: within 15 %)")
+    table = Table("\nMCMC beside Laplace (target: within 15 %)", "parameter:10", "sd ratio:.3f")
     for a, b in zip(sampled.parameters, laplace.parameters, strict=True):
-        print(f"  {a.name:32s} {a.standard_deviation / b.standard_deviation:8.3f}")
+        table.row(a.name, a.standard_deviation / b.standard_deviation)
     print(f"  effective samples, elastic and damping chain: {effective}; {lap[0]:.1f} s wall, {lap[1]:.1f} s processor")
     print("  (target: 5,000 in under 20 s)")
 
@@ -226,7 +221,7 @@ def _against_least_squares(data: Measurement) -> None:
     fits = [timed(lambda k=k: damping_peer.fit(damping.start * k)) for k in (1, 5, 0.2, 2, 0.5)]
     theirs_2, peer_one = fits[0]
     peer_2 = sum((lap for _, lap in fits), np.zeros(2))
-    print("\ntwo stages                                                  wall s   processor s")
+    table = Table("", "two stages:56", "wall s:.2f", "processor s:.2f")
     for name, lap in (
         ("ours, stage 1: basis made anew, intervals, verdicts", first),
         (f"least_squares, stage 1: {elastic_peer.solves} full solutions", peer_1),
@@ -237,7 +232,7 @@ def _against_least_squares(data: Measurement) -> None:
         ("ours, both stages (target: under 1 s)", first + after),
         ("least_squares, both stages", peer_1 + peer_2),
     ):
-        print(f"  {name:56s} {lap[0]:8.2f} {lap[1]:12.2f}")
+        table.row(name, *lap)
     ratio, alone = (peer_1 + peer_2) / (first + after), (peer_1 + peer_one) / (first + one_fit)
     print(f"  least_squares over ours (target: 10), processor time: {ratio[1]:.1f}; of one start: {alone[1]:.1f}")
     mine = np.concatenate([elastic.theta, damping.fit.coefficients])
@@ -270,26 +265,20 @@ def _calculix(own: float, solves: int, calls: int, second: float) -> None:
 
 
 def cards(draws: int = 40, seed: int = 7, modes: int = 6) -> None:
-    """Each frequency of strips and plates with random constants, sizes and boundaries, and the nearest of their decks."""
-    if shutil.which("ccx") is None:
-        print("  (ccx is not installed: nothing to compare with)")
-        return
+    """Frequencies of decks as `modalbase cards` writes them, by CalculiX: of strips and plates drawn at random."""
     rng, worst = np.random.default_rng(seed), {"solid": list[float](), "shell": list[float]()}
+    table = Table("", "boundary:16", "mm:28", "solid, %:.3f", "shell, %:.3f")
     for _ in range(draws):
         specimen = _specimen(rng)
-        m, model = specimen.material, specimen.model
-        K = model.stiffness.at(model.stiffness_coefficients(specimen.section))
-        M = model.mass.at(model.mass_coefficients(specimen.section))
-        ours = normal_modes(K, M, modes + 6, model.rigid_modes).frequency_hz
-        ours, size = ours[ours > 1.0][:modes], (specimen.length, specimen.width, specimen.thickness)
+        m, size = specimen.material, (specimen.length, specimen.width, specimen.thickness)
+        ours = frequencies(specimen, modes)[:modes]
         moduli: Any = (m.Ex, m.Ey, m.Gxy, m.Gxz, m.Gyz)
         deck = Deck(*size, moduli, m.nu_xy, m.density, specimen.boundary, 2 * modes + 12)
         for name, text in (("solid", write_solids(deck)), ("shell", write_shells(deck, corrected=True))):
             found = calculix.frequencies(calculix.ccx(text.splitlines()))
             worst[name].append(float(np.abs(found[:, None] / ours - 1).min(axis=0).max()))
-        shown = ", ".join(f"{name} {100 * errors[-1]:.3f} %" for name, errors in worst.items())
         millimetres = " x ".join(f"{1e3 * side:.3g}" for side in size)
-        print(f"  {specimen.boundary:16s} {millimetres:>20} mm  {shown}", flush=True)
+        table.row(specimen.boundary, millimetres, *(100 * errors[-1] for errors in worst.values()))
     for name, errors in worst.items():
         print(f"  {name}: median {100 * np.median(errors):.3f} %, worst {100 * max(errors):.3f} % of {draws}")
 

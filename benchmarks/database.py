@@ -1,9 +1,4 @@
-"""The measurement database on a real PostgreSQL, API and worker, each figure beside what bounds it in the same run.
-
-measurements  FRFS LINES: import against pyuff's own reading, spectra over HTTP against a raw SELECT, lists that stay flat
-many_hits     N: upload and processing, beside reading the same files, one transform a block, and COPY
-live_hits     POINTS: how long each answer takes that says whether a hit was good, one request each
-"""
+"""The measurement database on a real PostgreSQL, API and worker, each figure beside what bounds it in the same run."""
 
 import base64
 import io
@@ -28,7 +23,8 @@ from scipy import fft
 
 from benchmarks.clock import timed
 from benchmarks.hammer import campaign as hit_campaign
-from benchmarks.service import RAW, Cost, api_of, campaigns_of, copied, ended, load, measured, served
+from benchmarks.service import RAW, Cost, api_of, campaigns_of, copied, ended, measured, served
+from benchmarks.tables import Table, load
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
@@ -39,20 +35,25 @@ PAIRS = 3
 
 
 def measurements(frfs: int = 1000, lines: int = 3201) -> None:
-    """Print the tables; the third import is of 3.9 times as many FRFs."""
+    """Imports against pyuff's own reading, spectra over HTTP against a raw SELECT, lists that stay flat."""
     with served() as service, api_of(service) as api:
         print(f"import of {frfs} FRFs × {lines} lines, upload to result, medians of {PAIRS} pairs of runs, {load()}")
         print("(target: at most 1.5 × pyuff's reading; COPY: PostgreSQL alone stores the file and its spectra;")
-        print(" memory: of API, worker and child, pages that they share counted for each; in brackets above idle)")
-        print(f"{'':8} {'MB':>6} {'pyuff s':>9} {'COPY s':>9} {'import s':>9} {'ratio':>6} {'peak memory MB':>16}")
+        print(" memory: of API, worker and child, pages that they share counted for each)")
+        columns = ("MB:.0f", "pyuff s:.2f", "COPY s:.2f", "import s:.2f", "ratio:.2f", "peak MB:.0f", "over idle:.0f")
+        table = Table("", "UFF:4", *columns)
         for binary, count, pairs in ((True, frfs, PAIRS), (False, frfs, PAIRS), (True, 39 * frfs // 10, 1)):
-            _imports(api, service, (count, lines), binary=binary, pairs=pairs)
+            row = _imports(api, service, (count, lines), binary=binary, pairs=pairs)
+            table.row("58b" if binary else "58", *row)
         _spectra(api, service, lines)
         _listing(api, service, (1_000, 1000 * frfs))
 
 
-def _imports(api: httpx.Client, service: LocalService, size: tuple[int, int], *, binary: bool, pairs: int) -> None:
-    (frfs, lines), runs = size, []
+def _imports(
+    api: httpx.Client, service: LocalService, size: tuple[int, int], *, binary: bool, pairs: int
+) -> list[float]:
+    """MB of the file, and medians of the pairs: seconds of pyuff, of COPY, of the import; their ratio; peak memory."""
+    (frfs, lines), runs = size, list[tuple[float, ...]]()
     with tempfile.TemporaryDirectory(prefix="mb-") as folder:
         path = Path(folder, "frfs.uff")
         for pair in range(pairs):
@@ -67,11 +68,9 @@ def _imports(api: httpx.Client, service: LocalService, size: tuple[int, int], *,
                 content = iter(lambda: sent.read(1 << 20), b"")
                 counts = ended(api, api.post(f"campaigns/{campaign}/imports", content=content))["counts"]
             assert counts["frfs"] == counts["grid_points"] == frfs
-            runs.append((peer, bound.clock, cost.clock, cost.clock / peer, cost.peak / 1e6, cost.above_idle / 1e6))
-        row = [statistics.median(column) for column in zip(*runs, strict=True)]
-        name, megabytes = "58b" if binary else "58", path.stat().st_size / 1e6
-        shown = f"{row[0]:9.2f} {row[1]:9.2f} {row[2]:9.2f} {row[3]:6.2f} {row[4]:10.0f} ({row[5]:.0f})"
-        print(f"{name:8} {megabytes:6.0f} {shown}", flush=True)
+            memory = cost.peak / 1e6, cost.above_idle / 1e6
+            runs.append((len(file) / 1e6, peer, bound.clock, cost.clock, cost.clock / peer, *memory))
+    return [statistics.median(column) for column in zip(*runs, strict=True)]
 
 
 def _made(count: int, lines: int, seed: int) -> Iterator[GridPoint | Frf]:
@@ -142,8 +141,8 @@ def _listing(api: httpx.Client, service: LocalService, sizes: tuple[int, int]) -
         middles = [_fill(connection, c, rows) for c, rows in zip(campaigns, sizes, strict=True)]
         connection.execute("VACUUM ANALYZE frfs")
         connection.execute("CHECKPOINT")
-    print(f"\npage of 100 FRFs, medians of 31 turns, {load()} (target: flat within 1.5 times)")
-    print(f"{'rows':>9} {'first ms':>9} {'deep ms':>9} {'by point ms':>12}")
+    title = f"\npage of 100 FRFs, medians of 31 turns, {load()} (target: flat within 1.5 times)"
+    table = Table(title, "rows:10", "first ms:.1f", "deep ms:.1f", "by point ms:.1f")
     taken = np.empty((31, 2, 3))
     for turn in range(31):  # by turns, so that the machine's load is the same for both
         for size, (campaign, middle) in enumerate(zip(campaigns, middles, strict=True)):
@@ -152,9 +151,8 @@ def _listing(api: httpx.Client, service: LocalService, sizes: tuple[int, int]) -
                 path = f"campaigns/{campaign}/frfs{query}"
                 taken[turn, size, kind] = timed(lambda path=path: api.get(path).raise_for_status())[1][0]
     times = 1000 * np.median(taken, axis=0)
-    for rows, row in zip(sizes, times, strict=True):
-        print(f"{rows:9d} {row[0]:9.1f} {row[1]:9.1f} {row[2]:12.1f}")
-    print("ratio     " + " ".join(f"{ratio:9.2f}" for ratio in times[1] / times[0]))
+    for rows, row in zip((*sizes, "ratio"), (*times, times[1] / times[0]), strict=True):
+        table.row(rows, *row)
 
 
 def _fill(connection: psycopg.Connection[tuple[uuid.UUID]], campaign: str, rows: int) -> bytes:
@@ -186,17 +184,25 @@ def _mapping(**more: object) -> dict[str, str]:
 
 
 def many_hits(hits: int = 10_000) -> None:
-    """Print the table. The first COPY is not shown: it makes the files of the log, which the others use again."""
+    """Hits uploaded and processed, beside reading the same files, one transform a block, and COPY.
+
+    The first COPY is not shown: it makes the files of the log, which the others use again.
+    """
     with served() as service, api_of(service) as api, tempfile.TemporaryDirectory(prefix="mb-") as folder:
         files = _write_files(Path(folder), hits)
         size = sum(path.stat().st_size for path in files)
-        print(f"{hits} hits of {SAMPLES} samples in {len(files)} files, {size / 2**20:.0f} MB, {load()}")
-        print(f"{'':28}{'clock s':>9}{'processor s':>13}{'peak MB':>9}")
-        bound = _row("reading and transforms", _alone(files))
+        title = f"{hits} hits of {SAMPLES} samples in {len(files)} files, {size / 2**20:.0f} MB, {load()}"
+        table = Table(title, "what:28", "clock s:.1f", "processor s:.1f", "peak MB:.0f")
+
+        def shown(name: str, cost: Cost) -> Cost:
+            table.row(name, cost.clock, cost.processor, cost.above_idle / 2**20)
+            return cost
+
+        bound = shown("reading and transforms", _alone(files))
         rows = [[os.urandom(4 * SAMPLES)] * 2 * IN_A_FILE] * (size // (8 * SAMPLES * IN_A_FILE))
         copied(service, rows)
-        stored = _row("PostgreSQL alone, one COPY", copied(service, rows))
-        _row("PostgreSQL alone, two at once", copied(service, rows, 2))
+        stored = shown("PostgreSQL alone, one COPY", copied(service, rows))
+        shown("PostgreSQL alone, two at once", copied(service, rows, 2))
         (campaign,) = campaigns_of(api, "many hits")
         query = _mapping(sample_rate_hz=RATE_HZ, hit={"variable": "hit"})
 
@@ -207,10 +213,10 @@ def many_hits(hits: int = 10_000) -> None:
 
         with measured(service) as imported, ThreadPoolExecutor(2) as pool:
             list(pool.map(send, files))
-        _row("import over HTTP", imported)
+        shown("import over HTTP", imported)
         with measured(service) as processed:
             ended(api, api.post(f"campaigns/{campaign}/processings", json={}))
-        _row("processing, default band", processed)
+        shown("processing, default band", processed)
     for what, cost, floor in (
         ("import, over reading and transforms", imported, bound),
         ("processing, over reading and transforms", processed, bound),
@@ -235,11 +241,6 @@ def _write_files(folder: Path, hits: int) -> list[Path]:
     return paths
 
 
-def _row(name: str, cost: Cost) -> Cost:
-    print(f"{name:28}{cost.clock:9.1f}{cost.processor:13.1f}{cost.above_idle / 2**20:9.0f}", flush=True)
-    return cost
-
-
 def _alone(files: Sequence[Path]) -> Cost:
     def read() -> None:
         for path in files:
@@ -251,7 +252,7 @@ def _alone(files: Sequence[Path]) -> Cost:
 
 
 def live_hits(points: int = 10) -> None:
-    """Five hits a point of a simulated body, a fifth of them with a fault."""
+    """How long each answer takes that says whether a hit was good, one request each; a fifth of the hits has a fault."""
     _, _, simulated = hit_campaign(np.random.default_rng(18), "free", points, 5, 0.2)
     with served() as service, api_of(service) as api:
         (campaign,), query = campaigns_of(api, "live"), _mapping(sample_rate_hz={"variable": "fs"})

@@ -6,6 +6,7 @@ plate  a free wooden plate that a handbook describes; its modes stand in another
 solid  a beam of CalculiX's solid elements
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -22,6 +23,7 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import TOLERANCES, UNSTATED_SENSOR, UNSTATED_WINDOW, Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import parametrise
+from tests.support.beams import add_noise
 
 Points = dict[int, tuple[float, float, float]]
 Dofs = tuple[Dof, ...]
@@ -61,6 +63,14 @@ def noisy(values: np.ndarray, share: float, rng: np.random.Generator, lines: Any
     level = share * np.sqrt(np.mean(np.abs(values[:, lines]) ** 2, axis=1, keepdims=True) / 2)
     real, imaginary = rng.standard_normal((2, *values.shape))
     return np.asarray(values + level * (real + 1j * imaginary))
+
+
+def modes_at(
+    points: Iterable[int], hz: np.ndarray, shapes: np.ndarray, share: float, zeta: float = 0.01
+) -> MeasuredModes:
+    """Modes as measured out of plane at points, with a share of each frequency and 1e-4 of damping as standard deviations."""
+    covariance = np.diag(np.concatenate([(share * hz) ** 2, np.full(hz.size, 1e-8)]))
+    return MeasuredModes(hz, np.full(hz.size, zeta), shapes + 0j, tuple(Dof(p, 3) for p in points), covariance)
 
 
 # --- beam ---------------------------------------------------------------------------------------------------------------
@@ -130,26 +140,25 @@ class Truth:
 
 def _as_it_is(truth: Truth, material: OrthotropicMaterial, points: Points) -> Specimen:
     """The body on a mesh of its own, its clamp springs along an edge."""
-    length, t = STATED.length + truth.length, STATED.thickness * (1 + truth.thickness)
-    held, springs = None, ()
-    if truth.boundary == "cantilever" and truth.clamp:
-        k = material.Ex * t**3 / 12 / (truth.clamp * length)  # per metre of edge
-        rows = (("pitch", k, 5), ("roll", k, 4), ("heave", k / t**2, 3))
-        held, springs = (), tuple(Spring(*row, edge="start") for row in rows)
-    x, y, _ = points[SENSOR]
-    material = replace(material, density=material.density * (1 + truth.density), nu_xy=material.nu_xy + truth.nu)
-    return replace(
+    length, (x, y, _) = STATED.length + truth.length, points[SENSOR]
+    body = replace(
         STATED,
         length=length,
-        thickness=t,
-        material=material,
+        thickness=STATED.thickness * (1 + truth.thickness),
+        material=replace(material, density=material.density * (1 + truth.density), nu_xy=material.nu_xy + truth.nu),
         boundary=truth.boundary,  # type: ignore[arg-type]
         masses=(PointMass(min(x, length), y, truth.sensor),) if truth.sensor else (),
         divisions=(60, 8),
-        springs=springs,
-        supports=held,
         fibre_angle=truth.angle,
     )
+    return yielding(body, truth.clamp) if truth.boundary == "cantilever" and truth.clamp else body
+
+
+def yielding(body: Specimen, compliance: float) -> Specimen:
+    """The cantilever on springs along its edge, EI/kL of which is the compliance."""
+    k, t = body.material.Ex * body.thickness**3 / 12 / (compliance * body.length), body.thickness  # per metre of edge
+    rows = (("pitch", k, 5), ("roll", k, 4), ("heave", k / t**2, 3))
+    return replace(body, supports=(), springs=tuple(Spring(*row, edge="start") for row in rows))
 
 
 def measured(truth: Truth, material: OrthotropicMaterial, rng: np.random.Generator) -> Measurement:
@@ -203,19 +212,13 @@ def plate(seed: int) -> dict[str, Drawn]:
     hit = int(rng.choice([1, 2, 6]))  # at a corner, or a quarter along an edge
     height = np.abs(shapes[:, hit - 1])
     seen = height > 0.05 * height.max()  # a mode below stays in the noise
+    one = {hit: points[hit]}
     found = (
-        _of_modes(points, hz, shapes, tuple(points)),
-        _of_modes(points, hz[seen], shapes[seen, hit - 1 : hit], (hit,)),
+        Measurement(None, points, modes_at(points, hz, shapes, 2e-4, 0.006)),
+        Measurement(None, one, modes_at(one, hz[seen], shapes[seen, hit - 1 : hit], 2e-4, 0.006)),
         Measurement(None, {}, MeasuredModes(hz, np.full(hz.size, np.nan))),
     )
     return {kind: Drawn(stated, each, true) for kind, each in zip(EVIDENCE, found, strict=True)}
-
-
-def _of_modes(points: Points, hz: np.ndarray, shapes: np.ndarray, at: tuple[int, ...]) -> Measurement:
-    covariance = np.diag(np.concatenate([(2e-4 * hz) ** 2, np.full(hz.size, 1e-8)]))
-    dofs = tuple(Dof(point, 3) for point in at)
-    modes = MeasuredModes(hz, np.full(hz.size, 0.006), shapes.astype(complex), dofs, covariance)
-    return Measurement(None, {point: points[point] for point in at}, modes)
 
 
 # --- solid --------------------------------------------------------------------------------------------------------------
@@ -246,9 +249,7 @@ def solid(rng: np.random.Generator) -> Drawn:
     omega = 2 * np.pi * hz
     below = eigenvalue[:, None] - omega**2 + 1j * omega * (true["a0"] + true["a1"] * eigenvalue[:, None])
     H = -(omega**2) * ((shapes * shapes[:, [sensor - 1]]).T @ (1 / below))
-    g = rng.standard_normal((4, *H.shape)) / np.sqrt(2)
-    rms = np.sqrt(np.mean(np.abs(H) ** 2, axis=1, keepdims=True))
-    H = H * (1 + noise / 2 * (g[0] + 1j * g[1])) + noise * rms * (g[2] + 1j * g[3])
+    H = add_noise(H, noise, 0.5, rng)
     boundary, (x, y, _) = "free" if free else "cantilever", points[sensor]
     masses = (PointMass(x, y, mass),) if mass else ()
     stated = Specimen(length, *SOLID.values(), COUPONS, boundary, masses)  # type: ignore[arg-type]

@@ -1,8 +1,5 @@
 """A fleet of monitors that is rerun by one worker and by two: reruns a second, and what each step that they share costs.
 
-python -m benchmarks fleet          # 6 structures with 6 campaigns each
-python -m benchmarks fleet 20 12    # structures, campaigns of each
-
 What workers do among themselves they do anywhere; PostgreSQL is what all of them share. So its processor seconds a rerun say
 how many reruns a second one processor of a server of its own carries, and how many workers keep it busy.
 """
@@ -20,7 +17,8 @@ from sqlalchemy import func, select
 
 from benchmarks.clock import timed
 from benchmarks.jobs_floor import EMPTY, Floor, floor
-from benchmarks.service import ended, load, post, processor_s
+from benchmarks.service import ended, post, processor_s
+from benchmarks.tables import Table, load
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from service.monitoring.scheduler import check
 from service.monitoring.tables import MonitorSeries
@@ -31,9 +29,14 @@ PLANNED = 1000 * 120  # reruns of the fleet that is asked about
 
 
 def fleet(structures: int = 6, campaigns: int = 6) -> None:
-    """Print the table."""
+    """Monitors' reruns by one worker and two, and what each step costs that they share."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    print(f"  {structures} structures with {campaigns} campaigns, {load()}")
+    print(
+        "processor seconds of a rerun, and hours of the planned ones: of workers, of PostgreSQL; and how many workers"
+    )
+    title = f"keep one of its processors busy; {structures} structures with {campaigns} campaigns, {load()}"
+    spent = ("workers s:.2f", "PostgreSQL s:.3f", f"{PLANNED:,} reruns, workers h:.0f", "PostgreSQL h:.1f")
+    table = Table(title, "workers:8", "reruns/s:.2f", *spent, "workers over PostgreSQL:.0f")
     with floor() as here, here.client("fleet") as api:
         project = post(api, "projects", {"name": "fleet"})["id"]
         workers = [here.modalbase("worker")]  # reads the FRFs too
@@ -43,7 +46,8 @@ def fleet(structures: int = 6, campaigns: int = 6) -> None:
             workers += [here.modalbase("worker") for _ in range(count - len(workers))]
             time.sleep(8)  # until it is there
             _warm(api, made[0][1], 4 * count)
-            _rerun(here, api, monitors, campaigns, [worker.pid for worker in workers], 1 + count)
+            found = _rerun(here, api, monitors, campaigns, [worker.pid for worker in workers], 1 + count)
+            table.row(count, *found)
         _shared_steps(here, monitors)
 
 
@@ -78,7 +82,8 @@ def _judged(here: Floor, series: int, monitors: int) -> None:
 
 def _rerun(
     here: Floor, api: httpx.Client, monitors: list[str], campaigns: int, workers: list[int], series: int
-) -> None:
+) -> tuple[float, ...]:
+    """The columns of the table."""
     server = int(Path(here.folder, "postgres", "postmaster.pid").read_text().split("\n", 1)[0])
     before = processor_s(server), processor_s(*workers)
 
@@ -91,16 +96,8 @@ def _rerun(
     database, work = (
         after - then for after, then in zip((processor_s(server), processor_s(*workers)), before, strict=True)
     )
-    print(
-        f"  {len(workers)} worker(s): {runs / seconds:.2f} reruns a second by the clock; processor seconds of a rerun: ",
-        end="",
-    )
-    print(f"{work / runs:.2f} of workers, {database / runs:.3f} of PostgreSQL", flush=True)
-    hours = PLANNED * work / runs / 3600
-    print(f"    extrapolated, {PLANNED:,} reruns: {hours:.0f} processor hours of workers, ", end="")
-    print(
-        f"{PLANNED * database / runs / 3600:.1f} of PostgreSQL: {work / database:.0f} workers keep one of its processors busy"
-    )
+    hours = PLANNED / runs / 3600  # of the planned reruns, for each second of these
+    return runs / seconds, work / runs, database / runs, hours * work, hours * database, work / database
 
 
 def _shared_steps(here: Floor, monitors: list[str]) -> None:

@@ -1,11 +1,4 @@
-"""Raw hammer hits of the bodies and analysers of `hammer`: what the judgement finds, and what becomes of FRFs and damping.
-
-hits           N seed: faults found and good hits thrown away, with five, three and two hits a point, beside pyFRF's check;
-               and the sets of another simulator beside the project (`MODALBASE_HITS` names their folder)
-hits_habits    N seed: the same under each habit of `habits`, a tenth of the hits with a fault
-hits_accuracy  N: FRFs against exact ones, stated variance against the seen one, damping under windows
-hits_damping   N: from hits on strips of beam theory to a0 and a1, as recorded and under a window of 2 per second
-"""
+"""Raw hammer hits of the bodies and analysers of `hammer`: what the judgement finds, and what becomes of FRFs and damping."""
 
 import json
 import os
@@ -21,6 +14,7 @@ import numpy as np
 from benchmarks import hammer
 from benchmarks.habits import HABITS
 from benchmarks.hammer import CLAMPED, FAULTS, FREE, Bench, Body, Laboratory, campaign, random_body, random_laboratory
+from benchmarks.tables import Off, Table, beside, print_coverage
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
@@ -45,7 +39,10 @@ except ImportError:  # an optional peer
 
 
 def hits(campaigns: int = 12, seed: int = 20260) -> None:
-    """Print the tables of faults."""
+    """Hits judged: good ones thrown away, bad ones missed, with five, three and two hits a point, beside pyFRF's check.
+
+    After them the sets of another simulator beside the project, whose folder `MODALBASE_HITS` names.
+    """
     rng, tallies = np.random.default_rng(seed), {count: _new_tally() for count in (5, 3, 2)}
     for number in range(campaigns):
         _, places, simulated = campaign(rng, KINDS[number % 3], 8, 5, 1 / 3)
@@ -54,10 +51,9 @@ def hits(campaigns: int = 12, seed: int = 20260) -> None:
             some = [s for s in simulated if s.hit.number <= count]
             _count(tally, [s.hit for s in some], [s.fault for s in some], positions, with_peer=count == 5)
     _table(f"{campaigns} simulated campaigns", tallies[5])
-    print("\n" + f"{'hits a point':16}" + "".join(f"{count:>20}" for count in tallies))
+    table = Table("\nthrown away, by hits a point", "fault:16", *(f"{count}, of:14" for count in tallies))
     for fault in sorted(tallies[5]["hits"]):
-        shares = [(tally["found"][fault], tally["hits"][fault]) for tally in tallies.values()]
-        print(f"{fault:16}" + "".join(f"{f'{found} of {n}':>13}{found / max(n, 1):7.1%}" for found, n in shares))
+        table.row(fault, *(f"{tally['found'][fault]} of {tally['hits'][fault]}" for tally in tallies.values()))
     folder = Path(os.environ.get("MODALBASE_HITS", Path(__file__).parents[2] / "shared" / "blind-open"))
     for name in ("hits-cantilever", "hits-free-window", "hits-plate-one-point"):
         if (folder / name / "truth.json").is_file():
@@ -104,16 +100,15 @@ def _count(
 
 
 def _table(name: str, tally: Tally) -> None:
-    print(f"\n{name}\n{'fault':16}{'hits':>6}{'thrown away':>14}{'under its name':>16}{'pyFRF throws':>15}")
+    table = Table(f"\n{name}", "fault:16", "hits:d", "thrown away:.1%", "under its name:.1%", "pyFRF throws:.1%")
     for fault, n in sorted(tally["hits"].items()):
-        peer = f"{tally['pyFRF'][fault] / n:.1%}" if FRF is not None else "not there"
-        named = f"{tally['named'][fault] / n:.1%}" if fault != "good" else ""
-        print(f"{fault:16}{n:6}{tally['found'][fault] / n:14.1%}{named:>16}{peer:>15}")
+        named = None if fault == "good" else tally["named"][fault] / n
+        table.row(fault, n, tally["found"][fault] / n, named, None if FRF is None else tally["pyFRF"][fault] / n)
 
 
 def hits_habits(campaigns: int = 3, seed: int = 5) -> None:
-    """Good hits thrown away and faults found, by habit."""
-    print(f"{'habit':32}{'good hits':>10}{'thrown away':>13}  for                  faulty found")
+    """Good hits thrown away and faults found under the habits of instruments and hands, a tenth of the hits with a fault."""
+    table = Table("", "habit:32", "good hits:d", "thrown away:.1%", "for:20", "faulty found:20")
     for habit in HABITS:
         rng, tally, reasons = np.random.default_rng([seed, zlib.crc32(habit.encode())]), _new_tally(), Counter[str]()
         for number in range(campaigns):
@@ -127,7 +122,7 @@ def hits_habits(campaigns: int = 3, seed: int = 5) -> None:
         found, n = tally["found"], tally["hits"]
         faults = ", ".join(f"{name} {found[name]}/{n[name]}" for name in sorted(n) if name != "good")
         reason = ", ".join(f"{name} {count}" for name, count in reasons.items())
-        print(f"{habit:32}{n['good']:10}{found['good'] / n['good']:13.1%}  {reason:20} {faults}", flush=True)
+        table.row(habit, n["good"], found["good"] / n["good"], reason, faults)
 
 
 # --- accuracy -----------------------------------------------------------------------------------------------------------
@@ -136,23 +131,20 @@ SEED, LOWEST_HZ = 31800, 10.0  # above the suspension
 
 
 def hits_accuracy(campaigns: int = 18, repeats: int = 40) -> None:
-    """FRFs, variance and damping.
+    """FRFs of hits against exact ones, stated variance against the seen one, damping under windows.
 
     "on the point" has every hit where its grid point is, so that what is left is the processing's own error; "2 mm beside" is
     what people hit, where the exact FRF of the point is not what was measured.
     """
-    print(f"{campaigns} campaigns of 6 points, from {LOWEST_HZ:g} Hz to where the hammer has a tenth of its force")
-    print(
-        f"{'hits':16}{'FRFs':>6}{'scale off: median':>19}{'worst':>8}"
-        f"{'1 - log-correlation: median':>29}{'worst':>9}{'within':>8}"
-    )
+    title = f"{campaigns} campaigns of 6 points, from {LOWEST_HZ:g} Hz to where the hammer has a tenth of its force"
+    columns = ("scale off, median:.3%", "worst:.2%", "1 - log-correlation, median:.1e", "worst:.1e", "within:.0%")
+    table = Table(title, "hits:16", "FRFs:d", *columns)
     for name, spread in (("on the point", 0.0), ("2 mm beside", hammer.PLACE_SD_M)):
         with _places_within(spread):
             found = np.array([row for number in range(campaigns) for row in _against_exact(number)])
         scale, unlike = np.abs(found[:, 0] - 1), 1 - found[:, 1]
         within = np.mean((scale < 0.01) & (unlike < 0.001))
-        print(f"{name:16}{len(found):6}{np.median(scale):19.3%}{scale.max():8.2%}", end="")
-        print(f"{np.median(unlike):29.1e}{unlike.max():9.1e}{within:8.0%}", flush=True)
+        table.row(name, len(found), np.median(scale), scale.max(), np.median(unlike), unlike.max(), within)
     print(
         f"\nstated variance over the seen one, {repeats} repetitions of four hits each (1 is right), median over the lines:"
     )
@@ -244,13 +236,13 @@ class TwistedStrip(Body):
 
 
 def hits_damping(draws: int = 20) -> None:
-    """How far off a0 and a1 are on average.
+    """From hits on strips of beam theory to a0 and a1, as recorded and under a window of 2 per second.
 
     Truth and model are not the same: bending with shear and rotary inertia to first order, twisting by Saint-Venant, shapes of
     the slender beam; and every frequency is off by 0.2 %.
     """
-    print("draw  window   a0 off   sd   held     a1 off   sd   held   verdict")
-    rows: dict[float, list[list[float]]] = {0.0: [], 2.0: []}
+    table = Table("", "draw:4", "window 1/s:g", "a0 off:+.2%", "z:+.1f", "a1 off:+.2%", "z:+.1f", "verdict:12")
+    rows: dict[float, list[dict[str, Off]]] = {0.0: [], 2.0: []}
     for number in range(draws):
         rng = np.random.default_rng(52_000 + number)
         body, stated, law = _strip(rng, ("cantilever", "free")[number % 2])
@@ -258,24 +250,15 @@ def hits_damping(draws: int = 20) -> None:
         for rate, found in rows.items():
             drawn = replace(laboratory, window_rate_per_s=rate)
             result = _updated(body, stated, drawn, np.random.default_rng(number))
-            own = {p.name: p for p in result.parameters}
-            if "a0" not in own:
-                print(f"{number:4}{rate:8g}   no damping: {'; '.join(result.warnings[:2])}", flush=True)
+            offs = beside(result.parameters, dict(zip(("a0", "a1"), law, strict=True)))
+            if not offs:
+                print(f"  {number}, {rate:g}: no damping: {'; '.join(result.warnings[:2])}", flush=True)
                 continue
-            row = []
-            for true, p in zip(law, (own["a0"], own["a1"]), strict=True):
-                held = p.interval_95[0] <= true <= p.interval_95[1]
-                row += [p.estimate / true - 1, p.standard_deviation / true, float(held)]
-            found.append(row)
-            print(f"{number:4}{rate:8g}{row[0]:+9.2%}{row[1]:7.2%}{row[2]:5.0f}", end="")
-            print(f"{row[3]:+11.2%}{row[4]:7.2%}{row[5]:5.0f}   {result.verdict.level}", flush=True)
-    for rate, found in rows.items():
-        print(f"\nwindow of {rate:g} per second, {len(found)} draws:")
-        for k, name in enumerate(("a0", "a1")):
-            e, sd, held = np.array(found)[:, 3 * k : 3 * k + 3].T
-            bias, error, rms = e.mean(), e.std(ddof=1) / np.sqrt(len(e)), np.sqrt((e**2).mean())
-            print(f"  {name}: bias {bias:+.2%} ± {error:.2%}, median {np.median(e):+.2%}, rms {rms:.2%}", end="")
-            print(f", rms of error over sd {np.sqrt(((e / sd) ** 2).mean()):.2f}, in 95 % intervals {held.mean():.0%}")
+            found.append(offs)
+            shown = [part for off in offs.values() for part in (off.share, off.z)]
+            table.row(number, rate, *shown, result.verdict.level)
+    groups = {f"{n}, window {r:g} 1/s": [offs[n] for offs in found] for r, found in rows.items() for n in ("a0", "a1")}
+    print_coverage("", groups)
 
 
 def _strip(rng: np.random.Generator, boundary: str) -> tuple[Body, Specimen, tuple[float, float]]:

@@ -9,7 +9,7 @@ import os
 import statistics
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
 from typing import Any
@@ -20,12 +20,15 @@ import psutil
 
 from benchmarks.clock import timed
 from benchmarks.jobs_floor import EMPTY, SECOND, Floor, floor
-from benchmarks.service import RAW, campaigns_of, ended, load, post
+from benchmarks.service import RAW, campaigns_of, ended, post
+from benchmarks.tables import Table, load
 from service.app.demo import paper
 from service.compute.updating import compute_update
 from service.jobs.queue import request_cancel
 from service.jobs.tables import Job
 from service.store.updating.loading import load_update
+
+Row = Callable[..., None]
 
 
 class _Quiet:
@@ -39,19 +42,19 @@ class _Quiet:
 
 
 def jobs(empty: int = 200, cancelled: int = 20, real: int = 12) -> None:
-    """Print the table."""
-    print(f"  {load()}")
+    """What the queue costs, cancelling, what REST adds to the core, two workers over one."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    with floor() as here:
-        _queue_costs(here)
-        _throughput(here, empty)
-        _cancelling(here, cancelled)
-    with floor() as here:
-        _real_jobs(here, real)
+    table = Table(load(), "what:58", "found:16", "target:10")
 
+    def row(name: str, value: str, target: str = "") -> None:
+        table.row(name, value, target)
 
-def _row(name: str, value: str, limit: str = "") -> None:
-    print(f"  {name:<58} {value:>16}  {limit}", flush=True)
+    with floor() as here:
+        _queue_costs(here, row)
+        _throughput(here, empty, row)
+        _cancelling(here, cancelled, row)
+    with floor() as here:
+        _real_jobs(here, real, row)
 
 
 def _spread(values: Sequence[float]) -> str:
@@ -62,10 +65,10 @@ def _seconds(later: datetime | None, earlier: datetime | None) -> float:
     return (later - earlier).total_seconds()
 
 
-def _queue_costs(here: Floor) -> None:
+def _queue_costs(here: Floor, row: Row) -> None:
     """Enqueueing, and an idle worker's answer to one job."""
     enqueued = [timed(lambda: here.put(EMPTY, 1))[1][0] for _ in range(100)]
-    _row("enqueue one job and commit, median / worst of 100", _spread(enqueued))
+    row("enqueue one job and commit, median / worst of 100", _spread(enqueued))
     worker = here.worker()
     here.wait(100)
     waits = []
@@ -73,7 +76,7 @@ def _queue_costs(here: Floor) -> None:
         time.sleep(0.15)  # until it is idle
         job = _end_of(here, here.put(EMPTY, 1)[0])
         waits.append(_seconds(job.started_at, job.queued_at))
-    _row("idle worker: queued to started, median / worst of 30", _spread(waits))
+    row("idle worker: queued to started, median / worst of 30", _spread(waits))
     _stop(here, worker)
 
 
@@ -95,7 +98,7 @@ def _stop(here: Floor, *workers: subprocess.Popen[bytes]) -> None:
         here.processes.remove(worker)
 
 
-def _throughput(here: Floor, jobs: int) -> None:
+def _throughput(here: Floor, jobs: int, row: Row) -> None:
     """Empty jobs a second at one, two and four workers."""
     for count in (1, 2, 4):
         workers = [here.worker() for _ in range(count)]
@@ -107,11 +110,11 @@ def _throughput(here: Floor, jobs: int) -> None:
             rows = [job for job in here.jobs() if job.id in mine]
         seconds = max(_seconds(job.finished_at, rows[0].queued_at) for job in rows)
         seconds -= min(_seconds(job.started_at, rows[0].queued_at) for job in rows)
-        _row(f"empty jobs a second, {count} worker(s)", f"{jobs / seconds:.1f}")
+        row(f"empty jobs a second, {count} worker(s)", f"{jobs / seconds:.1f}")
         _stop(here, *workers)
 
 
-def _cancelling(here: Floor, times: int) -> None:
+def _cancelling(here: Floor, times: int, row: Row) -> None:
     """From the request to the end of a busy process."""
     worker, passed = here.worker(), []
     for _ in range(times):
@@ -124,7 +127,7 @@ def _cancelling(here: Floor, times: int) -> None:
             time.sleep(0.002)
         passed.append(time.perf_counter() - began)
         _end_of(here, job_id)
-    _row(f"cancel to the end of the process, median / worst of {times}", _spread(passed), "< 1000 ms")
+    row(f"cancel to the end of the process, median / worst of {times}", _spread(passed), "< 1000 ms")
     _stop(here, worker)
 
 
@@ -136,7 +139,7 @@ def _busy_child(here: Floor, worker: int, job_id: UUID) -> psutil.Process:
     return max(children, key=lambda child: child.create_time())
 
 
-def _real_jobs(here: Floor, jobs: int) -> None:
+def _real_jobs(here: Floor, jobs: int, row: Row) -> None:
     """Real updates over REST against the core alone, and one worker against two."""
     with here.client("benchmark") as api:
         first, (campaign,) = here.modalbase("worker"), campaigns_of(api, "benchmark")
@@ -148,17 +151,17 @@ def _real_jobs(here: Floor, jobs: int) -> None:
         with here.sessions() as session:
             inputs = load_update(session, UUID(runs[-1][2]), here.folder)
         bare = [timed(lambda: list(compute_update(inputs, _Quiet())))[1][0] for _ in range(jobs + 1)][1:]
-        _row("POST to started, over REST, median / worst", _spread(started), "< 100 ms")
-        _row("real job over REST, median / worst", _spread(wall))
-        _row("the same by the core alone, median / worst", _spread(bare))
+        row("POST to started, over REST, median / worst", _spread(started), "< 100 ms")
+        row("real job over REST, median / worst", _spread(wall))
+        row("the same by the core alone, median / worst", _spread(bare))
         added = 1000 * (statistics.median(wall) - statistics.median(bare))
-        _row("REST, queue, process and storage add", f"{added:.0f} ms", "< 300 ms")
+        row("REST, queue, process and storage add", f"{added:.0f} ms", "< 300 ms")
         one = _batch(api, campaign, recipe, 2 * jobs)
         second = here.modalbase("worker")
         time.sleep(8)  # until it is there
         two = _batch(api, campaign, recipe, 2 * jobs)
-        _row("real jobs a second, one worker / two", f"{one:.2f} / {two:.2f}")
-        _row("two workers over one", f"{two / one:.2f}", f">= 1.7; two bare cores here: {_two_cores():.2f}")
+        row("real jobs a second, one worker / two", f"{one:.2f} / {two:.2f}")
+        row("two workers over one", f"{two / one:.2f}", f">= 1.7; two bare cores here: {_two_cores():.2f}")
         _stop(here, first, second)
 
 

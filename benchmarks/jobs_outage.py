@@ -19,6 +19,7 @@ from pathlib import Path
 from sqlalchemy import URL, make_url
 
 from benchmarks.jobs_floor import WAITING, Floor, floor
+from benchmarks.tables import Table
 
 LEASE_SECONDS = 3.0
 
@@ -149,15 +150,14 @@ def _computing(here: Floor, worker: subprocess.Popen[bytes]) -> bool:
 
 
 def jobs_outage(seconds: int = 60) -> list[str]:
-    """Print the table of cuts; those after which something was not right."""
+    """A worker cut off from the database for a while; gives the cuts after which something was not right."""
     wrong = []
-    print("    cut  others  jobs  succeeded  results  doubled  attempts  back after")
+    columns = ("jobs:d", "succeeded:d", "results:d", "doubled:d", "attempts:d", "back after s:.1f")
+    table = Table("", "others:6", "cut s:.0f", *columns)
     for others in (False, True):
         it = outage(seconds, others=others)
-        print(
-            f"  {it.seconds:3.0f} s  {'yes' if others else 'no':>6}  {it.jobs:4d}  {it.succeeded:9d}  {it.results:7d}"
-            f"  {it.doubled:7d}  {it.attempts:8d}  {it.back_seconds:8.1f} s"
-        )
+        counts = it.jobs, it.succeeded, it.results, it.doubled, it.attempts
+        table.row("yes" if others else "no", it.seconds, *counts, it.back_seconds)
         if it.doubled or it.succeeded != it.jobs:
             wrong.append(f"others {others}: {it}")
     return wrong

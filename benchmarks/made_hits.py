@@ -24,6 +24,7 @@ import numpy as np
 
 from benchmarks.habits import HABITS, HabitBench, instruments
 from benchmarks.hammer import FAULTS, Simulated, random_body, random_laboratory
+from benchmarks.tables import Table
 from fecore.arrays import BoolArray, FloatArray
 from fecore.errors import InputError
 from fecore.signal import Hit, Processing, by_point, process
@@ -160,8 +161,10 @@ def _moves(spectra: Spectra, hits: Sequence[Hit], used: Sequence[int], one: int)
 
 
 def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
-    """Print how many hits of each kind are refused, by how many hits a point has where only these show the fault; how many
-    of these have two good hits beside them; and how far bad hits that are used move the FRF of their point.
+    """Bad hits of 17 kinds that bias an FRF and are missed, and good ones refused.
+
+    They are counted by how many hits a point has where only these show the fault; then how many of these have two good hits
+    beside them, and how far bad hits that are used move the FRF of their point.
     """
     hits, refused, shown = Counter[str](), Counter[str](), Counter[bool]()
     moves: list[float] = []
@@ -192,8 +195,9 @@ def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
                 of_point = points[int(np.searchsorted(edges, i, side="right")) - 1]
                 beside_it = [k for k in range(count) if accepted[first + k]]
                 moves.append(_moves(spectra, of_point, beside_it, number))
+    table = Table("", "kind:36", "refused:d", "of:d", "share:.1%")
     for kind in sorted(hits):
-        print(f"{kind:36}{refused[kind]:6} of {hits[kind]:5}{refused[kind] / hits[kind]:8.1%}")
+        table.row(kind, refused[kind], hits[kind], refused[kind] / hits[kind])
     bad = [kind for kind in hits if "," not in kind and kind != "none: good"]
     total = sum(hits[kind] for kind in bad)
     print(f"bad hits that bias, missed: {total - sum(refused[kind] for kind in bad)} of {total}")

@@ -10,6 +10,8 @@ from itertools import count
 
 import numpy as np
 
+from benchmarks.draws import noisy
+from benchmarks.tables import print_beside
 from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
 from fecore.frf import Dof, FrfSet
@@ -85,15 +87,12 @@ def measured(body: Structure, seed: int = 0) -> Measurement:
     model = forward.solve(prior.prior_mean).frf_model(*zip(*pairs, strict=True), with_strain=False)
     hz = np.arange(5.0, 400.0, 0.25)
     values = model.synthesise(hz, A0 + A1 * model.eigenvalue, "accelerance")
-    level = NOISE * np.sqrt(np.mean(np.abs(values) ** 2, axis=1, keepdims=True) / 2)
-    noise = np.random.default_rng(seed).standard_normal((2, *values.shape))
-    responses, references = zip(*pairs, strict=True)
-    frfs = FrfSet(hz, values + level * (noise[0] + 1j * noise[1]), responses, references, "accelerance")
-    return Measurement(frfs, points)
+    values = noisy(values, NOISE, np.random.default_rng(seed))
+    return Measurement(FrfSet(hz, values, *zip(*pairs, strict=True), "accelerance"), points)
 
 
-def main(stations: int = 100) -> None:
-    """Read, model and update it; CPU seconds of each."""
+def mixed_deck(stations: int = 100) -> None:
+    """A deck of 8,000 mixed elements from file to update; CPU seconds of each step."""
     times = [time.process_time()]
 
     def lap(what: str) -> None:
@@ -111,10 +110,5 @@ def main(stations: int = 100) -> None:
     lap("simulate FRFs")
     result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
     lap("update by {}")
-    print(f"  {sum(m.updated_hz is not None for m in result.modes)} of {len(result.modes)} modes paired")
-    for each in result.parameters:
-        if each.name in TRUTH:
-            print(
-                f"    {each.name:12s} {each.estimate:.4g} ± {each.standard_deviation:.2g}, true {TRUTH[each.name]:.4g}"
-            )
-    print(f"  {result.verdict.level}; peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")
+    print_beside(result, TRUTH)
+    print(f"  peak {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6:.2f} GB")

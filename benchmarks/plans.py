@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.tables import Table
 from fecore.body.specimen import OrientedSpecimen
 from fecore.coupons.batch import Statistics, prior
 from fecore.updating.campaigns import Campaign, CampaignsResult, update_campaigns
@@ -29,8 +30,9 @@ _SEEN = 0.8  # of the prior's standard deviation: what is less known is hardly a
 
 
 def planned(draws: int = 8, seed: int = 36) -> list[str]:
-    """Print, for each plan, the standard deviations found over those predicted of what the tests show: median and range."""
-    print("  so far      more               found/predicted: median, least, most;   information found, predicted, nats")
+    """What plans predict beside what the update finds once they are made: standard deviations of what the tests show."""
+    columns = ("found/predicted, median:.2f", "least:.2f", "most:.2f", "nats found:.2f", "predicted:.2f")
+    table = Table("", "so far:11", "more:18", *columns)
     for number, (made, cuts) in enumerate(SO_FAR.items()):
         ratios, gains = defaultdict[str, list[float]](list), defaultdict[str, list[tuple[float, float]]](list)
         for draw in range(draws):
@@ -39,11 +41,7 @@ def planned(draws: int = 8, seed: int = 36) -> list[str]:
                 gains[more].append((gain, forecast.information))
         for more, each in ratios.items():
             low, middle, high = np.quantile(each, [0.0, 0.5, 1.0])
-            found_nats, predicted_nats = np.mean(gains[more], axis=0)
-            print(
-                f"  {made:11} {more:18} {middle:.2f}, {low:.2f}, {high:.2f};   {found_nats:.2f}, {predicted_nats:.2f}",
-                flush=True,
-            )
+            table.row(made, more, middle, low, high, *np.mean(gains[more], axis=0))
     return []
 
 

@@ -1,6 +1,5 @@
-"""A long recording with many hits: how long it takes to find and cut them, and the memory that it takes.
-
-recordings   MINUTES...: of 4 channels at 51.2 kHz, one hit in 4 s; as wav of 24 bits, and as TDMS of float64 in one segment
+"""A long recording with many hits, as wav of 24 bits and as TDMS of float64 in one segment: how long it takes to find and cut
+them, and the memory that it takes.
 """
 
 import multiprocessing
@@ -20,7 +19,7 @@ RATE, CHANNELS, PAUSE_S = 51_200, 4, 4
 
 
 def recordings(*minutes: int) -> None:
-    """Print a line for each length and format."""
+    """Recordings of 4 channels at 51.2 kHz, one hit in 4 s, as wav and as TDMS: seconds and memory to find and cut the hits."""
     for length in minutes or (10, 30):
         for suffix, write in ((".wav", _write), (".tdms", _write_tdms)):
             with tempfile.TemporaryDirectory() as folder:

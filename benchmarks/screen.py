@@ -1,8 +1,8 @@
 """What a person waits for: `modalbase up`, a figure, a report, and a result's page up to a drawn figure.
 
-start  N: from the command to the first 200 of `/readyz` on a data folder that is there, and to the line with the key
-pages  N: processor time of the API's process, and elapsed time, the least and the middle of some repeats; the page is
-       the system's Chromium's, which keeps scripts, and is left out where there is none
+A start is timed from the command to the first 200 of `/readyz`, and to the line with the key. Of figure, report and page it is
+the processor time of the API's process, and elapsed time, the least and the middle of some repeats; the page is the system's
+Chromium's, which keeps scripts, and is left out where there is none.
 """
 
 import http.client
@@ -14,26 +14,29 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from http import HTTPStatus
 from pathlib import Path
 
 import numpy as np
 import psutil
 
-from benchmarks.service import client_at, load, processor_s, served
+from benchmarks.service import client_at, processor_s, served
+from benchmarks.tables import Table, load
 from service.app.demo.run import Laboratory
 from service.app.supervisor import listening_socket
 from tests.support.browser import PROGRAMS, browser, watched_page
 
 
 def start(times: int = 9) -> None:
-    """Start it so often, and once before that which is not counted, as it makes the folder."""
+    """`modalbase up` on an existing data folder; once before that, which is not counted, as it makes the folder."""
     with tempfile.TemporaryDirectory(prefix="mb-") as name:
         Path(name).chmod(0o755)  # the server may run as a user of its own
         found = [_start(Path(name) / "data") for _ in range(times + 1)][1:]
+    table = Table("", "until:10", "median s:.2f", "least:.2f", "most:.2f")
     for what, values in zip(("ready", "last line", "processor"), zip(*found, strict=True), strict=True):
-        print(f"  {what:<10} {statistics.median(values):.2f} s, {min(values):.2f} to {max(values):.2f}")
+        table.row(what, statistics.median(values), min(values), max(values))
 
 
 def _start(data: Path) -> tuple[float, float, float]:
@@ -69,12 +72,12 @@ def _ready(port: int) -> bool:
 
 
 def pages(figures: int = 30, reports: int = 3, visits: int = 7) -> None:
-    """Print each cost beside its limit."""
+    """Figure, report and drawn page of a result, beside their limits."""
     with served() as service, client_at(service.url, service.new_key("reader")) as api:
         job = Laboratory(api).update_beam()["provenance"]["update_job"]
         process = psutil.Process(service.processes["api"].pid)
-        print(load())
-        print(f"{'':32}{'processor ms':>14}{'least ms':>10}{'middle ms':>10}{'limit ms':>10}")
+        columns = ("processor ms:.1f", "least ms:.0f", "middle ms:.0f", "limit ms:d")
+        table = Table(load(), "what:32", *columns)
         for name, path, repeats, limit in (
             ("FRF figure of three curves", "figures/frf", figures, 30),
             ("report, HTML", "report", reports, 5000),
@@ -86,23 +89,24 @@ def pages(figures: int = 30, reports: int = 3, visits: int = 7) -> None:
                 api.get(f"/api/v1/update-jobs/{job}/{path}").raise_for_status()
                 return 1e3 * (time.perf_counter() - began)
 
-            _row(name, process, get, repeats, limit)
+            table.row(name, *_cost(process, get, repeats), limit)
         if any(map(shutil.which, PROGRAMS)):
-            _page(service.url, service.new_key("reader"), job, lambda once: _row(
-                "page of a result, drawn", process, once, visits, 700))  # fmt: skip
+            with _page(service.url, service.new_key("reader"), job) as visit:
+                table.row("page of a result, drawn", *_cost(process, visit, visits), 700)
 
 
-def _row(name: str, process: psutil.Process, once: Callable[[], float], repeats: int, limit: float) -> None:
-    """A line of the table, of calls that give their milliseconds."""
+def _cost(process: psutil.Process, once: Callable[[], float], repeats: int) -> tuple[float, float, float]:
+    """Of calls that give their milliseconds: those of the processor, the least, the middle."""
     once()  # what is loaded and kept by the first
     began = sum(process.cpu_times()[:2])
     times = [once() for _ in range(repeats)]
     used = 1e3 * (sum(process.cpu_times()[:2]) - began) / repeats
-    print(f"{name:32}{used:14.1f}{min(times):10.0f}{float(np.median(times)):10.0f}{limit:10.0f}", flush=True)
+    return used, min(times), float(np.median(times))
 
 
-def _page(url: str, key: str, job: str, row: Callable[[Callable[[], float]], None]) -> None:
-    """A result's page, from the request to the first figure that is drawn."""
+@contextmanager
+def _page(url: str, key: str, job: str) -> Iterator[Callable[[], float]]:
+    """A call that opens a result's page and gives milliseconds from the request to the first figure that is drawn."""
     marked = "performance.getEntriesByType('mark').find((mark) => mark.name.startsWith('drawn'))?.startTime ?? null"
     with browser() as running, watched_page(running, url) as seen:
         seen.page.goto("sign-in")
@@ -117,4 +121,4 @@ def _page(url: str, key: str, job: str, row: Callable[[Callable[[], float]], Non
                 time.sleep(0.01)
             return float(at)
 
-        row(visit)
+        yield visit

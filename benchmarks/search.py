@@ -1,8 +1,4 @@
-"""How search grows: the questions of `docs/search.md` over HTTP, and an import, at sizes of one embedded database.
-
-python -m benchmarks search                     # 100 and 1,000 campaigns: 10⁴ and 10⁵ FRFs
-python -m benchmarks search 100 1000 10000      # 10⁶ FRFs, 10⁶ modes, 10⁵ results too
-"""
+"""How search grows, at sizes of one embedded database: 100 campaigns have 10⁴ FRFs, 10,000 have 10⁶, and 10⁵ results."""
 
 import re
 import tempfile
@@ -15,7 +11,8 @@ import numpy as np
 import psycopg
 
 from benchmarks.clock import timed
-from benchmarks.service import Cost, api_of, campaigns_of, ended, load, measured, post, served
+from benchmarks.service import Cost, api_of, campaigns_of, ended, measured, post, served
+from benchmarks.tables import Table, load
 from benchmarks.tiled_catalogue import FIELDS, beside
 from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
@@ -82,24 +79,23 @@ def filling(project: UUID | str, structures: int, softest: float = 0.9, **each: 
 
 
 def search(*campaigns: int) -> list[str]:
-    """Print the tables; what was too slow."""
+    """The questions of `docs/search.md` over HTTP, and an import, as the database grows; gives what was too slow."""
     slow: list[str] = []
     with served() as service, api_of(service) as api, tempfile.TemporaryDirectory(prefix="mb-") as folder:
         project, there, file = str(post(api, "projects", {"name": "all"})["id"]), 0, Path(folder, "frfs.uff")
         write_file(file, _made(), binary=True)
         empty = _imported(api, service, file)
-        print(
-            f"{len(QUESTIONS)} questions, first page and counts over HTTP; ms: p50, p95 of {TURNS}, processors; {load()}"
-        )
+        print(f"{len(QUESTIONS)} questions, first page and counts over HTTP, {TURNS} times; {load()}")
         for count in campaigns or SIZES:
             _fill(service, project, (count - there) // CAMPAIGNS_OF_A_STRUCTURE)
             there = count
-            print(f"\n{EACH * count} FRFs, {EACH * count} modes, {EACH // 10 * count} results")
+            title = f"\n{EACH * count} FRFs, {EACH * count} modes, {EACH // 10 * count} results"
+            table = Table(title, "p50 ms:.1f", "p95 ms:.1f", "processors ms:.1f", "noun:10", "question:80")
             for noun, question in QUESTIONS:
                 with measured(service) as cost:
                     middle, most = np.percentile(_times(lambda: _ask(api, noun, question)), (50, 95))  # noqa: B023
                 busy = 1000 * cost.processor / (TURNS + 1)
-                print(f"{middle:7.1f} {most:7.1f} {busy:7.1f}  {noun}: {question}", flush=True)
+                table.row(middle, most, busy, noun, question)
                 slow += [f"{noun}: {question}: p95 {most:.0f} ms at {count} campaigns"] if most > 100 else []
             if count == (campaigns or SIZES)[0]:
                 _beside(api, Path(folder))

@@ -1,7 +1,6 @@
 """A service of its own for a benchmark, what its processes and PostgreSQL take, and what a laboratory puts into it."""
 
 import json
-import os
 import tempfile
 import threading
 import time
@@ -83,11 +82,6 @@ def ended(api: httpx.Client, answer: httpx.Response | str) -> dict[str, Any]:
         state = time.sleep(0.05) or {}
     assert state["status"] == "succeeded", state
     return state
-
-
-def load() -> str:
-    """The machine's load, for the head of a table."""
-    return f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors"
 
 
 @dataclass

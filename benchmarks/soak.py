@@ -1,9 +1,6 @@
 """A service that is asked for long, or for what costs; the tests have each in a short form.
 
-soak_fuzz   MINUTES: requests that Schemathesis draws from the OpenAPI document, right and wrong ones
-soak_bombs  N: files of each format that are made to cost, all at once
-soak_small  N: every figure and report of campaigns of few FRFs on few lines, whose arrays are smaller than the blocks
-they are read in
+Campaigns of few FRFs have arrays that are smaller than the blocks they are read in.
 """
 
 import http.client
@@ -59,7 +56,7 @@ class Fuzzed:
 
 
 def soak_fuzz(minutes: int = 10) -> list[str]:
-    """Print what came of it; the faults."""
+    """Requests that Schemathesis draws from the OpenAPI document, right and wrong ones; gives the faults."""
     with served(**ASKED_FREELY) as service:
         found = fuzz(service, minutes, examples=10)
     print(f"{found.statuses.total()} requests: " + ", ".join(f"{n} × {s}" for s, n in sorted(found.statuses.items())))
@@ -221,7 +218,7 @@ class Outcome:
 
 
 def soak_bombs(count: int = 10) -> list[str]:
-    """Print what came of so many bombs of each format; what was too much."""
+    """Files of each format that are made to cost, all at once; gives what was too much."""
     with served(job_memory_bytes=1024 * MIB, **ASKED_FREELY) as service:  # as much as a small machine has
         found = throw(service, count)
     print(f"API memory grew by {found.growth / 1e6:.0f} MB, /healthz took {1e3 * found.slowest:.0f} ms at most")
@@ -313,7 +310,7 @@ FIGURES = ("plotly", "svg", "png", "pdf")
 
 
 def soak_small(sizes: int = len(SIZES)) -> list[str]:
-    """Print how many answers there were; those that are no success."""
+    """Every figure and report of campaigns of few FRFs; gives the answers that are no success."""
     with served() as service, client_at(service.url, service.new_key("small")) as client:
         answers = list(small_campaigns(client, SIZES[:sizes]))
     print(f"{sizes} campaigns, {len(answers)} answers")

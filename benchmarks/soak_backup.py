@@ -73,7 +73,7 @@ class Tally:
 
 
 def soak_backup(rounds: int = 3) -> list[str]:
-    """Print what became of the jobs, round by round; what was lost."""
+    """A backup of jobs that wait and run, restored, round by round; gives what was lost."""
     lost = []
     for _ in range(rounds):
         tally = soak()

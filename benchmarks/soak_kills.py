@@ -60,7 +60,7 @@ class Tally:
 
 
 def soak_kills(kills: int = 100) -> list[str]:
-    """Print what was done and what came of it; what was lost."""
+    """Kills under imports, updates and messages; gives what was lost."""
     began, tally = time.monotonic(), soak(kills)
     several = sum(n > 1 for n in Counter(tally.received).values())
     for name, value in {

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import calculix
+from benchmarks.tables import Off, Table, print_beside
 from fecore.body.generators import panel, profile
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import Mesh
@@ -71,32 +72,38 @@ def body(truth: dict, elements: int, with_joints: bool) -> Structure:
 
 def elements() -> None:
     """Section 18's table of published shells."""
-    print("deflection / published       " + "".join(f"{kind:>8}" for kind in KINDS))
+    table = Table("", "deflection / published:27", *(f"{kind}:.3f" for kind in KINDS))
     for name, problem, n in (
         ("Scordelis-Lo roof, 16", roof, 16),
         ("pinched cylinder, 32", cylinder, 32),
         ("hemisphere, 16", hemisphere, 16),
         ("twisted beam, thin, 2 × 12", twisted_beam, 2),
     ):
-        print(f"  {name:27s}" + "".join(f"{problem(kind, n):8.3f}" for kind in KINDS))
+        table.row(name, *(problem(kind, n) for kind in KINDS))
 
 
 def joints(*kinds: str) -> None:
     """Section 19's table: 20 modes against the stored solids, naive and with the joint model, on two meshes."""
-    print("20 modes against solids, rms / worst %      naive, 6         joints, 6        joints, 4    6 to 4: worst")
+    columns = (f"{of} {part}:.2f" for of in ("naive, 6:", "joints, 6:", "joints, 4:") for part in ("rms", "worst"))
+    table = Table("20 modes against solids, %", "body:10", *columns, "6 to 4, worst:.2f")
     for kind in kinds:
         truth = json.loads((OPEN / f"{kind}-1.truth.json").read_text())
         solid = np.array([mode["f_hz"] for mode in truth["modes"]])[:20]
         found = [frequencies(body(truth, n, on), len(solid)) for n, on in ((6, False), (6, True), (4, True))]
         errors = [100 * (f / solid - 1) for f in found]
-        row = "".join(f"   {np.sqrt(np.mean(e**2)):6.2f} /{np.abs(e).max():5.2f}" for e in errors)
-        print(f"  {kind:36s}{row}   {100 * np.abs(found[2] / found[1] - 1).max():8.2f}", flush=True)
+        shown = [part for error in errors for part in rms_and_worst(error)]
+        table.row(kind, *shown, 100 * np.abs(found[2] / found[1] - 1).max())
+
+
+def rms_and_worst(error: np.ndarray) -> tuple[float, float]:
+    """Root mean square and greatest magnitude."""
+    return float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
 
 
 def size() -> None:
     """A ribbed panel of growing size: dofs, CPU seconds of set-up, of 26 modes, and peak memory."""
     material = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
-    print("      dofs   set-up s   26 modes s   peak GB   (CPU)")
+    table = Table("by the processor", "dofs:8", "set-up s:.2f", "26 modes s:.2f", "peak GB:.2f")
     for n in (20, 33, 47):
         start = time.process_time()
         mesh = panel(1.0, 0.5, 0.05, 0.006, 0.006, (-0.125, 0.125), n)
@@ -106,7 +113,7 @@ def size() -> None:
         frequencies(structure, 20)
         solved = time.process_time()
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        print(f"  {dofs:8d} {built - start:10.2f} {solved - built:12.2f} {peak:9.2f}", flush=True)
+        table.row(dofs, built - start, solved - built, peak)
 
 
 def s8r(kind: str) -> None:
@@ -142,25 +149,16 @@ def updates(*kinds: str) -> None:
         update_printed(kind, *stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4))
 
 
-def update_printed(name: str, body: Structure, measurement: Measurement, true: dict[str, float]) -> list[float]:
-    """Deviations of the identifiable constants from the true ones after an empty recipe, in standard deviations."""
+def update_printed(name: str, body: Structure, measurement: Measurement, true: dict[str, float]) -> list[Off]:
+    """The identifiable constants beside the true ones after an empty recipe."""
     start = time.process_time()
     result = update(measurement, body, Recipe(damping_models=("rayleigh",)))
-    took, paired = time.process_time() - start, sum(mode.updated_hz is not None for mode in result.modes)
-    print(f"  {name}: {body.model.stiffness.size} dofs, {took:.0f} s CPU, {paired} of {len(result.modes)} modes paired")
-    all_z = []
-    for each in (p for p in result.parameters if p.name in true and p.identifiable):
-        value, (low, high) = true[each.name], each.interval_95
-        off, z = 100 * (each.estimate / value - 1), (each.estimate - value) / each.standard_deviation
-        inside = "inside" if low <= value <= high else "OUTSIDE"
-        print(f"    {each.name:12s} {off:+7.2f} %   z {z:+5.2f}   {inside} 95 %")
-        all_z.append(z)
-    print(f"    {result.verdict.level}", flush=True)
-    return all_z
+    print(f"  {name}: {body.model.stiffness.size} dofs, {time.process_time() - start:.0f} s CPU")
+    return [off for off in print_beside(result, true) if off.identifiable]
 
 
-def main(part: str = "all", *kinds: str) -> None:
-    """Print the tables, or one of `elements`, `joints`, `size`, `s8r` and `updates`."""
+def structures(part: str = "all", *kinds: str) -> None:
+    """Shells in space: `elements`, published ones; `joints`, against solids; `size`; `s8r`, beside CalculiX; `updates`."""
     if not Path(OPEN).exists():
         print("  (the stored solids are absent)")
         kinds, part = (), "elements" if part == "all" else part

@@ -15,6 +15,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy import stats
 
+from benchmarks.tables import Table
 from fecore.arrays import FloatArray
 from fecore.trend import Chart, Series, State, Watch, assess
 
@@ -101,29 +102,28 @@ def first_beyond(series: dict[str, Series], baseline: int) -> int | None:
     return int(np.argmax(beyond)) if beyond.any() else None
 
 
-def report(label: str, firsts: list[int | None], changes: bool) -> None:
-    """One line of the table."""
+FALSE = ("false alarms a campaign:.4f", "of the stated:.2f")
+FOUND = ("delay, mean:.2f", "median:.1f", f"not found, counted as {HORIZON - CHANGE}:d", "called before:d")
+
+
+def calls(firsts: list[int | None], changes: bool) -> tuple[float, ...]:
+    """The columns `FOUND` of a series that changes, `FALSE` of one that does not."""
     if not changes:
         called = float(np.mean([first is not None for first in firsts]))
         rate = 1 - (1 - called) ** (1 / HORIZON)
-        print(f"    {label:20s} false alarms {rate:.4f} a campaign, {rate / RATE:4.2f} of the stated")
-        return
-    longest = HORIZON - CHANGE
-    delays = np.array([longest if f is None else f - CHANGE for f in firsts if f is None or f >= CHANGE])
-    print(
-        f"    {label:20s} delay mean {delays.mean():5.2f}, median {np.median(delays):4.1f} campaigns"
-        f" ({sum(f is None for f in firsts)} not found count as {longest});"
-        f" called before {len(firsts) - len(delays)} of {len(firsts)}"
-    )
+        return rate, rate / RATE
+    delays = np.array([HORIZON - CHANGE if f is None else f - CHANGE for f in firsts if f is None or f >= CHANGE])
+    missed = sum(f is None for f in firsts)
+    return delays.mean(), float(np.median(delays)), missed, len(firsts) - len(delays)
 
 
 def trend(sets: int = 200, seed: int = 100) -> None:
-    """Print the table."""
+    """False alarms and delays of control charts."""
     for k, scenario in enumerate(SCENARIOS):
         rng = np.random.default_rng(seed + k)
         drawn = [simulate(scenario, rng) for _ in range(sets)]
-        print(f"{scenario.name} ({sets} series)", flush=True)
+        changes, baseline = bool(scenario.factors), scenario.baseline
+        table = Table(f"{scenario.name} ({sets} series)", "chart:20", *(FOUND if changes else FALSE))
         for label, (chart, pending) in CHARTS.items():
-            report(label, [first_alarm(s, chart, pending, scenario.baseline) for s in drawn], bool(scenario.factors))
-        beyond = [first_beyond(s, scenario.baseline) for s in drawn]
-        report("Shewhart, raw values", beyond, bool(scenario.factors))
+            table.row(label, *calls([first_alarm(s, chart, pending, baseline) for s in drawn], changes))
+        table.row("Shewhart, raw values", *calls([first_beyond(s, baseline) for s in drawn], changes))

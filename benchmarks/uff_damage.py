@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from benchmarks.clock import timed
+from benchmarks.tables import Table
 from modalbase.formats.uff import (
     Axis,
     DatasetReport,
@@ -46,17 +47,18 @@ _IDS = ("beam", "run 1", "21-Nov-15 09:00:00", "NONE", "NONE")
 
 
 def uff_damage(count: int = 2000, seed: int = 2015) -> list[str]:
-    """Print the table of verdicts, and memory and time of the floods; the silent changes."""
+    """Verdicts on damaged UFF files, and memory and time of floods; gives the silent changes."""
     with TemporaryDirectory() as name:
         folder = Path(name)
         table, longest, silent = run(count, seed, folder)
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        print(f"{count} damaged UFF files, seed {seed}; longest reading {longest:.2f} s, peak memory {memory:.0f} MiB")
-        print(f"{'damage':<16}{'n':>6}" + "".join(f"{verdict:>26}" for verdict in VERDICTS))
+        title = f"{count} damaged UFF files, seed {seed}; longest reading {longest:.2f} s, peak memory {memory:.0f} MiB"
+        verdicts = Table(title, "damage:16", "n:d", *(f"{verdict}:d" for verdict in VERDICTS))
         for kind, counts in {**table, "all": sum(table.values(), Counter())}.items():
-            print(f"{kind:<16}{counts.total():>6}" + "".join(f"{counts[verdict]:>26}" for verdict in VERDICTS))
+            verdicts.row(kind, counts.total(), *(counts[verdict] for verdict in VERDICTS))
+        floods = Table("", "flood:36", "MiB more:.0f", "s:.2f", "outcome:90")
         for kind, (memory, seconds, outcome) in flood({kind: make() for kind, make in FLOODS.items()}, folder).items():
-            print(f"{kind:<36} +{memory:.0f} MiB {seconds:.2f} s  {outcome[:90]}")
+            floods.row(kind, memory, seconds, outcome[:90])
     return [f"silent change: {kind} of {name}" for name, kind, _ in silent]
 
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.draws import modes_at, yielding
+from benchmarks.tables import Table
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
-from fecore.body.supports import Boundary, Spring
+from fecore.body.supports import Boundary
 from fecore.dynamics.eigen import normal_modes
-from fecore.frf import Dof
-from fecore.modes import MeasuredModes
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import default_parameters
@@ -62,19 +62,14 @@ CASES = {
 
 
 def zones(draws: int = 6, seed: int = 36) -> list[str]:
-    """Print, for each case: false zones, damaged ones found, intervals that hold, and the CPU time of an update."""
-    print("  strips in                         false zones  damaged ones found  zones held  moduli held  CPU s")
+    """Stretches of another stiffness: false zones, damaged ones found, intervals that hold, the CPU time of an update."""
+    table = Table("", "strips in:32", "false:d", "of:d", "found:d", "of damaged:d", "held:d", "of zones:d",
+                  "held:d", "of moduli:d", "CPU s:.1f")  # fmt: skip
     for number, (name, case) in enumerate(CASES.items()):
         began, rows = time.process_time(), list[FloatArray]()
         for draw in range(draws):
             rows.append(_judged(*_updated(case, np.random.default_rng([seed, number, draw]))))
-        false, sound, found, damaged, held, all_zones, moduli, asked = np.sum(rows, axis=0)
-        took = (time.process_time() - began) / draws
-        print(
-            f"  {name:32}  {false:4} of {sound:3}   {found:6} of {damaged:3}       {held:3} of {all_zones:3}"
-            f"   {moduli:3} of {asked:3}   {took:5.1f}",
-            flush=True,
-        )
+        table.row(name, *np.sum(rows, axis=0), (time.process_time() - began) / draws)
     return []
 
 
@@ -102,7 +97,8 @@ def _updated(case: Case, random: np.random.Generator) -> tuple[UpdateResult, dic
     }
     body = replace(stated, zones=cuts, divisions=(60, 4))
     if case.boundary == "cantilever":
-        body = _yielding(body, abs(inputs.standard_deviation("clamp_compliance") * random.standard_normal()))
+        compliance = abs(inputs.standard_deviation("clamp_compliance") * random.standard_normal())
+        body = yielding(body, max(compliance, 1e-5))
     constants = {**body.nominal, **moduli, "Gyz": moduli["Gxz"], **own}
     constants |= {f"zone_{k}": factor for k, factor in enumerate(factors, start=1)}
     measurement = _measured(body, constants, case, random)
@@ -128,13 +124,6 @@ def _damage(case: Case, random: np.random.Generator) -> tuple[tuple[float, ...],
             return tuple(cuts.tolist()), factors
 
 
-def _yielding(body: Specimen, compliance: float) -> Specimen:
-    """The cantilever on springs along its edge, EI/kL of which is the compliance."""
-    k = MATERIAL.Ex * THICKNESS**3 / 12 / (max(compliance, 1e-5) * L)  # per metre of edge
-    rows = (("pitch", k, 5), ("roll", k, 4), ("heave", k / THICKNESS**2, 3))
-    return replace(body, supports=(), springs=tuple(Spring(*row, edge="start") for row in rows))
-
-
 def _measured(body: Specimen, constants: dict[str, float], case: Case, random: np.random.Generator) -> Measurement:
     """Frequencies and shapes at eleven stations by three rows."""
     model, count = body.model, case.modes + 3 * (case.boundary == "free")
@@ -151,6 +140,4 @@ def _measured(body: Specimen, constants: dict[str, float], case: Case, random: n
     shapes = (model.observe(at, np.tile([0.0, 0, 1], (len(at), 1))) @ modes.shapes).T[elastic][order]
     shapes = shapes + 0.01 * np.abs(shapes).max(axis=1, keepdims=True) * random.standard_normal(shapes.shape)
     points = {n: (float(a), float(b), 0.0) for n, (a, b) in enumerate(places, start=1)}
-    covariance = np.diag(np.concatenate([(NOISE * hz[order]) ** 2, np.full(case.modes, 1e-8)]))
-    dofs = tuple(Dof(n, 3) for n in points)
-    return Measurement(None, points, MeasuredModes(hz[order], np.full(case.modes, 0.01), shapes + 0j, dofs, covariance))
+    return Measurement(None, points, modes_at(points, hz[order], shapes, NOISE))

@@ -1,12 +1,7 @@
-"""Make what is made from code: the client's table of routes, and the pages of the reference.
-
-python -m tools.reference            # writes
-python -m tools.reference --check    # only says what is not as it should be; exit 1 then
-"""
+"""Make what is made from code: the client's table of routes, and the pages of the reference. A test compares them."""
 
 import json
 import re
-import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -123,24 +118,14 @@ def cli_page() -> str:
     count = Counter(row for found in rows.values() for row in found)
     common = [row for row, times in count.items() if times >= OFTEN]
     everywhere = [row for row, times in count.items() if times >= NEARLY_ALL]
-    lines = ["# The command, word by word", "", MARK, ""]
-    lines += [
-        f"[How to use it](command-line.md); `--help` has more. Things are named by {NAMED}. Nearly all commands have",
-        "",
-    ]
-    lines += [*everywhere, ""]
+    how = f"[How to use it](command-line.md); `--help` has more. Things are named by {NAMED}. Nearly all commands have"
+    lines = ["# The command, word by word", "", MARK, "", how, "", *everywhere, ""]
     lines += ["Others name these behind what they do:", "", *(row for row in common if row not in everywhere), ""]
     for words, one in commands:
         own = [row for row in rows[words] if row not in common]
         others = " ".join(row.split(":")[0][2:] for row in rows[words] if row in common and row not in everywhere)
-        lines += [
-            f"## {words.removeprefix('modalbase ')}",
-            "",
-            f"{_plain(one.help or '')} {others}".strip(),
-            "",
-            *own,
-            *([""] if own else []),
-        ]
+        said = f"{_plain(one.help or '')} {others}".strip()
+        lines += [f"## {words.removeprefix('modalbase ')}", "", said, "", *own, *([""] if own else [])]
     return "\n".join(lines)
 
 
@@ -175,18 +160,6 @@ MADE: dict[str, Callable[[], str]] = {
 }
 
 
-def main() -> int:
-    """Write, or check."""
-    stale = 0
-    for name, make in MADE.items():
-        path, text = ROOT / name, make()
-        if "--check" not in sys.argv[1:]:
-            path.write_text(text, encoding="utf-8")
-        elif not path.exists() or path.read_text(encoding="utf-8") != text:
-            print(f"{name} is not what the code makes: python -m tools.reference")
-            stale = 1
-    return stale
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    for made, make in MADE.items():
+        (ROOT / made).write_text(make(), encoding="utf-8")

@@ -39,17 +39,9 @@ def filled(url: str, key: str) -> list[str]:
         sent = api.post(f"structures/{bracket}/model", params=query, content=deck())
         finished(api, sent.headers["Location"])
         project = lab.project("demonstration").id
-        own = [
-            f"projects/{project}/joint",
-            f"structures/{bridge}/plan",
-            f"compare?job={job}",
-            f"structures/{bridge}",
-            f"structures/{bracket}",
-            f"monitors/{monitor}",
-            f"update-jobs/{job}",
-            f"joint-updates/{joint}",
-        ]
-        own += [f"campaigns/{campaign}{part}" for part in ("", "/update", "/grid-points")]
+        own = [f"projects/{project}/joint", f"structures/{bridge}/plan", f"compare?job={job}"]
+        own += [f"structures/{bridge}", f"structures/{bracket}", f"monitors/{monitor}", f"update-jobs/{job}"]
+        own += [f"joint-updates/{joint}", *(f"campaigns/{campaign}{part}" for part in ("", "/update", "/grid-points"))]
         return [*(f"/ui/{path}" for path in (*LISTS, *own)), *more_pages(api, bridge)]
 
 
@@ -70,9 +62,8 @@ def main(folder: Path) -> None:
                         for place in seen.page.locator("[data-space]").all():
                             place.scroll_into_view_if_needed()
                             seen.page.wait_for_selector("[data-space][data-ready]")
-                        seen.page.evaluate(
-                            "scrollTo(0, 0)"
-                        )  # else the head, which stays in sight, would cover its middle
+                        # Else the head, which stays in sight, would cover its middle.
+                        seen.page.evaluate("scrollTo(0, 0)")
                         name = f"{number:02}-{path.split('/')[2].split('?')[0]}-{size}{'-dark' if dark else ''}.png"
                         seen.page.screenshot(path=folder / name, full_page=True)
 

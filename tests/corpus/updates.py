@@ -244,7 +244,7 @@ def laboratory(seed: int, step: int) -> Drawn:
 def at_rest(outcome: Found) -> None:
     """Without the damping of the steps none comes to rest."""
     assert not outcome.error
-    assert outcome.held
+    assert outcome.offs
     assert not [warning for warning in outcome.warnings if "could not be updated" in warning]
 
 

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.draws import modes_at
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
-from fecore.frf import Dof, along_z
-from fecore.modes import MeasuredModes
+from fecore.frf import along_z
 from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -68,16 +68,12 @@ def measured(
     state = forward.solve(prior.prior_mean)
     hz = state.frequency_hz[:modes] * (1 + np.hypot(_THEORY, _NOISE) * random.standard_normal(modes))
     order = np.argsort(hz)
-    covariance = np.zeros((2 * modes, 2 * modes))
-    covariance[:modes, :modes] = np.diag((_NOISE * hz[order]) ** 2)
-    covariance[modes:, modes:] = np.eye(modes) * 1e-8
-    shapes = state.shapes[:modes][order] + 0j
     points = {number: (float(u), float(v), 0.0) for number, (u, v) in enumerate(places, start=1)}
     return Campaign(
         name=name,
         specimen=name,
         body=body,
-        modes=MeasuredModes(hz[order], np.full(modes, 0.01), shapes, tuple(Dof(p, 3) for p in points), covariance),
+        modes=modes_at(points, hz[order], state.shapes[:modes][order], _NOISE),
         points=points,
         inputs=inputs,
     )
