@@ -110,7 +110,7 @@ def restored(file: Path, data: Path) -> list[Job]:
     """Restore a backup into a new data folder, and let its jobs end there."""
     run("restore", str(file), "--data", str(data))
     with embedded_server(data) as url, floor(url) as there:
-        there.modalbase("worker")
+        there.modalbase("worker", job_lease_seconds=5.0)  # until the jobs that the killed worker had are taken over
         there.until(lambda: all(job.finished_at for job in there.jobs()), "the end of every restored job")
         return there.jobs()
 

@@ -98,21 +98,15 @@ def frequency_error(measured_hz: ArrayLike, predicted_hz: ArrayLike) -> FloatArr
 
 @dataclass(frozen=True)
 class Pairing:
-    """Which measured mode is which model mode.
+    """Which measured mode is which model mode."""
 
-    Attributes:
-        pairs: (measured index, model index), ascending in the measured one.
-        mac: (n_measured, n_model) MAC matrix, or None where pairing went by frequency. That of a pair is the measured shape's
-            with the span of all modes that may mix with its partner (`span_mac`).
-        unpaired_measured: measured modes without a partner.
-        unpaired_model: model modes within the measured range of frequency without a partner.
-        ambiguous: (measured, model, other model) where the other fits nearly as well, within the margin.
-    """
-
-    pairs: tuple[tuple[int, int], ...]
+    pairs: tuple[tuple[int, int], ...]  # (measured index, model index), ascending in the measured one
+    # (n_measured, n_model) MAC matrix, or None where pairing went by frequency. That of a pair is the measured shape's
+    # with the span of all modes that may mix with its partner (`span_mac`).
     mac: FloatArray | None
-    unpaired_measured: tuple[int, ...]
-    unpaired_model: tuple[int, ...]
+    unpaired_measured: tuple[int, ...]  # measured modes without a partner
+    unpaired_model: tuple[int, ...]  # model modes within the measured range of frequency without a partner
+    # (measured, model, other model) where the other fits nearly as well, within the margin
     ambiguous: tuple[tuple[int, int, int], ...]
 
     def messages(self, measured_hz: ArrayLike, model_hz: ArrayLike) -> tuple[str, ...]:

@@ -45,15 +45,10 @@ def size_fault(values: ComplexArray) -> str | None:
 
 @dataclass(frozen=True, order=True)
 class Dof:
-    """A measurement point and a signed direction there.
+    """A measurement point and a signed direction there."""
 
-    Attributes:
-        point: label of the grid point.
-        direction: 1, 2, 3 for +x, +y, +z, 4, 5, 6 for rotations about them; negative for the opposite sense.
-    """
-
-    point: int
-    direction: int
+    point: int  # label of the grid point
+    direction: int  # 1, 2, 3 for +x, +y, +z, 4, 5, 6 for rotations about them; negative for the opposite sense
 
     def __post_init__(self) -> None:
         if not 1 <= abs(self.direction) <= 6:
@@ -77,24 +72,16 @@ def along_z(points: Iterable[int]) -> tuple[Dof, ...]:
 
 @dataclass(frozen=True)
 class FrfSet:
-    """FRFs on one frequency axis.
+    """FRFs on one frequency axis."""
 
-    Attributes:
-        frequency_hz: (L,) increasing frequency lines, Hz.
-        values: (N, L) complex FRFs, SI (m/s² per N, m/s per N or m per N).
-        responses: N response degrees of freedom.
-        references: N force degrees of freedom.
-        quantity: what kind of FRF all of them are.
-        variance: (N, L) variance of the complex noise E|n|² of each value, NaN or None where it is not known.
-        measured: (N, L) where a value was measured; all of them by default. Elsewhere a value means nothing.
-    """
-
-    frequency_hz: FloatArray
-    values: ComplexArray
-    responses: tuple[Dof, ...]
-    references: tuple[Dof, ...]
-    quantity: Quantity = "accelerance"
+    frequency_hz: FloatArray  # (L,) increasing frequency lines, Hz
+    values: ComplexArray  # (N, L) complex FRFs, SI (m/s² per N, m/s per N or m per N)
+    responses: tuple[Dof, ...]  # N response degrees of freedom
+    references: tuple[Dof, ...]  # N force degrees of freedom
+    quantity: Quantity = "accelerance"  # what kind of FRF all of them are
+    # (N, L) variance of the complex noise E|n|² of each value, NaN or None where it is not known
     variance: FloatArray | None = None
+    # (N, L) where a value was measured; all of them by default. Elsewhere a value means nothing.
     measured: BoolArray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool))
 
     def __post_init__(self) -> None:

@@ -54,33 +54,25 @@ P = TypeVar("P", bound=Iterate)
 
 @dataclass(frozen=True)
 class Stopping:
-    """When a minimum is reached, and when the search is given up.
+    """When a minimum is reached, and when the search is given up."""
 
-    Attributes:
-        relative, absolute: an undamped step that could gain no more than relative · E + absolute has converged. A damped one
-            is short, so what it gains says nothing.
-        stalled: relative decrease of E that counts as none; `stalled_steps` of them running have converged too.
-        steps: most trial steps.
-    """
-
+    # relative, absolute: an undamped step that could gain no more than relative · E + absolute has converged. A damped
+    # one is short, so what it gains says nothing.
     relative: float = 1e-10
     absolute: float = 0.0
+    # relative decrease of E that counts as none; `stalled_steps` of them running have converged too
     stalled: float = 1e-7
     stalled_steps: int = 5
-    steps: int = 100
+    steps: int = 100  # most trial steps
 
 
 @dataclass(frozen=True)
 class Minimum(Generic[P]):
-    """Where a search ended.
+    """Where a search ended."""
 
-    Attributes:
-        point: the best point.
-        outcome: `converged`; `stuck` where no step along the descent lowers E; `exhausted` after the most steps; `singular`
-            where a direction does not change E at all, so the minimum is no point.
-    """
-
-    point: P
+    point: P  # the best point
+    # `converged`; `stuck` where no step along the descent lowers E; `exhausted` after the most steps; `singular` where
+    # a direction does not change E at all, so the minimum is no point
     outcome: Literal["converged", "stuck", "exhausted", "singular"]
 
 

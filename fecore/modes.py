@@ -13,23 +13,14 @@ from fecore.frf import Dof
 
 @dataclass(frozen=True)
 class MeasuredModes:
-    """Modes of a structure as an experiment gave them, in ascending frequency.
+    """Modes of a structure as an experiment gave them, in ascending frequency."""
 
-    Attributes:
-        frequency_hz: (n,) undamped natural frequencies ω_k/2π, Hz.
-        damping_ratio: (n,) viscous damping ratios ζ_k; NaN where not known.
-        shapes: (n, p) complex shapes at `dofs`, or None where only frequencies are known.
-        dofs: the p measurement degrees of freedom of the shapes (signed directions).
-        covariance: (2n, 2n) covariance of (f₁ … f_n in Hz, ζ₁ … ζ_n), or None where not known.
-        probability: (n,) that each is a mode of the structure, or None where somebody says so.
-    """
-
-    frequency_hz: FloatArray
-    damping_ratio: FloatArray
-    shapes: ComplexArray | None = None
-    dofs: tuple[Dof, ...] = ()
-    covariance: FloatArray | None = None
-    probability: FloatArray | None = None
+    frequency_hz: FloatArray  # (n,) undamped natural frequencies ω_k/2π, Hz
+    damping_ratio: FloatArray  # (n,) viscous damping ratios ζ_k; NaN where not known
+    shapes: ComplexArray | None = None  # (n, p) complex shapes at `dofs`, or None where only frequencies are known
+    dofs: tuple[Dof, ...] = ()  # the p measurement degrees of freedom of the shapes (signed directions)
+    covariance: FloatArray | None = None  # (2n, 2n) covariance of (f₁ … f_n in Hz, ζ₁ … ζ_n), or None where not known
+    probability: FloatArray | None = None  # (n,) that each is a mode of the structure, or None where somebody says so
 
     def __post_init__(self) -> None:
         n = self.frequency_hz.size

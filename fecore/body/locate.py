@@ -21,31 +21,18 @@ _STEPS = 12  # of Gauss and Newton: a point on a flat element is found in one
 
 @dataclass(frozen=True)
 class Places:
-    """Points found on the surface.
+    """Points found on the surface."""
 
-    Attributes:
-        nodes: (p, n) nodes of each point's element; beyond an element's own its first with no weight.
-        functions: (p, n) shape functions.
-        shift: (p, n, 3) rigid links from the nodes to the element.
-        foot: (p, 3) the nearest places themselves.
-        arm: (p, 3) from there to the point, m; from a shell's free edge along its normal alone.
-        distance: (p,) from the surface, m.
-        thickness: (p,) nominal thickness of the wall, m.
-        block: (p,) number of the element's block.
-        normal: (p, 3) of the surface.
-        on_beam: (p,) whether it is a beam.
-    """
-
-    nodes: IntArray
-    functions: FloatArray
-    shift: FloatArray
-    foot: FloatArray
-    arm: FloatArray
-    distance: FloatArray
-    thickness: FloatArray
-    block: IntArray
-    normal: FloatArray
-    on_beam: BoolArray
+    nodes: IntArray  # (p, n) nodes of each point's element; beyond an element's own its first with no weight
+    functions: FloatArray  # (p, n) shape functions
+    shift: FloatArray  # (p, n, 3) rigid links from the nodes to the element
+    foot: FloatArray  # (p, 3) the nearest places themselves
+    arm: FloatArray  # (p, 3) from there to the point, m; from a shell's free edge along its normal alone
+    distance: FloatArray  # (p,) from the surface, m
+    thickness: FloatArray  # (p,) nominal thickness of the wall, m
+    block: IntArray  # (p,) number of the element's block
+    normal: FloatArray  # (p, 3) of the surface
+    on_beam: BoolArray  # (p,) whether it is a beam
 
     def rows(self, directions: FloatArray) -> FloatArray:
         """(p, n, 6) displacement of the points along (p, 3) directions by the nodes' dofs."""
@@ -77,18 +64,13 @@ def evenly_spread(places: FloatArray, most: int) -> list[int]:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """The shells and beams of a mesh as they lie in space.
-
-    Attributes:
-        mesh: the mesh.
-        shifts: (e, n, 3) of each block: from the mesh's nodes to where its elements begin.
-        thickness: nominal thickness of each block, m; of beams twice how far material lies from the axis.
-        reach: m along x, y and z by which a point may lie further away than half the wall.
-    """
+    """The shells and beams of a mesh as they lie in space."""
 
     mesh: Mesh
-    shifts: tuple[FloatArray, ...]
+    shifts: tuple[FloatArray, ...]  # (e, n, 3) of each block: from the mesh's nodes to where its elements begin
+    # nominal thickness of each block, m; of beams twice how far material lies from the axis
     thickness: tuple[float, ...]
+    # m along x, y and z by which a point may lie further away than half the wall
     reach: tuple[float, float, float] = (TOLERANCE,) * 3
 
     @cached_property
@@ -109,18 +91,14 @@ class Surfaces:
         found = self.nearest(centres[evenly_spread(centres, most)])
         return found.foot, found.normal
 
-    def find(self, points: FloatArray, tolerance: float | None = None) -> Places:
+    def find(self, points: FloatArray) -> Places:
         """The nearest points of the surface to (p, 3) points. One beyond an edge counts as on it.
 
-        Args:
-            points: m.
-            tolerance: m by which a point may lie further from the surface than half the wall; `reach` if not stated.
-
         Raises:
-            OffSpecimenError: a point lies further.
+            OffSpecimenError: a point lies further from the surface than half the wall and `reach`.
         """
         found = self.nearest(points)
-        off = self.are_off(points, found, tolerance)
+        off = self.are_off(points, found)
         if np.any(off):
             index = int(np.flatnonzero(off)[0])
             place = ", ".join(f"{x:g}" for x in points[index])
@@ -132,11 +110,10 @@ class Surfaces:
             )
         return found
 
-    def are_off(self, points: FloatArray, found: Places, tolerance: float | None = None) -> BoolArray:
-        """(p,) which points lie further from their places than half the wall and the tolerance, as of `find`."""
+    def are_off(self, points: FloatArray, found: Places) -> BoolArray:
+        """(p,) which points lie further from their places than half the wall and `reach`."""
         wall = found.thickness[:, None] / 2 * np.where(found.on_beam[:, None], 1.0, np.abs(found.normal))
-        reach = np.array(self.reach if tolerance is None else (tolerance,) * 3)
-        return np.asarray(np.any(np.abs(points - found.foot) > wall + reach * (1 + 1e-9), axis=1))
+        return np.asarray(np.any(np.abs(points - found.foot) > wall + np.array(self.reach) * (1 + 1e-9), axis=1))
 
     def nearest(self, points: FloatArray) -> Places:
         """The nearest points of the surface, however far."""

@@ -29,44 +29,26 @@ _ALONG = 1e-6  # component of a unit direction that is round-off
 
 @dataclass(frozen=True)
 class Part:
-    """Elements whose coefficients are known by name; parts that share a name share the coefficient.
+    """Elements whose coefficients are known by name; parts that share a name share the coefficient."""
 
-    Attributes:
-        operators: their rows.
-        terms: (k, r, r) C_k.
-        names: of the k coefficients.
-        blocks: index matrices into the k.
-    """
-
-    operators: Operators
-    terms: FloatArray
-    names: tuple[str, ...]
-    blocks: tuple[IntArray, ...]
+    operators: Operators  # their rows
+    terms: FloatArray  # (k, r, r) C_k
+    names: tuple[str, ...]  # of the k coefficients
+    blocks: tuple[IntArray, ...]  # index matrices into the k
 
 
 @dataclass(frozen=True)
 class Model:
-    """An affine finite element model.
-
-    Attributes:
-        mesh: the mesh.
-        joints: the joint model, without junctions where they are left out.
-        surfaces: the shells as they lie in space, on which points are found.
-        dofs: numbers of the dofs of a node among u, v, w, θx, θy, θz.
-        stiffness: K(c) over the free dofs.
-        mass: M(m) over the free dofs.
-        rigid_modes: (dofs, r) exact zero-energy motions of the supported body.
-        links: nodes that others lead, or that are held along axes of their own.
-    """
+    """An affine finite element model."""
 
     mesh: Mesh
-    joints: Joints
-    surfaces: Surfaces
-    dofs: tuple[int, ...]
-    stiffness: AffineMatrix
-    mass: AffineMatrix
-    rigid_modes: FloatArray
-    links: tuple[Link, ...] = ()
+    joints: Joints  # the joint model, without junctions where they are left out
+    surfaces: Surfaces  # the shells as they lie in space, on which points are found
+    dofs: tuple[int, ...]  # numbers of the dofs of a node among u, v, w, θx, θy, θz
+    stiffness: AffineMatrix  # K(c) over the free dofs
+    mass: AffineMatrix  # M(m) over the free dofs
+    rigid_modes: FloatArray  # (dofs, r) exact zero-energy motions of the supported body
+    links: tuple[Link, ...] = ()  # nodes that others lead, or that are held along axes of their own
 
     @property
     def free(self) -> BoolArray:
@@ -106,9 +88,7 @@ class Model:
         """(n, nodes, 3) displacement along x, y and z of the nodes in (dofs, n) shapes; 0 where a node is held."""
         return np.ascontiguousarray(self.everywhere(shapes)[:, :3].transpose(2, 0, 1))
 
-    def observe(
-        self, points: FloatArray, directions: FloatArray, tolerance: float | None = None
-    ) -> scipy.sparse.csr_array:
+    def observe(self, points: FloatArray, directions: FloatArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement at (p, 3) points along (p, 3) unit directions: (u₀ + θ × (p − x₀)) · n.
 
         A point belongs to the nearest point x₀ of the surface, whose element interpolates u₀ and θ.
@@ -116,17 +96,16 @@ class Model:
         Args:
             points: m.
             directions: unit vectors.
-            tolerance: m, see `Surfaces.find`.
 
         Raises:
-            OffSpecimenError: a point lies further from the surface than half the wall and the tolerance.
+            OffSpecimenError: a point lies further from the surface than half the wall and the reach of the body.
             InputError: the model has no motion along a direction.
         """
         blind = np.flatnonzero(~self.moves_along(directions))
         if blind.size:
             names = ", ".join(DISPLACEMENTS[dof] for dof in self.dofs)
             raise InputError(f"directions[{blind[0]}]", f"is {directions[blind[0]]}; this model has {names} alone")
-        return self._rows(self.surfaces.find(points, tolerance), directions)
+        return self._rows(self.surfaces.find(points), directions)
 
     def moves_along(self, directions: FloatArray) -> BoolArray:
         """(p,) whether (p, 3) unit directions lie in those in which the model's nodes move."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,7 +91,7 @@ class ModalFrfModel:
         return converted
 
     def load_factors(
-        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity, beyond: tuple[float, float] = (0.0, 0.0)
+        self, frequency_hz: FloatArray, rate: FloatArray, quantity: Quantity
     ) -> tuple[ComplexArray, ComplexArray] | None:
         """(N, L) factors g, h of ∂H' = g ∂H + h ∂H_d, H and H_d the FRFs without the roving mass; None where none roves.
 
@@ -101,28 +100,10 @@ class ModalFrfModel:
         if self.roving is None:
             return None
         omega = 2 * np.pi * frequency_hz
-        drive = self.roving.drive(self).synthesise(frequency_hz, rate, "receptance", beyond)
+        drive = self.roving.drive(self).synthesise(frequency_hz, rate, "receptance")
         factor = 1 / (1 - omega**2 * self.roving.mass * drive)
-        loaded = self.synthesise(frequency_hz, rate, quantity, beyond)
+        loaded = self.synthesise(frequency_hz, rate, quantity)
         return factor, factor * omega**2 * self.roving.mass * loaded / convert(omega, quantity)
-
-    def blocks(
-        self,
-        frequency_hz: FloatArray,
-        rate: FloatArray,
-        quantity: Quantity = "accelerance",
-        beyond: tuple[float, float] = (0.0, 0.0),
-        values: int = 2**22,
-    ) -> Iterator[tuple[slice, ComplexArray]]:
-        """The same FRFs as `synthesise`, some lines at a time, each block of at most about so many values.
-
-        Yields:
-            The slice of the lines, and (N, lines) FRFs there.
-        """
-        step = max(1, values // max(len(self.residues), self.eigenvalue.size))
-        for first in range(0, frequency_hz.size, step):
-            lines = slice(first, min(first + step, frequency_hz.size))
-            yield lines, self.synthesise(frequency_hz[lines], rate, quantity, beyond)
 
     def with_eigenvalue(self, eigenvalue: FloatArray) -> ModalFrfModel:
         """The same residues on other eigenvalues."""

@@ -16,7 +16,6 @@ on and not by the law: each has a rate of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,39 +33,26 @@ from fecore.updating.parameters import by_name
 
 @dataclass(frozen=True)
 class DampingFit:
-    """A law fitted to FRFs.
-
-    Attributes:
-        law: the law.
-        coefficients: (p,) estimate.
-        nuisance: the modes with a shift and a deviation.
-        shift: (s,) their relative frequency shifts δ_k.
-        eigenvalue: (m,) eigenvalues as fitted, λ_k (1 + δ_k)².
-        rate: (m,) damping rates as fitted, deviations and the window's rate included; law_rate: (m,) those of the law alone.
-        cost: misfit E of the data, weighted; objective: with the deviations' prior.
-        noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
-        response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
-        tie: (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of the others.
-        seen: (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the others.
-        normal: normal equations at the estimate.
-        history: (iterations, p) coefficients, first to last.
-    """
+    """A law fitted to FRFs."""
 
     law: DampingLaw
-    coefficients: FloatArray
-    nuisance: Nuisance
-    shift: FloatArray
-    eigenvalue: FloatArray
-    rate: FloatArray
-    law_rate: FloatArray
-    cost: float
-    objective: float
-    noise_covariance: FloatArray
+    coefficients: FloatArray  # (p,) estimate
+    nuisance: Nuisance  # the modes with a shift and a deviation
+    shift: FloatArray  # (s,) their relative frequency shifts δ_k
+    eigenvalue: FloatArray  # (m,) eigenvalues as fitted, λ_k (1 + δ_k)²
+    rate: FloatArray  # (m,) damping rates as fitted, deviations and the window's rate included
+    law_rate: FloatArray  # (m,) those of the law alone
+    cost: float  # misfit E of the data, weighted
+    objective: float  # the same with the deviations' prior
+    noise_covariance: FloatArray  # (p, p) covariance of the coefficients by measurement noise alone
+    # (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it
     response: FloatArray
+    # (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of the others
     tie: FloatArray
+    # (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the others
     seen: FloatArray
-    normal: NormalEquations
-    history: FloatArray
+    normal: NormalEquations  # normal equations at the estimate
+    history: FloatArray  # (iterations, p) coefficients, first to last
 
     def synthesise(self, model: ModalFrfModel, frequency_hz: FloatArray, quantity: Quantity) -> ComplexArray:
         """(N, L) FRFs of the elastic model between any dofs under the law, modes that the model leaves out included."""
@@ -81,12 +67,7 @@ class DampingFit:
 
 
 def fit_law(
-    misfit: FrfMisfit,
-    law: DampingLaw,
-    start: FloatArray,
-    nuisance: Nuisance,
-    scale: float = 1.0,
-    progress: Callable[[float], None] = lambda _: None,
+    misfit: FrfMisfit, law: DampingLaw, start: FloatArray, nuisance: Nuisance, scale: float = 1.0
 ) -> DampingFit:
     """Fit a law's coefficients and the modes' frequency shifts.
 
@@ -96,7 +77,6 @@ def fit_law(
         start: (p,) first coefficients.
         nuisance: modes that may lie off the model and the law.
         scale: what E of one value is by noise alone: 1 for `noise` weights. It brings priors into the units of E.
-        progress: called with the share that is done.
 
     Raises:
         UpdatingError: no convergence; it carries the best iterate.
@@ -104,8 +84,7 @@ def fit_law(
     problem = LawProblem(misfit, law, nuisance, scale)
     history: list[FloatArray] = []
 
-    def visit(trial: int, point: LawPoint) -> None:
-        progress(1 - 0.7**trial)
+    def visit(_: int, point: LawPoint) -> None:
         if not history or point.coefficients is not history[-1]:
             history.append(point.coefficients)
 

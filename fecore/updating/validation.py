@@ -81,22 +81,21 @@ class Predictor:
         basis[self.damping.fit.nuisance.suspended] = 0
         shifted = self.damping.fit.nuisance.modes
         p, e = len(self.covariance), shifted.size
-        # Of the lines' functions, in the change of each FRF by each cause.
-        weights = np.zeros((p + 2 * e, len(A), 3 * m))
+        # Of the lines' functions, in the change of each FRF by each constant and coefficient.
+        weights = np.zeros((p, len(A), 3 * m))
         weights[: self.elastic.theta.size, :, :m] = state.residue_jacobian(frfs.responses, references)
         weights[: self.elastic.theta.size, :, m : 2 * m] = A * state.eigenvalue_jacobian.T[:, None, :]
-        weights[self.elastic.theta.size : p, :, 2 * m :] = A * basis.T[:, None, :]
-        weights[:p] = np.tensordot(root(self.covariance).T, weights[:p], 1)
-        causes = np.arange(e)
-        shift, deviation = (
-            2 * model.eigenvalue[shifted] * self.elastic.discrepancy,
-            rate[shifted] * self.damping.discrepancy,
-        )
-        weights[p + causes, :, m + shifted] = (A[:, shifted] * shift).T
-        weights[p + e + causes, :, 2 * m + shifted] = (A[:, shifted] * deviation).T
-        # The weights are real: real and imaginary parts go side by side through one product of real matrices.
-        change = weights.reshape(-1, 3 * m) @ np.ascontiguousarray(lines).view(np.float64)
-        return change.view(np.complex128).reshape(len(weights), len(A), omega.size)
+        weights[self.elastic.theta.size :, :, 2 * m :] = A * basis.T[:, None, :]
+        weights = np.tensordot(root(self.covariance).T, weights, 1)
+        # The weights are real: real and imaginary parts go side by side through products of real numbers.
+        parts = np.ascontiguousarray(lines).view(np.float64)
+        change = np.empty((p + 2 * e, len(A), parts.shape[1]))
+        change[:p] = (weights.reshape(-1, 3 * m) @ parts).reshape(p, len(A), -1)
+        shift = 2 * model.eigenvalue[shifted] * self.elastic.discrepancy
+        deviation = rate[shifted] * self.damping.discrepancy
+        for own, size, first in ((change[p : p + e], shift, m), (change[p + e :], deviation, 2 * m)):
+            np.multiply((size * A[:, shifted]).T[:, :, None], parts[first + shifted][:, None], out=own)
+        return change.view(np.complex128)
 
     @property
     def covariance(self) -> FloatArray:

@@ -6,7 +6,7 @@ the order of the data:
 place         which service, with which key
 connection    HTTP: pages, uploads, downloads, refusals; `rest`: each route of the contract as a method
 finding       ids by name; `jobs`: waiting for their end; `files`: to the service and from it
-inventory     commands for projects, structures, campaigns, coupons
+inventory     commands for projects, structures and their models, campaigns, coupons
 measuring     commands for files, points, hits, FRFs, modes
 updating      commands for updates, their results, monitors, alarms
 exporting     commands for files of the service

@@ -10,11 +10,9 @@ from typing import Annotated
 
 import typer
 
-from modalbase.client.archives import import_archive
-from modalbase.client.exporting import cards, export, figure, report
-from modalbase.client.inventory import campaigns, coupons, projects, structures
+from modalbase.client.exporting import cards, export, figure, import_archive, report
+from modalbase.client.inventory import campaigns, coupons, model, projects, structures
 from modalbase.client.measuring import frfs, hits, import_files, modes, points
-from modalbase.client.models import model
 from modalbase.client.options import say_next
 from modalbase.client.searching import search
 from modalbase.client.updating import alarms, jobs, monitors, result, update

@@ -1,10 +1,9 @@
-"""Files of the service: `modalbase figure`, `report`, `export` and `cards`."""
+"""Files of the service: `modalbase figure`, `report`, `export` and `cards`; and `import-archive`, an archive into a project."""
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 from urllib.parse import quote
 
 import typer
@@ -19,22 +18,15 @@ if TYPE_CHECKING:
     from modalbase.client.connection import Connection
 
 
-class What(StrEnum):
-    """What to fetch, and of what the id is."""
+What = Literal["frfs", "grid-points", "modes", "predicted", "original"]
+"""What to fetch: of a campaign, of a campaign, of a mode set, of an update job, of an import."""
 
-    frfs = "frfs"  # of a campaign
-    grid_points = "grid-points"  # of a campaign
-    modes = "modes"  # of a mode set
-    predicted = "predicted"  # of an update job
-    original = "original"  # of an import
-
-
-PATHS = {
-    What.frfs: "campaigns/{}/frfs/data",
-    What.grid_points: "campaigns/{}/grid-points",
-    What.modes: "mode-sets/{}",
-    What.predicted: "update-jobs/{}/frfs/data",
-    What.original: "imports/{}/original",
+PATHS: dict[What, str] = {
+    "frfs": "campaigns/{}/frfs/data",
+    "grid-points": "campaigns/{}/grid-points",
+    "modes": "mode-sets/{}",
+    "predicted": "update-jobs/{}/frfs/data",
+    "original": "imports/{}/original",
 }
 
 
@@ -66,13 +58,13 @@ def cards(
 
 def _id(service: Connection, what: What, text: str) -> str:
     """The id of what a text names."""
-    if what is What.predicted:
+    if what == "predicted":
         return find_job(service, text)
-    if what is What.original:
+    if what == "original":
         if (id_ := uuid_of(text)) is None:
             raise ClientError(f"{text!r} is no id of an import; `modalbase import` prints them", Exit.USAGE)
         return id_
-    return find_id(service, MODE_SET if what is What.modes else CAMPAIGN, text)
+    return find_id(service, MODE_SET if what == "modes" else CAMPAIGN, text)
 
 
 def export(
@@ -80,7 +72,7 @@ def export(
         str, typer.Argument(metavar="ID", help="Campaign, mode set, update job or import: id, name or latest")
     ],
     out: Annotated[Path, typer.Option("--out", "-o", help="File to write; - is standard output")],
-    what: Annotated[What, typer.Option(help="What to fetch")] = What.frfs,
+    what: Annotated[What, typer.Option(help="What to fetch")] = "frfs",
     file_format: Annotated[
         str | None,
         typer.Option("--format", help="json npz csv uff uff-ascii arrow; by default as the file's name says"),
@@ -95,11 +87,11 @@ def export(
 ) -> None:
     """Fetch FRFs, grid points, modes, predictions or an original file."""
     target = None if str(out) == "-" else out
-    if what is not What.original and file_format is None:
+    if what != "original" and file_format is None:
         file_format = format_of(out, FRF_FORMATS, "state --format: ")
     wanted = {"point": point, "reference": reference, "fmin": fmin, "fmax": fmax, "stride": stride}
     stated = [f"--{name}" for name, value in wanted.items() if value is not None]
-    if stated and what not in (What.frfs, What.predicted):
+    if stated and what not in ("frfs", "predicted"):
         raise ClientError(f"{', '.join(stated)} choose FRFs, not {what}", Exit.USAGE)
     with service_at(url) as service, transfer(out.name) as watch:
         path = PATHS[what].format(_id(service, what, id_))
@@ -140,3 +132,29 @@ def report(
     chosen = format_of(out, REPORTS, "--out ")
     with service_at(url) as service:
         _fetch(service, f"update-jobs/{find_job(service, job)}/report", out, as_json, format=chosen)
+
+
+def import_archive(
+    file: Annotated[
+        Path, typer.Argument(exists=True, dir_okay=False, help="Archive, as `find --out FILE.zip` writes it")
+    ],
+    project: Annotated[str, typer.Argument(help="Project to read it into; made where there is none of that name")],
+    again: Annotated[
+        bool, typer.Option("--again", help="Read it though one of the same content was read before")
+    ] = False,
+    as_json: AsJson = False,
+    url: Url = None,
+) -> None:
+    """Read an archive into a project: all but results, with new ids. Results stay in the archive."""
+    from modalbase.objects.laboratory import Laboratory  # it reads files, which no other command needs
+
+    with service_at(url) as service:
+        done = Laboratory(service).project(project, create=True).import_archive(file, again=again)
+    if as_json:
+        print_json({"ids": done.ids, "results": done.results})
+        return
+    for was, is_now in done.ids.items():
+        typer.echo(f"{was} is {is_now}")
+    typer.echo(
+        f"{len(done.results)} results stay in {file.name}; an update with the recipe in their provenance computes them again"
+    )

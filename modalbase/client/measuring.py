@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -91,30 +90,19 @@ def _members(file: Path, head: list[str]) -> list[str]:
     return found
 
 
-class Quantity(StrEnum):
-    """What an FRF is."""
-
-    accelerance = "accelerance"
-    mobility = "mobility"
-    receptance = "receptance"
-
-
-class Kind(StrEnum):
-    """What the arrays of a file are."""
-
-    hits = "hits"
-    frfs = "frfs"
-
-
 def import_files(
     files: Annotated[list[Path], typer.Argument(help="UFF, npz, .mat, CSV, wav, TDMS", exists=True, dir_okay=False)],
     campaign: Annotated[
         str, typer.Option("--campaign", "-c", help=f"Campaign: {NAMED}", autocompletion=names_of(CAMPAIGN))
     ] = "latest",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only report what the files hold")] = False,
-    quantity: Annotated[Quantity | None, typer.Option(help="What FRFs are whose file does not say")] = None,
+    quantity: Annotated[
+        Literal["accelerance", "mobility", "receptance"] | None,
+        typer.Option(help="What FRFs are whose file does not say"),
+    ] = None,
     kind: Annotated[
-        Kind | None, typer.Option(help="What an npz, .mat or CSV holds; by default as its arrays say")
+        Literal["hits", "frfs"] | None,
+        typer.Option(help="What an npz, .mat or CSV holds; by default as its arrays say"),
     ] = None,
     mapping: Annotated[
         Path | None, typer.Option(help="JSON that says which variable is what; --dry-run proposes one", exists=True)
@@ -169,7 +157,7 @@ def frfs(
     point: Annotated[int | None, typer.Option(help="Response point")] = None,
     direction: Annotated[int | None, typer.Option(help="Signed response direction")] = None,
     reference: Annotated[int | None, typer.Option(help="Reference point")] = None,
-    quantity: Annotated[Quantity | None, typer.Option()] = None,
+    quantity: Annotated[Literal["accelerance", "mobility", "receptance"] | None, typer.Option()] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="List no more than these")] = None,
     as_json: AsJson = False,
     url: Url = None,

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import StrEnum
 from math import floor, log10
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -19,17 +18,8 @@ FORMATS = {".csv": "csv", ".jsonl": "jsonl", ".arrows": "arrow"}
 ARCHIVE = ".zip"
 
 
-class Noun(StrEnum):
-    """What can be searched."""
-
-    structures = "structures"
-    campaigns = "campaigns"
-    frfs = "frfs"
-    modes = "modes"
-    results = "results"
-    coupons = "coupons"
-    records = "records"
-    monitors = "monitors"
+Noun = Literal["structures", "campaigns", "frfs", "modes", "results", "coupons", "records", "monitors"]
+"""What can be searched."""
 
 
 def rate_rows(trend: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -87,7 +77,7 @@ def search(
         _follow(noun, {"filter": condition, "q": words, "value": trend}, out, url, as_json=as_json)
         return
     query = {"filter": condition, "q": words, "sort": sort, "fields": fields}
-    known = [*FORMATS, *([ARCHIVE] if noun == Noun.campaigns else [])]
+    known = [*FORMATS, *([ARCHIVE] if noun == "campaigns" else [])]
     if out is not None and out.suffix not in known:
         raise ClientError(f"{out.name} ends in none of {', '.join(known)}", Exit.USAGE)
     with service_at(url) as service:
@@ -114,7 +104,7 @@ def search(
 def _follow(noun: Noun, query: dict[str, Any], out: Path | None, url: str | None, *, as_json: bool) -> None:
     """Show the trend of what is found, or write it to a file: its points, or the figure."""
     path = f"search/{noun}/trend"
-    if noun not in (Noun.results, Noun.modes):
+    if noun not in ("results", "modes"):
         raise ClientError(f"{noun} have no trend; results and modes have", Exit.USAGE)
     with service_at(url) as service:
         if out is not None:

@@ -35,7 +35,7 @@ class Record(Thing):
 
     def sep005(self) -> dict[str, Any]:
         """The block as a time series of SDyPy's SEP 5, with its place and hit in fields of their own."""
-        from modalbase.formats.records.blocks import TimeBlock
+        from modalbase.formats.records.arrays import TimeBlock
         from modalbase.formats.records.sep005 import records_to_sep005
 
         known = {name: self.fields[name] for name in TimeBlock.__dataclass_fields__ if name != "samples"}
@@ -224,7 +224,7 @@ class Campaign(Editable):
             FormatError: the series are not what SEP 5 says, or unlike one another.
             ClientError: the service refuses them.
         """
-        from modalbase.formats.records.blocks import arrays_of
+        from modalbase.formats.records.arrays import arrays_of
         from modalbase.formats.records.sep005 import records_from_sep005
 
         blocks = records_from_sep005(series, places, hit=hit, sensitivities=sensitivities)

@@ -220,6 +220,12 @@ class Job(Thing):
         require_success(self.fields, f"{self.noun.word} {self.fields['id']}")
         return self
 
+    @property
+    def _found(self) -> dict[str, Any]:
+        """What it found; waits for it."""
+        found: dict[str, Any] = self.wait().check().fields["found"]
+        return found
+
     def summary(self) -> str:
         """How it stands, in words."""
         if self.ended and not self.succeeded:

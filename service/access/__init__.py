@@ -8,7 +8,7 @@ What a feature needs of it::
     def create(project_id: UUID, body: StructureIn, session: SessionDep, user: CurrentUser) -> StructureOut:
         project = project_for(session, user, project_id, "editor")   # NotFound or Forbidden
         ...
-        structure_for.note(session, user, row, "create")            # the audit trail; `structure_for` is a `Lookup`
+        structure_for.add(session, user, row)   # stores it, and notes it in the audit trail; `structure_for` is a `Lookup`
 """
 
 from typing import TYPE_CHECKING, Any

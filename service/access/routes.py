@@ -65,12 +65,8 @@ router = api_router(tags=["access"])
 @router.post("/projects", status_code=201)
 def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
     """Make a project; its maker is its owner."""
-    project = Project(**body.model_dump())
-    session.add(project)
-    session.flush()
-    session.refresh(project)
+    project = projects.add(session, user, Project(**body.model_dump()), name=body.name)
     session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
-    projects.note(session, user, project, "create", name=body.name)
     response.headers["Location"] = f"/api/v1/projects/{project.id}"
     return ProjectOut.model_validate(project)
 

@@ -4,10 +4,11 @@ import io
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import httpx
@@ -24,7 +25,7 @@ from service.db.engine import psycopg_url
 from tests.integration.test_coupons import COUPON, CURVE, machine_file
 from tests.support.command import modalbase_here
 from tests.support.furnished import MODES, MONITOR, frfs, record
-from tests.support.rest import ok
+from tests.support.rest import client_of, ok
 
 SCRIPT = """
 import json, sys, zipfile
@@ -96,9 +97,17 @@ def kept(api: httpx.Client, structure: str, campaign: str) -> None:
     ok(api.post(f"structures/{structure}/monitors", json={**MONITOR, "recipe": recipe}), 201)
 
 
-@pytest.fixture
-def measured(api: httpx.Client, service: LocalService, project: str) -> dict[str, str]:
-    """A campaign with labels, points, FRFs, modes and a result."""
+@pytest.fixture(scope="module")
+def api(service: LocalService) -> Iterator[httpx.Client]:
+    """A client of one user for all tests here."""
+    with client_of(service, f"archives {uuid4()}") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def measured(api: httpx.Client, service: LocalService) -> dict[str, str]:
+    """A campaign with labels, points, FRFs, modes and a result, which the tests only read."""
+    project = ok(api.post("projects", json={"name": "tests"}), 201)["id"]
     body = {**paper.STRUCTURE, "name": "bar", "tags": ["pultruded"]}
     structure = ok(api.post(f"projects/{project}/structures", json=body), 201)["id"]
     for serial in ("30517", "of another test"):

@@ -16,7 +16,6 @@ from examples.joint_update import paper_bar_together
 from examples.monitoring import State, measured_frfs, post_campaign, structure_body
 from examples.plies import plate, simulated
 from service.app.demo.paper import MODES, STRUCTURE, uff_file
-from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
 from tests.golden import inputs, truths
 from tests.golden.inputs import hits_campaign, imported, job, modes_of, new_campaign, open_campaign, updated
@@ -109,13 +108,6 @@ def test_identifications_of_open_structures(api: httpx.Client, name: str, band: 
     read = imported(api, campaign, inputs.open_file(f"structures/{name}-1.uff"))
     _, state = job(api, f"campaigns/{campaign}/identifications", {"name": "first", "band_hz": band})
     check(f"identification-{name}", {"import": read, "identification": state})
-
-
-def test_the_papers_test(service: LocalService) -> None:
-    """The main job as the demonstration does it: typed modes, priors of coupons."""
-    headers = {"Authorization": f"Bearer {service.new_key(f'golden {uuid4()}')}"}
-    with httpx.Client(base_url=service.url, headers=headers, timeout=60, trust_env=False) as client:
-        check("update-paper-test", Laboratory(client).update_beam())
 
 
 @pytest.mark.parametrize("name", ["moved", "standing"])

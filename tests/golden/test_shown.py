@@ -35,10 +35,16 @@ def another(service: LocalService) -> Iterator[httpx.Client]:
 
 
 @pytest.fixture(scope="module")
-def done(api: httpx.Client, service: LocalService) -> dict[str, Any]:
-    """Where the result of the demonstration's job is from."""
+def papers_test(api: httpx.Client, service: LocalService) -> dict[str, Any]:
+    """The result of the main job as the demonstration does it: typed modes, priors of coupons."""
     with httpx.Client(base_url=service.url, headers=api.headers, timeout=60, trust_env=False) as client:
-        found: dict[str, Any] = Laboratory(client).update_beam()["provenance"]
+        return Laboratory(client).update_beam()
+
+
+@pytest.fixture(scope="module")
+def done(papers_test: dict[str, Any]) -> dict[str, Any]:
+    """Where that result is from."""
+    found: dict[str, Any] = papers_test["provenance"]
     return found
 
 
@@ -46,6 +52,10 @@ def done(api: httpx.Client, service: LocalService) -> dict[str, Any]:
 def identified(api: httpx.Client, done: dict[str, Any]) -> str:
     """The address of an identification of the same FRFs."""
     return job(api, f"campaigns/{done['campaign']}/identifications", {"name": "found"})[0]
+
+
+def test_the_papers_test(papers_test: dict[str, Any]) -> None:
+    check("update-paper-test", papers_test)
 
 
 def test_figures(api: httpx.Client, done: dict[str, Any], identified: str) -> None:

@@ -64,7 +64,8 @@ def test_constants_of_each_wall_come_back_from_an_empty_recipe(api: httpx.Client
     wanted = {"filter": f"id = '{address.rpartition('/')[2]}' AND flange.E1_sd > 0", "fields": "flange.E1"}
     (row,) = ok(api.get("search/results", params=wanted), 200)["items"]
     assert row["flange.E1"] == found["flange.E1"]["estimate"]
-    get_shown(api, address)
+    if boundary == "cantilever":
+        get_shown(api, address)
 
 
 def uff_contents(content: bytes) -> list[Any]:
@@ -280,17 +281,36 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(api: htt
         assert item["information_nats"] == pytest.approx(
             np.log(plan["known_sd"]["web.E2"] / item["expected_sd"]["web.E2"]), rel=0.1
         )
-    wrong = ok(api.post(f"structures/{structure}/plans", json={"about": "rib.E1"}), 422)
-    assert "flange.E1" in wrong["detail"]
+    for wrong, pointer, words in (
+        ({"about": "rib.E1"}, "/about", "flange.E1"),
+        (
+            {"coupons": [{"constants": ["Ey"], "sets": ["rib"]}]},
+            "/coupons/0/sets",
+            "name rib; the sets of this body: flange",
+        ),
+        ({"tests": [{**plain, "points_m": [[0.1, 0.2, 0.3]]}]}, "/tests/0/points_m/0", "off the specimen"),
+        (
+            {"tests": [{**plain, "added_masses": [{"x_m": 9, "y_m": 0, "mass_kg": 1}]}]},
+            "/tests/0/added_masses",
+            "off the",
+        ),
+        ({"tests": [{**plain, "highest_hz": 1}]}, "/tests/0/highest_hz", "is 1 Hz, below the first mode"),
+        ({"tests": [{**plain, "damping_ratio": 1e-300}]}, "/tests/0/damping_ratio", "expected at least 1e-6"),
+    ):
+        error = ok(api.post(f"structures/{structure}/plans", json=wrong), 422)["errors"][0]
+        assert error["pointer"] == pointer
+        assert words in error["detail"]
 
 
 def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> None:
+    """By its first modes: all of them take ten times as long."""
     content = shared_file("BLIND_OPEN", "blind-open", "structures/i-1.uff").read_bytes()
     wall = {"thickness_m": 0.006}
     structure = made(
         api, project, kind="i", length_m=1.5, width_m=0.06, height_m=0.12, walls={"flange": wall, "web": wall}
     )
-    _, result = updated(api, structure["id"], content, "free")
+    recipe = {"identification": {"band_hz": [10, 260]}, "damping_models": ["rayleigh"]}
+    _, result = updated(api, structure["id"], content, "free", recipe)
     flange = next(row for row in result["parameters"] if row["name"] == "flange.E1")
     assert flange["identifiable"]
     assert flange["interval_95"][0] < 24_381_645_391 < flange["interval_95"][1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from functools import cache
 from shutil import which
 from typing import Any
 
@@ -35,9 +36,10 @@ def body(boundary: str = "free") -> Any:
     return nominal_body(StructureIn.model_validate(ANGLE), boundary)
 
 
-def measured(boundary: str = "free") -> bytes:
+@cache
+def measured() -> bytes:
     """FRFs along both walls at nodes of the mesh, of a body whose walls are stiffer and softer than stated."""
-    true = body(boundary)
+    true = body()
     truth = {f"{wall}.{c}": true.nominal[f"{wall}.{c}"] * f for wall, f in FACTORS.items() for c in MODULI}
     nodes, places = true.mesh.nodes, {}
     for k, x in enumerate(np.linspace(0.03, 0.38, 7)):

@@ -1,6 +1,5 @@
-"""Judgements and what becomes of alarms when series change; the figure. No worker: these are pure, or one transaction."""
+"""Judgements and what becomes of alarms when series change. No worker: these are pure, or one transaction."""
 
-import json
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -12,11 +11,10 @@ from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
 from examples.monitoring import structure_body
-from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedProportional
 from fecore.trend import Acknowledgement, Watch
 from service.access import Member, Project
 from service.access.keys import user_named
-from service.compute.judging import Episode, Judgement, JudgementInputs, Moves, Observation, judge
+from service.compute.judging import Episode, Judgement, Moves
 from service.db.engine import Sessions
 from service.errors import Conflict, NotFound
 from service.jobs.queue import enqueue
@@ -25,54 +23,19 @@ from service.monitoring.campaigns import seen_campaigns
 from service.monitoring.judgements import JUDGE, acknowledge, alarm_for, judge_if_changed, set_state, update_alarms
 from service.monitoring.monitors import create_monitor
 from service.monitoring.notifications.tables import Delivery
-from service.monitoring.runs import monitor_for, newest_series, unit_of
+from service.monitoring.runs import monitor_for, newest_series
 from service.monitoring.scheduler import check
 from service.monitoring.schemas import MonitorIn
 from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, MonitorRun
 from service.settings import Settings
-from service.show.figures.paper import draw, render
-from service.show.figures.screen import screen
-from service.show.figures.series import series_figure
 from service.store.campaigns.operations import create_campaign
 from service.store.campaigns.schemas import CampaignIn
 from service.store.frfs.operations import Frf
-from service.store.imports.operations import IMPORT, Import
+from service.store.imports.operations import IMPORTS, Import
 from service.store.storage.originals import Original
 from service.store.structures.operations import Structure, create_structure
 from service.store.structures.schemas import StructureIn
-
-START = datetime(2025, 1, 1, tzinfo=UTC)
-MODES = [[25.0, 0.01, 0.02, None], [160.0, 0.02, 0.01, None], [400.0, 0.05, 0.01, None]]
-
-
-def day(number: float) -> datetime:
-    return START + timedelta(days=30 * number)
-
-
-def observe(number: int, ex: float, modes: Sequence[Any] = MODES, **covariates: float) -> Observation:
-    noise = 0.001 * np.random.default_rng(number).standard_normal()
-    return Observation(
-        str(number), day(number), {"parameters": {"Ex": [ex + noise, 0.001]}, "modes": list(modes)}, covariates
-    )
-
-
-def judged(
-    observations: Sequence[Observation],
-    watch: Watch | None = None,
-    as_of: datetime | None = None,
-    acknowledged: Sequence[Acknowledgement] = (),
-    moves: Moves | None = None,
-) -> Judgement:
-    watch = watch or Watch({"Ex": "fall"}, baseline=6)
-    latest = max(o.performed_at for o in observations)
-    inputs = JudgementInputs(tuple(observations), watch, as_of or latest, tuple(acknowledged), (), moves)
-    (result,) = judge(inputs, lambda *_: None)
-    json.dumps(result.document, allow_nan=False)
-    return result
-
-
-def values(*levels: float) -> list[Observation]:
-    return [observe(i, level) for i, level in enumerate(levels)]
+from tests.support.judged import MODES, START, day, judged, observe, values
 
 
 def test_an_alarm_ends_only_when_it_was_seen() -> None:
@@ -302,7 +265,7 @@ def test_a_campaign_settles_before_it_counts_as_complete(world: World) -> None:
     assert [complete(later) for later in (0, 29, 31)] == [False, False, True]
     session.add(Original(sha256=b"1", size=1))
     session.flush()
-    job = enqueue(session, kind=IMPORT, project_id=session.get_one(Structure, monitor.structure_id).project_id)
+    job = enqueue(session, kind=IMPORTS.kind, project_id=session.get_one(Structure, monitor.structure_id).project_id)
     session.add(Import(id=job.id, campaign_id=campaign.id, filename="", sha256=b"1", dry_run=False))
     session.flush()
     assert not complete(31)
@@ -327,91 +290,3 @@ def plain_frf(session: Session, campaign: UUID) -> None:
     axis = {"start_hz": 1, "end_hz": 2, "step_hz": 1, "lines": 2, "dtype": "<c8", "sha256": b"2", "data": b""}
     session.add(Frf(campaign_id=campaign, label="", quantity="accelerance", **points, **axis))
     session.flush()
-
-
-def document(watch: Watch, observations: Sequence[Observation]) -> dict[str, Any]:
-    result = judged(observations, watch).document
-    alarm = {"alarm_id": "A", "parameter": "Ex", "campaign_id": "8", "state": "alarm", "note": None}
-    return {
-        **result,
-        "parameters": [{**row, "unit": unit_of(row["name"])} for row in result["parameters"]],
-        "structure_name": "bridge",
-        "monitor_name": "stringer",
-        "campaigns": [{"campaign_id": o.campaign, "name": f"c{o.campaign}"} for o in observations],
-        "alarms": [alarm, {**alarm, "state": "withdrawn"}],
-    }
-
-
-def test_the_figure_shows_the_series() -> None:
-    watch = Watch({"Ex": "both"}, baseline=6, covariates=("temperature_c",))
-    levels = [1.0] * 8 + [0.95] * 2
-    given = document(watch, [observe(i, e, temperature_c=float(i % 5)) for i, e in enumerate(levels)])
-    figure = series_figure(given, "Ex")
-    shown = screen(figure)
-    traces = {trace["name"]: trace for trace in shown["data"]}
-    points = given["parameters"][0]["points"]
-    corrected = traces["corrected for temperature"]
-    assert corrected["y"] == [pytest.approx(1e-9 * p["corrected"]) for p in points]
-    assert corrected["customdata"] == [str(i) for i in range(10)]
-    assert corrected["error_y"]["array"] == [pytest.approx(1.959964e-9 * p["standard_deviation"]) for p in points]
-    assert traces["raw"]["y"] == [pytest.approx(1e-9 * p["raw"]) for p in points]
-    assert traces["alarm"]["customdata"] == [["A", "8"]]
-    assert traces["chart, fall"]["y"][-1] == pytest.approx(-points[-1]["judged"]["chart"]["fall"])
-    assert json.loads(render(figure, "plotly")) == shown
-    outside = [p["judged"]["score"] < -given["parameters"][0]["limits"]["score"] for p in points if p["judged"]]
-    beyond = [p["judged"]["residual"] < -p["judged"]["residual_limit"] for p in points if p["judged"]]
-    assert outside == beyond == [False, False, True, True]
-
-
-def test_the_figure_is_printed_as_it_is() -> None:
-    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8, 0.95, 0.95))
-    figure = series_figure(given, "Ex")
-    above, below = draw(figure).axes
-    assert above.get_ylabel() == "Ex [GPa]"
-    chart = next(line for line in below.lines if len(line.get_ydata()) == 4)
-    drawn = next(t["y"] for t in screen(figure)["data"] if t["name"] == "chart, fall")
-    assert list(chart.get_ydata()) == pytest.approx(drawn, rel=1e-6)  # printed to seven digits
-    assert len(above.collections) >= 3  # estimates, their intervals, the alarm, the baseline's band
-    for file_format in ("svg", "png", "pdf"):
-        assert render(figure, file_format) == render(figure, file_format)
-
-
-def test_names_are_drawn_as_they_are() -> None:
-    """Neither TeX, which matplotlib would read between dollars, nor markup, which Plotly would."""
-    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8, 0.95, 0.95))
-    given |= {"structure_name": r"$\frac{1 and $x_{ <b>", "monitor_name": "m" * 200}
-    figure = series_figure(given, "Ex")
-    title = screen(figure)["layout"]["title"]["text"]
-    assert title == r"$\frac{1 and $x_{ &lt;b&gt; – " + "m" * 49 + "…: Ex (alarm)"
-    assert draw(figure).get_suptitle() == title.replace("&lt;", "<").replace("&gt;", ">")
-    for file_format in ("svg", "png", "pdf"):
-        assert len(render(figure, file_format)) > 10_000
-
-
-@pytest.mark.parametrize(
-    ("parameter", "label", "factor"),
-    [("a1", "a1 [µs]", 1e6), ("frequency_2", "frequency_2 [Hz]", 1), ("damping_ratio_2", "damping_ratio_2 [%]", 100)],
-)
-def test_axes_have_units(parameter: str, label: str, factor: float) -> None:
-    given = document(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8))
-    row = {**given["parameters"][0], "name": parameter, "unit": unit_of(parameter)}
-    figure = screen(series_figure({**given, "parameters": [row], "alarms": []}, parameter))
-    assert figure["layout"]["yaxis"]["title"]["text"] == label
-    assert "UTC" in figure["layout"]["xaxis"]["title"]["text"]
-    assert figure["data"][0]["y"] == [pytest.approx(factor * p["raw"]) for p in row["points"]]
-
-
-def test_units_are_those_of_the_results() -> None:
-    laws = (RAYLEIGH, CaugheySeries("caughey4", (0, 1, 2, 3)), GeneralisedProportional(("constant", "root"), 1.0))
-    for law in laws:
-        for name, unit in zip(law.coefficient_names, law.coefficient_units, strict=True):
-            assert unit_of(name) == unit
-    assert [unit_of(name) for name in ("Ex", "nu_xy", "density", "zeta3", "spring")] == ["Pa", "1", "kg/m³", "1", None]
-
-
-def test_the_figure_of_nothing_says_so() -> None:
-    figure = series_figure({**document(Watch({"Ex": "fall"}), values(1.0)), "parameters": []}, "Ex")
-    shown = screen(figure)
-    assert shown["data"] == []
-    assert shown["layout"]["annotations"][0]["text"] == "no campaign has been judged yet"
-    assert render(figure, "svg").startswith(b"<?xml")

@@ -3,11 +3,12 @@
 import csv
 import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from math import cos, pi, sin
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import httpx
 import psycopg
@@ -21,7 +22,7 @@ from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from tests.support.command import modalbase_here
 from tests.support.laboratory import BEAM
-from tests.support.rest import ok, session_client
+from tests.support.rest import client_of, ok, session_client
 
 YEARS, MONTHS = 2, 24
 LOSS, PER_KELVIN = -0.012, -0.002  # a year, 1/K: what is made, and must be found
@@ -40,9 +41,17 @@ def shape(order: int) -> list[dict[str, Any]]:
     return [{"point": n, "direction": 3, "real": sin(order * pi * n / 10), "imag": 0.0} for n in range(1, 10)]
 
 
-@pytest.fixture
-def bridge(api: httpx.Client, project: str) -> str:
+@pytest.fixture(scope="module")
+def api(service: LocalService) -> Iterator[httpx.Client]:
+    """A client of one user for all tests here, which change nothing that another looks at."""
+    with client_of(service, f"trends {uuid4()}") as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def bridge(api: httpx.Client) -> str:
     """A structure with monthly campaigns: two modes that cross as the second falls, in ascending order of frequency."""
+    project = ok(api.post("projects", json={"name": "bridges"}), 201)["id"]
     made = ok(api.post(f"projects/{project}/structures", json={**BEAM, "name": "footbridge"}), 201)
     for month in range(MONTHS):
         at = datetime(2023, 1, 15, tzinfo=UTC) + timedelta(days=365.25 / 12 * month)
@@ -127,7 +136,7 @@ def read_page(service: LocalService, api: httpx.Client, path: str) -> str:
     return answer.text
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def aged(api: httpx.Client, service: LocalService, bridge: str) -> str:
     """The same with a result for each month, the last has two: `flange.E1` ages, `Ex` is of the last alone."""
     campaigns = ok(api.get(f"structures/{bridge}/campaigns", params={"limit": 100}), 200)["items"]
@@ -216,6 +225,12 @@ def test_a_constant_of_a_set_is_searched(api: httpx.Client, aged: str) -> None:
     assert "there is no field 'flange.strength'" in answer.json()["errors"][0]["detail"]
 
 
+@pytest.fixture
+def newcomer(new_client: Callable[[], httpx.Client]) -> httpx.Client:
+    """Somebody who has nothing."""
+    return new_client()
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     noun=st.sampled_from(["results", "modes"]),
@@ -226,9 +241,9 @@ def test_a_constant_of_a_set_is_searched(api: httpx.Client, aged: str) -> None:
     suffix=st.sampled_from(["", "/figure"]),
 )
 def test_no_trend_is_an_error_of_the_service(
-    api: httpx.Client, noun: str, value: str, covariates: str, suffix: str
+    newcomer: httpx.Client, noun: str, value: str, covariates: str, suffix: str
 ) -> None:
-    answer = api.get(f"search/{noun}/trend{suffix}", params={"value": value, "covariates": covariates})
+    answer = newcomer.get(f"search/{noun}/trend{suffix}", params={"value": value, "covariates": covariates})
     assert answer.status_code in (200, 422), answer.text
 
 

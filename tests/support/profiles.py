@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import count
 from typing import Any
 
@@ -55,6 +56,7 @@ def points() -> dict[int, tuple[float, float, float]]:
     return found
 
 
+@cache
 def measured(seed: int = 0, boundary: str = "free") -> bytes:
     """A UFF file: 14 hits along z and −y, two accelerometers, 1 % noise."""
     body = nominal_body(StructureIn.model_validate(ANGLE), boundary)
@@ -75,6 +77,7 @@ I_PROFILE: dict[str, Any] = {
 """The profile of the tutorial."""
 
 
+@cache
 def i_profile() -> bytes:
     """FRFs of it, hung freely: its upper flange hit from above, its web from the side."""
     places = {}

@@ -1,13 +1,11 @@
 """Finite element models that users send: a deck, matrices or a mesh to one neutral model, and a deck back with its updates.
 
-model      what a deck says, whoever wrote it
-measures   areas, normals, and whether elements fold over
+model      what a deck says, whoever wrote it, and what is lost of it
 shapes     cross sections of beams from their walls
-check      what a model must satisfy before it is solved
+check      areas, normals, and what a model must satisfy before it is solved
 units      units by name, guessed and checked
 files      a deck and what it includes, as lines
-changes    what updated numbers change
-edits      and where they go in the deck's own lines
+changes    what updated numbers change, and where they go in the deck's own lines
 write      the deck with them
 bdf  inp   decks of Nastran; of Abaqus and CalculiX
 matrices   K and M of any solver

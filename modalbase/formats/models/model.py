@@ -1,4 +1,4 @@
-"""A finite element model as a deck states it: numbers in the deck's own units, each with its line.
+"""A finite element model as a deck states it, numbers in the deck's own units, each with its line; and what is lost of it.
 
 Readers make it from any deck; nothing after them asks which. Nodes are known by their place in the table, and by their
 number to the user.
@@ -6,9 +6,10 @@ number to the user.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -272,3 +273,28 @@ class FiniteElementModel:
     def sets(self) -> tuple[str, ...]:
         """Names of the sets of elements, in the order of the blocks."""
         return tuple(dict.fromkeys(block.set for block in self.elements))
+
+
+class Placed(Protocol):
+    """What stands in a line: a card, or a row of one."""
+
+    @property
+    def line(self) -> int:
+        """Where it begins."""
+
+
+class Losses:
+    """Cards that were not used, or not as their solver would."""
+
+    def __init__(self) -> None:
+        self._lines: defaultdict[tuple[str, str, bool], list[int]] = defaultdict(list)
+
+    def add(self, where: Placed | int, card: str, loss: str, changes: bool = False) -> None:
+        """Note a card, or a line of one, under a name."""
+        self._lines[card, loss, changes].append(where if isinstance(where, int) else where.line)
+
+    @property
+    def found(self) -> tuple[Ignored, ...]:
+        """All of it, what changes modes first."""
+        every = [Ignored(card, tuple(lines), loss, changes) for (card, loss, changes), lines in self._lines.items()]
+        return tuple(sorted(every, key=lambda each: not each.changes))

@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from modalbase.formats.models.bdf.write import BdfWriting
-from modalbase.formats.models.changes import changes_of
-from modalbase.formats.models.edits import Writing
+from modalbase.formats.models.changes import Writing, changes_of
 from modalbase.formats.models.inp.write import InpWriting
 from modalbase.formats.models.model import FiniteElementModel
 

@@ -16,14 +16,23 @@ for each block. An archive's mapping says `"archived": true`: blocks are as a se
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any, get_args
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
-from modalbase.formats.records.variables import SAMPLE_RATE, Variables, is_named, variable
+from modalbase.formats.records.arrays import (
+    ChannelQuantity,
+    TimeBlock,
+    Variables,
+    is_named,
+    real,
+    sampling_rate,
+    variable,
+)
 from modalbase.formats.types import FloatArray
 
 Value = float | str
@@ -33,9 +42,6 @@ Values = Value | tuple[float, ...]
 
 FEWEST_SAMPLES = 64
 """Of a block."""
-_UNEVEN = 1e-3
-_OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
-_FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
 MOST_POINT = 9_999_999_999  # label of a grid point, as in UFF
 LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
 
@@ -283,49 +289,9 @@ def _labels(channel: ChannelMapping, count: int) -> tuple[str, ...]:
     return labels
 
 
-def sampling_rate(variables: Variables, given: Value, samples: int) -> float:
-    """Samples a second: a number, or the name of the variable that holds it or the time axis of so many samples.
-
-    Raises:
-        FormatError: it is no rate, the axis is uneven or of another length, or the file says another.
-    """
-    if not isinstance(given, str):
-        rate = float(given)
-        own = variables.get(SAMPLE_RATE, np.array(rate))
-        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * abs(rate):
-            raise FormatError(
-                "mapping.sample_rate_hz",
-                f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable": "{SAMPLE_RATE}"}}',
-            )
-    else:
-        values = _real(np.ravel(variable(variables, given)), given)
-        if values.size == 1:
-            rate = float(values[0])
-        elif values.size == samples:
-            steps = np.diff(values)
-            step = float(values[-1] - values[0]) / (samples - 1)
-            uneven = float(np.abs(steps - step).max())
-            if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
-                raise FormatError(given, "is not an evenly rising time axis")
-            rate = 1 / step
-        else:
-            raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")
-    if not 0 < rate <= _FASTEST_HZ:
-        expected = f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}"
-        raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, {expected}")
-    return float(f"{rate:.12g}")
-
-
-def _real(values: np.ndarray[Any, Any], name: str) -> FloatArray:
-    if values.dtype.kind == "c":
-        raise FormatError(name, "holds complex numbers")
-    real: FloatArray = values.astype(float)
-    return real
-
-
 def _integers(variables: Variables, given: Values, count: int, name: str, least: int) -> list[int]:
     place = given if isinstance(given, str) else f"mapping.{name}"
-    values = _real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.ravel(given)
+    values = real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.ravel(given)
     if values.size == 1:
         values = np.repeat(values, count)
     if values.size != count:
@@ -350,3 +316,70 @@ def _hits(variables: Variables, given: Values | None, where: list[tuple[int, int
         seen[place] = seen.get(place, 0) + 1
         found.append(seen[place])
     return found
+
+
+_RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
+_NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
+    "force": ("force", "hammer", "exc"),
+    "acceleration": ("acc", "response", "resp"),
+    "velocity": ("vel",),
+    "displacement": ("disp",),
+}
+
+
+def propose(variables: Variables) -> dict[str, Any]:
+    """A mapping that the names and shapes suggest, to be looked at and completed; sensitivities and points are the
+    user's.
+
+    Where no name says what a channel is, every variable as long as the time axis is proposed with the quantity "?".
+    """
+    long = {name: a for name, a in variables.items() if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
+    rate = next((n for n, a in variables.items() if a.size == 1 and _plain(n).endswith(_RATES)), None)
+    time = next((n for n, a in long.items() if re.split(r"[_.]", n.lower())[0] in ("time", "t") and _ascends(a)), None)
+    point: Any = {"variable": "point"} if "point" in variables else 1
+    channels = [
+        {
+            "variable": name,
+            "quantity": quantity,
+            "sensitivity": 1.0,
+            "point": point if quantity == "force" else 1,
+            "direction": 3,
+        }
+        for quantity, names in _channels(long, time).items()
+        for name in names
+    ]
+    found: dict[str, Any] = {"channels": channels}
+    if rate or time:
+        found["sample_rate_hz"] = {"variable": rate or time}
+    if "hit" in variables:
+        found["hit"] = {"variable": "hit"}
+    return found
+
+
+def propose_recording(names: Iterable[str]) -> dict[str, Any]:
+    """The same of a recording of many hits, by the names of its channels: "?" where one does not say what it is."""
+    channels = []
+    for name in names:
+        quantity = next((q for q, parts in _NAMES.items() if any(part in name.lower() for part in parts)), "?")
+        channels.append({"variable": name, "quantity": quantity, "sensitivity": 1.0, "direction": 3})
+    return {"recording": {"order": []}, "channels": channels}
+
+
+def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:
+    """Names of the channels by quantity; by length alone where no name says one."""
+    named: dict[str, list[str]] = {
+        quantity: [n for n in long if any(s in n.lower() for s in starts) and "time" not in n.lower()]
+        for quantity, starts in _NAMES.items()
+    }
+    if any(named.values()) or time is None:
+        return named
+    samples = long[time].size
+    return {"?": [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z]", "", name.lower())
+
+
+def _ascends(array: np.ndarray[Any, Any]) -> bool:
+    return array.dtype.kind in "fiu" and bool(np.all(np.diff(np.ravel(array)) > 0))

@@ -18,7 +18,7 @@ import numpy as np
 
 from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
+from modalbase.formats.records.arrays import ChannelQuantity, TimeBlock
 from modalbase.formats.records.mapping import ChannelMapping, blocks_of
 from modalbase.formats.records.mapping import Mapping as BlockMapping
 

@@ -3,6 +3,11 @@
 The framing of the whole file is checked first (`scan`). Units, coordinate systems and the points that are not measured
 along global axes are gathered next, for they may stand anywhere in the file. Then each dataset is read by our own
 columns and counts, held against pyuff's reading of the same set (the first megabytes of each type), and yielded.
+
+pyuff is the second reader: a dataset alone, from a temporary file of just that set. Our own reading accounts for every column,
+count and byte, so damage is found without pyuff. What a second reader adds is the guard against a dialect that both the file
+and our reader state consistently and that others understand otherwise. A file comes from one program, so its first datasets of
+each type show that, and the rest need not be read twice.
 """
 
 from __future__ import annotations
@@ -12,9 +17,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+import pyuff
+
 from modalbase.formats.uff.channels import AUTO_SPECTRUM, CROSS_SPECTRUM, TIME_RESPONSE, spectrum_of, time_of
 from modalbase.formats.uff.content import Content, CoordinateSystem, DatasetReport, GridPoint, Limits, UffError, Units
-from modalbase.formats.uff.drawing import read_82, read_151, read_2412
 from modalbase.formats.uff.frf import FRF_TYPE, frf_of, function_of
 from modalbase.formats.uff.function import RawFunction, read_58
 from modalbase.formats.uff.geometry import (
@@ -23,15 +30,76 @@ from modalbase.formats.uff.geometry import (
     PointRow,
     grid_points,
     read_18,
+    read_82,
+    read_151,
+    read_2412,
     read_2420,
     rows_15,
     rows_2411,
 )
 from modalbase.formats.uff.scan import Frame, scan
-from modalbase.formats.uff.second_reader import SecondReader
 from modalbase.formats.uff.shapes import read_55, read_2414
 from modalbase.formats.uff.text import Ignored, Refusal
 from modalbase.formats.uff.units import read_164
+
+_TAG = b"    -1\n"
+_UNREADABLE = "pyuff cannot read this dataset; it was read by its columns alone"
+
+
+class SecondReader:
+    """Reads one dataset at a time with pyuff and holds it against what was read from it already.
+
+    Args:
+        folder: a folder for the temporary file.
+        budget: bytes to read of each dataset type.
+    """
+
+    def __init__(self, folder: Path, budget: int) -> None:
+        self._file = folder / "dataset.uff"
+        self._budget = budget
+        self._spent: dict[str, int] = {}
+
+    def has_time_for(self, frame: Frame) -> bool:
+        """Whether a dataset is within the budget of its type, which it then uses up."""
+        spent = self._spent.get(frame.type, 0) + frame.end - frame.start
+        if spent > self._budget:
+            return False
+        self._spent[frame.type] = spent
+        return True
+
+    def compare(self, frame: Frame, body: bytes, claims: dict[str, object]) -> str:
+        """A note where pyuff cannot read the dataset, else "".
+
+        Raises:
+            Refusal: pyuff reads it, but differently.
+        """
+        if frame.type == "58b" and b"    -1" in body:
+            return "its data hold the bytes of a delimiter, which pyuff cannot read past; read by its byte count alone"
+        mode = "r+b" if self._file.exists() else "w+b"  # truncating to nothing first would wait for the disk
+        with self._file.open(mode) as file:
+            file.write(_TAG + frame.type_line + body + _TAG)
+            file.truncate()
+        try:
+            found = pyuff.UFF(str(self._file)).read_sets()
+        except Exception:  # noqa: BLE001 - pyuff raises bare Exception for whatever went wrong
+            return _UNREADABLE
+        if not isinstance(found, dict):
+            return _UNREADABLE
+        for key, expected in claims.items():
+            if key not in found:
+                raise Refusal(f"pyuff finds no '{key}' in it")
+            if not _equal(found[key], expected):
+                raise Refusal(f"pyuff reads another '{key}' from it than its columns hold")
+        return ""
+
+
+def _equal(found: object, expected: object) -> bool:
+    """Whether two readings are the same; text is compared where it is plain, for pyuff decodes it otherwise."""
+    if isinstance(expected, str):
+        return not expected.isascii() or str(found).strip() == expected
+    ours, theirs = np.asarray(expected), np.asarray(found)
+    return ours.shape == theirs.shape and bool(np.array_equal(theirs.astype(ours.dtype), ours))
+
 
 DEFAULT_LIMITS = Limits()
 _POINT_ROWS: dict[str, Callable[[bytes], list[PointRow]]] = {"15": rows_15, "2411": rows_2411}

@@ -15,7 +15,6 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from fecore.arrays import FloatArray
 from service.db.base import Base
 from service.errors import NotFound, verified
-from service.store.coupons.reduction import Reduced
 from service.store.coupons.schemas import CouponCurveOut, CurveCouponIn, CurveFile
 
 if TYPE_CHECKING:
@@ -46,10 +45,11 @@ class CouponCurve(Base):
 UNITS = {"force": "N", "strain": "m/m", "strain_back": "m/m", "transverse_strain": "m/m", "time": "s"}
 
 
-def new_curve(coupon: Coupon, sent: RawCurve, reduced: Reduced) -> CouponCurve:
+def new_curve(coupon: Coupon, sent: RawCurve) -> CouponCurve:
     """The row of a specimen's curve, to be added to a session: the machine's file and the series in SI, each with its
     SHA-256, and how the file was read and reduced.
     """
+    reduced = sent.reduced
     data = b"".join(np.ascontiguousarray(values, "<f8").tobytes() for values in reduced.series.values())
     return CouponCurve(
         coupon_id=coupon.id,

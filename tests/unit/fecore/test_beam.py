@@ -34,14 +34,6 @@ def section_of(body: BeamSpecimen) -> tuple[dict[str, float], dict[str, float]]:
     return stiffness, mass
 
 
-def test_paper_section_3() -> None:
-    modes, kinds = modes_of(BAR, 8)
-    # Five printed digits.
-    np.testing.assert_allclose(
-        modes.frequency_hz[kinds == "bending"][:4], [24.943, 156.018, 435.523, 849.688], rtol=3e-5
-    )
-
-
 def simply_supported_hz(body: BeamSpecimen, count: int) -> np.ndarray:
     """Timoshenko's simply supported beam: w ~ sin, θ ~ cos, a 2 × 2 eigenproblem for each half wave number."""
     stiffness, inertia = section_of(body)

@@ -9,17 +9,23 @@ import numpy as np
 import pytest
 
 from service.errors import Conflict, NotFound
-from service.show.figures.budget import OTHERS, budget_figure
-from service.show.figures.correlation import PointValues, points_figure
 from service.show.figures.coupon import coupon_figure
-from service.show.figures.frf import FrfCurves, Spread, frf_figure
-from service.show.figures.hits import HitShown, PointShown, hits_figure
+from service.show.figures.frfs import (
+    FrfCurves,
+    HitShown,
+    PointShown,
+    PointValues,
+    Spread,
+    frf_figure,
+    hits_figure,
+    points_figure,
+)
 from service.show.figures.marks import Figure, Region
-from service.show.figures.parameters import parameters_figure
+from service.show.figures.modes import MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.screen import numbers, screen
-from service.show.figures.series import series_figure
-from service.show.figures.shapes import MOST_ROWS, ShapePair, shapes_figure
-from service.show.pages.grid import draw_grid
+from service.show.figures.trend import series_figure
+from service.show.figures.updates import OTHERS, budget_figure, parameters_figure
+from service.show.pages.viewer import draw_grid
 from service.show.reports import update_report
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report
@@ -196,9 +202,10 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
     numbers = [[mode["number"] for mode in (figure.meta or {})["modes"]] for figure in figures]
     assert [len(rows) for rows in numbers] == sheets
     assert [number for rows in numbers for number in rows] == list(range(1, min(count, 40) + 1))
-    printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
-    assert printed.count(b"/Subtype /Image") == len(sheets)
     assert max(sheets) <= MOST_ROWS
+    if count == MOST_ROWS + 1:
+        printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
+        assert printed.count(b"/Subtype /Image") == len(sheets)
 
 
 def test_a_figure_that_is_higher_than_a_page_is_drawn_smaller() -> None:

@@ -1,14 +1,11 @@
 """Nastran bulk data to the neutral model.
 
-card        one card: its fields as numbers, each with its place
-lines       a deck and its INCLUDE files to lines, and these to cards
-case        executive and case control: which sets hold
+card        a deck and its INCLUDE files to lines, and these to cards, whose fields are numbers with their places
 frames      coordinate systems and grids
-labels      names of sets from the comments of pre-processors
 materials   MAT1, MAT2, MAT8
+deck        case control, names of sets, and the cards, with these two for all readers of cards
 shells      plates and laminates
 shapes      cross sections by their dimensions
-sections    properties of bars, beams and rods
 beams       bars, beams and rods
 carried     masses and springs, and mass that is spread
 held        rigid elements and constraints

@@ -10,19 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from textwrap import wrap
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card, number, whole
-from modalbase.formats.models.bdf.lines import cards_of, split_deck
-from modalbase.formats.models.bdf.sections import rod_key
-from modalbase.formats.models.changes import Number
-from modalbase.formats.models.edits import Constants, Edits, Writing
+from modalbase.formats.models.bdf.beams import rod_key
+from modalbase.formats.models.bdf.card import Card, cards_of, number, split_deck, whole
+from modalbase.formats.models.bdf.materials import FIELDS
+from modalbase.formats.models.changes import Constants, Edits, Number, Writing
 from modalbase.formats.models.model import FiniteElementModel, Material
 
 _SMALL, _LARGE, _REMARK = 8, 16, 70  # columns
-_FIELDS = {
-    "MAT1": {"E": 1, "G": 2, "nu": 3, "density": 4},
-    "MAT8": {"E1": 1, "E2": 2, "nu12": 3, "G12": 4, "G13": 5, "G23": 6, "density": 7},
-    "MAT2": {"G11": 1, "G12": 2, "G22": 4, "G33": 6, "density": 7},
-}
+_FIELDS = {**FIELDS, "MAT2": {"G11": 1, "G12": 2, "G22": 4, "G33": 6, "density": 7}}
 
 
 class BdfWriting(Writing):

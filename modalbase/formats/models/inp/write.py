@@ -9,8 +9,7 @@ import re
 from collections.abc import Mapping
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.changes import ISOTROPIC, Number
-from modalbase.formats.models.edits import Constants, Edits, Writing
+from modalbase.formats.models.changes import ISOTROPIC, Constants, Edits, Number, Writing
 from modalbase.formats.models.inp.lines import Card, folded, read_cards
 from modalbase.formats.models.inp.materials import ENGINEERING, SUBORDINATE
 from modalbase.formats.models.model import FiniteElementModel, Material, Place

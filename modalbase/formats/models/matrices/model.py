@@ -1,24 +1,32 @@
-"""A model that is matrices: K = K_0 + Σ c_k K_k, M = M_0 + Σ m_j M_j, with factors that are 1 as it comes."""
+"""A model that is matrices: K = K_0 + Σ c_k K_k, M = M_0 + Σ m_j M_j, with factors that are 1 as it comes; from files."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import PurePath
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.models.matrices.files import (
+    DOFS,
+    Entries,
+    code,
+    read_archive,
+    read_dmig,
+    read_dofs,
+    read_nodes,
+    read_text,
+)
 from modalbase.formats.models.model import Floats, Integers
 
 CONSTANT = "0"
 """Name of the part that no factor scales."""
 
-DOFS = 6
 _ASYMMETRY = 1e-6
-_MOST = 1e12
 
 
 @dataclass(frozen=True)
@@ -37,43 +45,6 @@ class MatrixModel:
     dofs: Integers
     stiffness: Mapping[str, scipy.sparse.csc_array]
     mass: Mapping[str, scipy.sparse.csc_array]
-
-
-@dataclass(frozen=True)
-class Entries:
-    """Entries of a matrix.
-
-    Attributes:
-        rows, columns: from 0, or codes of `code` where `is_labelled`.
-        values: of them.
-        is_labelled: whether they are known by node and dof.
-        is_half: whether one triangle stands for both; None where the entries themselves must show it.
-        size: of a matrix whose rows are numbered.
-    """
-
-    rows: Integers
-    columns: Integers
-    values: Floats
-    is_labelled: bool = False
-    is_half: bool | None = None
-    size: int | None = None
-
-
-def code(nodes: Integers, dofs: Integers) -> Integers:
-    """One number for a node's number and a dof from 0."""
-    return nodes * DOFS + dofs
-
-
-def integers(place: str, values: NDArray[Any]) -> Integers:
-    """Numbers of rows, nodes and dofs.
-
-    Raises:
-        FormatError: one is not whole, or has more than 12 digits.
-    """
-    exact = np.asarray(values, dtype=float)
-    if not np.all((np.abs(exact) < _MOST) & (exact == np.round(exact))):
-        raise FormatError(place, "has a row, column, node or dof that is not a whole number of at most 12 digits")
-    return exact.astype(np.int64)
 
 
 def built(name: str, entries: Entries, dofs: Integers) -> scipy.sparse.csc_array:
@@ -119,3 +90,118 @@ def _found(name: str, codes: Integers, dofs: Integers, order: Integers) -> Integ
             name, f"has an entry of node {node}, dof {dof + 1}, which is not in the tables of nodes and dofs"
         )
     return np.asarray(rows)
+
+
+LIMIT_BYTES = 4_000_000_000
+_ROLE = re.compile(r"([KM])_(\w+)")
+_USUAL = (
+    (re.compile(r"K(AA|GG|JJ|FF|XX|LL|2GG)X?|.*_STIF\d*", re.IGNORECASE), ("K", CONSTANT)),
+    (re.compile(r"M(AA|GG|JJ|FF|XX|LL|2GG)X?|.*_MASS\d*", re.IGNORECASE), ("M", CONSTANT)),
+)
+_BY_ENDING = {".sti": ("K", CONSTANT), ".mas": ("M", CONSTANT)}
+
+
+def read_matrices(
+    files: Mapping[str, bytes], roles: Mapping[str, str] | None = None, limit_bytes: int = LIMIT_BYTES
+) -> MatrixModel:
+    """A model of matrices from files by name.
+
+    Matrices are Matrix Market or Abaqus's `.mtx`, CalculiX's `.sti` and `.mas`, DMIG (`.pch`, `.bdf`, `.dat`) and `.npz`.
+    `nodes.csv` (node, x, y, z) states the nodes, and `dofs.csv` (node, dof) or a `.dof` file of CalculiX what the rows are.
+    Without that the rows are the dofs that matrices name, or else the six, or three, of each node in the table's order.
+    Files or arrays that are called `K_0`, `K_skin`, `M_0` … are the constant part and those of the factors by this; the
+    usual names of solvers (`KAAX`, `MAAX`, `job_STIF1`, `.sti`, `.mas`) are K_0 and M_0.
+
+    Args:
+        files: content by name.
+        roles: of matrices with other names: `{"KSKIN": "K_skin"}`.
+        limit_bytes: the most that an archive may take.
+
+    Raises:
+        FormatError: a file cannot be read, or the parts do not fit; names the file.
+    """
+    found: dict[str, Entries] = {}
+    nodes: tuple[Integers, Floats] | None = None
+    dofs: Integers | None = None
+    for name, content in files.items():
+        path = PurePath(name)
+        ending = path.suffix.lower()
+        more: Mapping[str, Entries] = {}
+        if ending == ".npz":
+            more, own_nodes, own_dofs = read_archive(name, content, limit_bytes)
+            nodes, dofs = own_nodes or nodes, dofs if own_dofs is None else own_dofs
+        elif ending in (".pch", ".bdf", ".dat", ".asm"):
+            more, own_nodes = read_dmig(content)
+            nodes = own_nodes or nodes
+        elif path.name.lower() == "nodes.csv":
+            nodes = read_nodes(name, content)
+        elif path.name.lower() == "dofs.csv" or ending == ".dof":
+            dofs = read_dofs(name, content)
+        elif ending in (".mtx", ".sti", ".mas"):
+            more = {name: read_text(name, content)}
+        else:
+            raise FormatError(name, "is not known: expected .mtx, .sti, .mas, .pch, .npz, .dof, nodes.csv or dofs.csv")
+        if twice := set(more) & set(found):
+            raise FormatError(name, f"states {twice.pop()} a second time")
+        found.update(more)
+    if nodes is None:
+        raise FormatError("nodes.csv", "is missing: measured points need the places of the nodes (node, x, y, z)")
+    return _model(found, nodes, dofs, roles or {})
+
+
+def _model(
+    found: Mapping[str, Entries], nodes: tuple[Integers, Floats], dofs: Integers | None, roles: Mapping[str, str]
+) -> MatrixModel:
+    numbers, places = nodes
+    if len(np.unique(numbers)) < len(numbers) or not np.all(np.isfinite(places)):
+        raise FormatError("nodes", "has a number twice, or a coordinate that is not finite")
+    codes = _codes(found, numbers) if dofs is None else dofs
+    if len(np.unique(codes)) < len(codes):
+        raise FormatError("dofs", "names a dof twice")
+    order = np.argsort(numbers)
+    at = np.minimum(np.searchsorted(numbers, codes // DOFS, sorter=order), len(numbers) - 1)
+    rows = order[at]
+    strange = np.flatnonzero(numbers[rows] != codes // DOFS)
+    if strange.size:
+        raise FormatError("dofs", f"names node {codes[strange[0]] // DOFS}, which is not in the table of nodes")
+    parts: dict[str, dict[str, scipy.sparse.csc_array]] = {"K": {}, "M": {}}
+    for name, entries in found.items():
+        letter, factor = _role(name, roles)
+        if factor in parts[letter]:
+            raise FormatError(name, f"is a second {letter}_{factor}")
+        parts[letter][factor] = built(name, entries, codes)
+    for letter, what in (("K", "stiffness"), ("M", "mass")):
+        if not parts[letter]:
+            raise FormatError(f"{letter}_0", f"is missing: there is no matrix of the {what}")
+    table = np.column_stack([rows, codes % DOFS])
+    return MatrixModel(numbers, places, table, parts["K"], parts["M"])
+
+
+def _codes(found: Mapping[str, Entries], numbers: Integers) -> Integers:
+    """Dofs of the rows, where no table states them."""
+    labelled = [one for one in found.values() if one.is_labelled]
+    if labelled:
+        return np.unique(np.concatenate([part for one in labelled for part in (one.rows, one.columns)]))
+    sizes = {one.size or int(max(one.rows.max(initial=0), one.columns.max(initial=0))) + 1 for one in found.values()}
+    size = max(sizes, default=0)
+    for count in (DOFS, 3):
+        if size == count * len(numbers):
+            return code(np.repeat(numbers, count), np.tile(np.arange(count), len(numbers)))
+    raise FormatError(
+        "dofs.csv", f"is missing: matrices of {size} rows are neither six nor three of each of {len(numbers)} nodes"
+    )
+
+
+def _role(name: str, roles: Mapping[str, str]) -> tuple[str, str]:
+    """Letter and factor of a matrix."""
+    stem = PurePath(name).stem
+    stated = roles.get(name, roles.get(stem, stem))
+    if match := _ROLE.fullmatch(stated):
+        return match.group(1), match.group(2)
+    ending = PurePath(name).suffix.lower()
+    if ending in _BY_ENDING:
+        return _BY_ENDING[ending]
+    for pattern, role in _USUAL:
+        if pattern.fullmatch(stem):
+            return role
+    raise FormatError(name, "has no role; call it K_0, K_factor, M_0 or M_factor, or say which of these it is")

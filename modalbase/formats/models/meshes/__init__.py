@@ -2,8 +2,7 @@
 
 cells   elements as readers meet them, gathered by kind and set
 gmsh    `.msh` of gmsh
-grids   points, connectivity and cell data of VTK, to elements
-vtk     VTK's legacy files
+vtk     points, connectivity and cell data of VTK to elements; its legacy files
 vtu     VTK's unstructured grids in XML
 uff     sets 2411, 2412 and 2420
 body    a mesh and what is stated of its sets, to the neutral model

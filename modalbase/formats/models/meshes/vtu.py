@@ -14,7 +14,7 @@ import numpy as np
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes.cells import whole_numbers
-from modalbase.formats.models.meshes.grids import Grid, mesh_of
+from modalbase.formats.models.meshes.vtk import Grid, mesh_of
 from modalbase.formats.models.model import Floats, Integers
 
 MOST_BYTES = 500_000_000

@@ -103,13 +103,6 @@ def test_other_quantities(quantity: str) -> None:
     assert np.all(np.min(np.abs(found.modes.frequency_hz[:, None] / PAPER_HZ - 1), axis=1) < 2e-3)
 
 
-def test_clean_data_are_found_to_five_digits() -> None:
-    """Mostly to nine; where the last bits show a drift of 1e-6, the broad first mode is 5e-6 off."""
-    found = identify(paper_frfs(0.0, lines=LINES))
-    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=2e-5)
-    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=2e-4)
-
-
 def test_the_same_data_give_the_same_bits(seeds: list[Identification]) -> None:
     first, second = seeds[3], identify(paper_frfs(0.05, 3, LINES))
     assert np.array_equal(first.modes.frequency_hz, second.modes.frequency_hz)
@@ -192,12 +185,6 @@ def test_a_double_mode_at_one_frequency_is_parted_by_the_references() -> None:
     apart = identify(plate_frfs(0.1, (0, 5, 7))[0])
     assert len(apart.modes) == 3
     assert not any("parted by" in w or "rank two" in w for w in apart.warnings)
-
-
-def test_one_mode_is_not_made_two() -> None:
-    found = identify(paper_frfs(0.02, 20, LINES))
-    assert len(found.modes) == 5
-    assert np.all(np.diff(found.modes.frequency_hz) > 10)
 
 
 def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:

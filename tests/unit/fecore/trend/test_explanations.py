@@ -109,7 +109,7 @@ def test_a_sensor_that_nobody_stated_is_called_a_mass() -> None:
     assert 0.003 < np.median([size for each in right for size, _ in each.sizes.values()]) < 0.0055
 
 
-@pytest.mark.parametrize("loss", [-0.01, -0.02, -0.03])
+@pytest.mark.parametrize("loss", [-0.01, -0.03])
 def test_a_loss_of_stiffness_is_called_stiffness(loss: float) -> None:
     found = [ranked(seed, {"Ex": loss}) for seed in range(10)]
     right = [each[0] for each in found if each[0].kind == "stiffness"]

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.conflicts import Conflict
-from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
+from fecore.updating.contradictions import SLIPS, Conflict, _Sources, compare_sources
 from fecore.updating.elastic import fit
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
@@ -25,9 +26,10 @@ from tests.support.strips import TRUTH, measured
 LONG, SHORT = (0.30, 0.03, 0.005), (0.25, 0.03, 0.005)
 
 
-def strips(seed: int) -> list[Campaign]:
+@cache
+def strips(seed: int) -> tuple[Campaign, Campaign]:
     random = np.random.default_rng([36, seed])
-    return [measured(random, "a", LONG, 0.0), measured(random, "b", SHORT, 0.0)]
+    return measured(random, "a", LONG, 0.0), measured(random, "b", SHORT, 0.0)
 
 
 def coupons(factor: float = 1.0, error: float = 0.05 / 5**0.5) -> list[Coupon]:
@@ -35,7 +37,7 @@ def coupons(factor: float = 1.0, error: float = 0.05 / 5**0.5) -> list[Coupon]:
     return [Coupon(name, factor * TRUTH[name], error * TRUTH[name]) for name in ("Ex", "Gxy")]
 
 
-def found(campaigns: list[Campaign], batch: list[Coupon]) -> tuple[Conflict, ...]:
+def found(campaigns: Sequence[Campaign], batch: list[Coupon]) -> tuple[Conflict, ...]:
     elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, batch))
     return compare_sources(elastic)[0]
 
@@ -48,11 +50,16 @@ def shortened(campaign: Campaign, by: float) -> Campaign:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_sources_that_agree_are_not_said_to_conflict(seed: int) -> None:
-    assert found(strips(seed), coupons()) == ()
+def test_sources_that_agree_are_not_said_to_conflict_and_bodies_not_to_carry_something(seed: int) -> None:
+    """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with probability p at most."""
+    elastic = fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))
+    assert compare_sources(elastic)[0] == ()
+    masses = [check for check, _ in _Sources.of(elastic).checks if check.kind == "mass"]
+    assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
+    assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_coupons_that_are_off_are_named_and_the_strips_cleared(seed: int) -> None:
     (conflict,) = found(strips(seed), coupons(1.3))
     assert conflict.cause.name == "coupons"
@@ -63,7 +70,7 @@ def test_coupons_that_are_off_are_named_and_the_strips_cleared(seed: int) -> Non
     assert 0.5 < conflict.moved < 2  # the estimate swallows half of it, and its interval says so
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_batch_that_is_off_unseen_does_not_rule_alone(seed: int) -> None:
     """6 % are 7.5 of its stated errors; as one more specimen of 2 % scatter it says no more than the strips."""
     layout = lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons(1.06, 0.008))
@@ -93,7 +100,7 @@ def with_mass(seed: int, grams: float) -> Campaign:
     return measured(np.random.default_rng([36, seed]), "b", SHORT, 0.0, unstated=masses)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_mass_that_nobody_stated_is_named_with_its_size_and_place(seed: int) -> None:
     """2 g of 71 g: next to a strip without."""
     (conflict, *_) = found([strips(seed)[0], with_mass(seed, 2.0)], coupons())
@@ -102,15 +109,6 @@ def test_a_mass_that_nobody_stated_is_named_with_its_size_and_place(seed: int) -
     (said,) = cause.said
     assert abs(said.rest - 0.002) < 3 * said.rest_sd < 0.002
     assert min(cause.place[0], 0.25 - cause.place[0]) < 0.04  # from either end: a free strip does not say from which
-
-
-def test_bodies_that_carry_nothing_are_not_said_to() -> None:
-    """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with probability p at most."""
-    for seed in range(3):
-        checks = _Sources.of(fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))).checks
-        masses = [each for each in checks if each.kind == "mass"]
-        assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
-        assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
 
 
 def test_a_check_agrees_with_a_fit_without_its_source() -> None:

@@ -9,7 +9,6 @@ import pytest
 
 from benchmarks.draws import BEAM, beam
 from fecore.errors import InputError, UpdatingError
-from fecore.frf import Dof
 from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import ReferenceFit, fit_reference
@@ -220,20 +219,6 @@ def test_shapes_tell_what_frequencies_do(
     one = {p.name: p.standard_deviation / p.estimate for p in result.parameters}
     for parameter in shaped.parameters[:5]:
         assert parameter.standard_deviation / parameter.estimate <= one[parameter.name] * 1.01
-
-
-def test_signed_directions_are_honoured(measured: tuple[Measurement, dict[str, float]], result: UpdateResult) -> None:
-    """A hit along -Z with a turned sign is the same measurement."""
-    measurement, _ = measured
-    values, references = measurement.frfs.values.copy(), list(measurement.frfs.references)
-    for row in range(0, len(references), 2):
-        values[row] *= -1
-        references[row] = Dof(references[row].point, -3)
-    turned = replace(measurement, frfs=replace(measurement.frfs, values=values, references=tuple(references)))
-    again = update(turned, COARSE)
-    for one, other in zip(result.parameters, again.parameters, strict=True):
-        # The same numbers in another order of operations.
-        assert other.estimate == pytest.approx(one.estimate, rel=1e-6)
 
 
 def test_progress_names_stages_and_a_raise_in_it_stops_the_job(few: Measurement) -> None:

@@ -189,7 +189,7 @@ FIELDS = [
 
 
 @given(damaged([WHOLE, WHOLE[WHOLE.index("PARAM") :]], FIELDS))
-@settings(max_examples=1800, deadline=None)
+@settings(max_examples=600, deadline=None)
 def test_a_damaged_deck(text: str) -> None:
     check(text.encode())
 

@@ -1,0 +1,197 @@
+"""A deck: which sets its case control holds, the names of sets, its cards, and what all readers of them need.
+
+Names are those of the comments that pre-processors write, safe as names of parameters.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.models.bdf.card import Card, Line, cards_of, numbered, split_deck
+from modalbase.formats.models.bdf.frames import Grids, read_grids
+from modalbase.formats.models.bdf.materials import Materials
+from modalbase.formats.models.bdf.unused import note_params, refuse_solids
+from modalbase.formats.models.model import Losses
+from modalbase.formats.uff.text import decoded
+
+_ORDER = re.compile(r"\s*([A-Z0-9]+)\s*(?:\([^)]*\))?\s*=\s*(.*?)\s*$")
+_SELECTORS = ("SPC", "MPC", "NSM", "METHOD", "K2GG", "M2GG", "B2GG", "K2PP", "M2PP", "STATSUB", "TEMPERATURE", "A2GG")
+
+
+@dataclass
+class Case:
+    """What the subcase of the modes selects.
+
+    Attributes:
+        is_stated: whether there is any case control; a deck of bulk data alone selects nothing.
+        title: of the deck.
+        selected: sets by the name of the order, such as `SPC`.
+        others: other sets of the same kind that further subcases select, with the line.
+        params: lines PARAM of the case control.
+    """
+
+    is_stated: bool = False
+    title: str = ""
+    selected: dict[str, str] = field(default_factory=dict)
+    others: dict[str, list[tuple[str, int]]] = field(default_factory=dict)
+    params: list[Line] = field(default_factory=list)
+
+    def number(self, order: str) -> int | None:
+        """The set that an order selects."""
+        text = self.selected.get(order, "")
+        return int(text) if text.isdecimal() and text.isascii() and len(text) < 12 else None
+
+
+def read_case(lines: Sequence[Line]) -> Case:
+    """The case control of the lines before BEGIN BULK.
+
+    Orders above the first subcase hold in all. Of several subcases the first with a METHOD of its own is taken, else the
+    first; what others select instead is noted.
+    """
+    found = Case(is_stated=bool(lines))
+    common: dict[str, tuple[str, int]] = {}
+    subcases: list[dict[str, tuple[str, int]]] = []
+    for line in lines:
+        text = line.text
+        if text.lstrip().startswith("SUBCASE"):
+            subcases.append({})
+            continue
+        if text.replace(",", " ").split(None, 1)[:1] == ["PARAM"]:
+            found.params.append(line)
+            continue
+        match = _ORDER.match(text)
+        if match is None:
+            continue
+        order, value = match.groups()
+        if order == "TITLE" and not found.title:
+            found.title = decoded(line.raw.partition("=")[2].encode("latin-1"))[:200]
+        for name in _SELECTORS:
+            if order == name or (len(order) >= 4 and name.startswith(order)):
+                (subcases[-1] if subcases else common)[name] = (value, line.number)
+    chosen = next((case for case in subcases if "METHOD" in case), subcases[0] if subcases else {})
+    found.selected = {name: value for name, (value, _) in {**common, **chosen}.items()}
+    for case in subcases:
+        for name, (value, number) in case.items():
+            if value != found.selected.get(name):
+                found.others.setdefault(name, []).append((value, number))
+    return found
+
+
+_NUMBERED = (
+    re.compile(r"\$\s*HMNAME\s+PROP\s+(\d{1,12})\s*\"([^\"]*)\""),
+    re.compile(r"\$\s*ANSA_NAME(?:_COMMENT)?;(\d{1,12});P[A-Z]+;([^;]*)"),
+    re.compile(r"\$\*?\s*Property\s*:\s*(\d{1,12})\s+name\s*:\s*(.*)", re.IGNORECASE),
+    re.compile(r"\$\*?\s*Femap.*\bProperty\s+(\d{1,12})\s*:\s*(.*)", re.IGNORECASE),
+)
+_NEXT = (
+    re.compile(r"\$\s*Elements and Element Properties for region\s*:\s*(.*)", re.IGNORECASE),
+    re.compile(r"\$\s*Pset:\s*\"([^\"]*)\""),
+    re.compile(r"\$\*?\s.*\bProperty\s*:\s*(.*)", re.IGNORECASE),
+)
+PLATES = ("PSHELL", "PCOMP", "PCOMPG")
+PROFILES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
+"""Cards of properties: of shells; of bars, beams and rods."""
+
+_LONGEST = 60
+
+
+@dataclass
+class Labels:
+    """Names of properties; `hear` comments and `see` cards in their order."""
+
+    numbered: dict[int, str] = field(default_factory=dict)
+    following: dict[tuple[str, str], str] = field(default_factory=dict)
+    _next: str = ""
+    _given: dict[str, tuple[str, int]] = field(default_factory=dict)
+
+    def hear(self, comment: str) -> None:
+        """Take a name from a comment."""
+        if '"' not in comment and ":" not in comment and ";" not in comment:
+            return
+        for pattern in _NUMBERED:
+            if match := pattern.match(comment):
+                self.numbered.setdefault(int(match.group(1)), _plain(match.group(2)))
+                return
+        for pattern in _NEXT:
+            if match := pattern.match(comment):
+                self._next = _plain(match.group(1))
+                return
+
+    def see(self, card: Card) -> None:
+        """Give the next property the name that stood before it."""
+        if self._next and card.name in (*PLATES, *PROFILES):
+            self.following[card.name, card.text(0)] = self._next
+            self._next = ""
+
+    def of(self, card_name: str, number: int) -> str:
+        """The set of a property: the name that the deck gives it, else `pshell_3`; no two alike."""
+        own = f"{card_name.lower()}_{number}"
+        name = self.following.get((card_name, str(number))) or self.numbered.get(number) or own
+        owner = self._given.setdefault(name.lower(), (card_name, number))
+        return name if owner == (card_name, number) else f"{name}_{number}"
+
+
+def _plain(name: str) -> str:
+    """A name of letters, digits and _ alone; empty where nothing is left."""
+    return re.sub(r"\W+", "_", decoded(name.encode("latin-1"))).strip("_")[:_LONGEST]
+
+
+_FRAMES = tuple(f"CORD{number}{kind}" for number in "12" for kind in "RCS")
+_MATERIALS = ("MAT1", "MAT2", "MAT8", "MAT3", "MAT9", "MAT10")
+
+
+class Deck:
+    """A deck whose readers take the cards that they read; what stays is not used.
+
+    Attributes:
+        case: which sets hold.
+        labels: names of sets.
+        notes: what is lost.
+        mass_factor: PARAM WTMASS, by which masses and densities are multiplied.
+        grids, materials: of the deck.
+        plates: properties of shells by number.
+        profiles: properties of bars, beams and rods by kind of card and number.
+    """
+
+    def __init__(self, content: bytes, included: Mapping[str, bytes]) -> None:
+        split = split_deck(content, included)
+        self.labels, self.notes = Labels(), Losses()
+        self.cards: dict[str, list[Card]] = defaultdict(list)
+        for one in cards_of(split.bulk):
+            if isinstance(one, Card):
+                self.labels.see(one)
+                self.cards[one.name].append(one)
+            else:
+                self.labels.hear(one.raw)
+        self.case = read_case(split.control)
+        params = [*(card for card in cards_of(self.case.params) if isinstance(card, Card)), *self.take("PARAM")]
+        note_params(params, self.notes)
+        self.mass_factor = next((card.positive(1, "V1") for card in params if card.text(0) == "WTMASS"), 1.0)
+        self.all = [card for group in self.cards.values() for card in group]
+        defaults, grids = self.take("GRDSET"), self.take("GRID")
+        refuse_solids(self.cards)
+        if not grids:
+            raise FormatError("", "the deck has no GRID; expected Nastran bulk data")
+        self.grids: Grids = read_grids(grids, defaults[0] if defaults else None, self.take(*_FRAMES))
+        materials = numbered(self.take(*_MATERIALS), "material", "MID")
+        self.materials = Materials(materials, self.mass_factor, self.notes)
+        plates = self.take(*PLATES)
+        self.profiles = {name: numbered(self.take(name), "property", "PID") for name in PROFILES}
+        self.plates = numbered(plates, "property", "PID")
+
+    def take(self, *names: str) -> list[Card]:
+        """Cards of these names, which no other reader gets."""
+        return [card for name in names for card in self.cards.pop(name, ())]
+
+    def elements(self, *names: str) -> list[Card]:
+        """Cards of elements, in the deck's order; numbers may not repeat among them."""
+        found = self.take(*names)
+        seen: dict[str, Card] = {}
+        for card in found:
+            if seen.setdefault(card.text(0), card) is not card:
+                raise card.error(f"the element is there twice, first in line {seen[card.text(0)].line}", 0)
+        return sorted(found, key=lambda card: card.line) if len(names) > 1 else found
