@@ -8,8 +8,8 @@ more. With poles s_k(1 + d) the FRFs of a test are linear in their residues, so
 
 is found on a grid, with one decomposition of Φ for all tests (a separable problem; Golub and Pereyra 2003). A test
 drifts at most five times as far as half of them do: that is all the prior. Poles that lie side by side, as a drift
-makes them, are one in this series: it is believed where it explains the FRFs at a lower price (Akaike) than the
-series with the twins and no drift.
+makes them, are one in this series. Drift and poles are found in turn while the series with the drift costs less (Akaike, in
+lines that are worth one) than the series with the twins and without.
 """
 
 from __future__ import annotations
@@ -19,28 +19,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.basis import Terms, columns, poles
-from fecore.modal.growth import PRICE, gains
+from fecore.modal.basis import Terms, columns
+from fecore.modal.error_model import memory
+from fecore.modal.growth import PRICE, gains, pole_price
 from fecore.modal.refinement import Level, level_at, weights
 
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
-_FINE = 0.5  # of the narrowest half bandwidth: the grid's step
 _TOGETHER, _APART = 0.5, 1.5  # summed half bandwidths within which two poles may be one that drifts
 _TWICE = 0.5  # share of the modes that come in pairs from which drift makes them
 _ALIKE = 3.0  # ratio of their widths
-_REACH = 6.0  # half bandwidths on each side of a pole whose lines show the drift
-_LEAST_REACH = 6  # ... and at least lines
-_MOST_STEPS = 40  # of the first grid
-_GRID = (9, 241)  # steps of the later ones, at least and at most
-_FINEST = 0.15  # of a half bandwidth: their step
-_SPREAD = 5.0  # half their width over the median of the drifts
-_TURNS = 8  # of drift and poles, at most
-_AT_REST = 0.98  # of the misfit that another turn must beat
+_REACH = 6.0  # half bandwidths, and lines at least, on each side of a pole whose lines show the drift
+_STEPS = 41  # of a grid
+_SPREAD = 5.0  # half its width, and the farthest drift, over the median of the drifts
+_TURNS = 30  # of drift and poles, at most
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
-_UNSEEN = 3e-3  # of the narrowest half bandwidth: a drift that no resonance shows
-_LEAST = 1e-6  # relative drift for which a grid is made
 
 
 @dataclass(frozen=True)
@@ -51,88 +45,55 @@ class Drift:
     sd: float
 
 
-def without_drift(
-    unmoved: Arrangement,
-    arrangement: Arrangement,
-    before: Drift | None,
-    fit: Level,
-    settle: Callable[[Arrangement, Terms], Terms],
-    grown: Callable[[Arrangement, Terms, ComplexArray], Terms],
-) -> tuple[Arrangement, Terms, Drift] | None:
-    """The FRFs without their drift, the series that showed it, and the drift; None where no more is needed.
+def drift_of(
+    arrangement: Arrangement, fit: Level, settle: Callable[[Arrangement, Terms], Terms]
+) -> tuple[FloatArray, Terms] | None:
+    """(N,) the drift of each FRF that lowers χ² most, and the series that shows it; None where no drift pays.
 
     Args:
-        unmoved: the FRFs as they were measured.
-        arrangement: the FRFs without the drift that is known.
-        before: this drift; None where none is known.
-        fit: a series fitted to these.
+        arrangement: the FRFs.
+        fit: a series fitted to them.
         settle: refines a series on aligned FRFs.
-        grown: adds those poles, of some candidates in rad/s, that aligned FRFs still need.
     """
-    tests = session_of(arrangement)
-    inside = in_band(arrangement, fit.terms.frequency_hz)
+    tests, inside = session_of(arrangement), in_band(arrangement, fit.terms.frequency_hz)
     if int(tests.max()) + 1 < FEW or not inside.any():
         return None
-    terms, weight = _merged(fit, inside), weights(arrangement, fit.variance)
-    seen = in_band(arrangement, terms.frequency_hz)
-    seen &= terms.frequency_hz * terms.damping_ratio > _TONE * arrangement.spacing_hz
-    if not seen.any():
-        return None
-    sharp = seen & (terms.damping_ratio <= _ALIKE * np.median(terms.damping_ratio[seen]))
-    step = max(_FINE * float(np.median(terms.damping_ratio[sharp])), 2 * _WIDEST / _MOST_STEPS)
-    grid: FloatArray = step * np.arange(-np.ceil(_WIDEST / step), np.ceil(_WIDEST / step) + 1)
-    each: FloatArray = np.zeros(len(unmoved.pairs)) if before is None else before.each.copy()
-    still, left = aligned(unmoved, terms, weight, each), np.inf
+    terms, weight, price = _merged(fit, inside), weights(arrangement, fit.variance), drift_price(arrangement, fit)
+    twins = (fit.terms.pairs - terms.pairs) * pole_price(fit)
+    each: FloatArray = np.zeros(len(arrangement.pairs))
+    reach, least = _WIDEST, fit.chi_squared + twins - price
     for _ in range(_TURNS):
-        lines = _lines(arrangement, terms.frequency_hz[sharp], terms.damping_ratio[sharp])
-        narrow = float(np.median(terms.damping_ratio[sharp]))
-        more: FloatArray = _drifts(still, terms, weight, lines, tests, grid=grid, narrow=narrow)
-        if not np.any(np.abs(more) > _UNSEEN * narrow):
+        trial, gain = _drifts(arrangement, terms, weight, tests, reach)
+        if gain <= price:
             break
-        grid = _finer(more, narrow)
-        each += more
-        still = aligned(unmoved, terms, weight, each)
-        terms = settle(still, terms)
-        left, before_it = level_at(still, terms, fit.variance).chi_squared, left
-        if left > _AT_REST * before_it:
+        still = aligned(arrangement, terms, weight, trial)
+        settled = settle(still, terms)
+        left = level_at(still, settled, fit.variance).chi_squared
+        if left > least:
             break
-    terms = grown(still, terms, poles(fit.terms.frequency_hz, fit.terms.damping_ratio))
-    misfit = level_at(still, terms, fit.variance).chi_squared - fit.chi_squared
-    saved = (fit.terms.pairs - terms.pairs) * (2 * len(tests) + 2) - int(tests.max()) - 1
-    if not np.any(each) or misfit >= PRICE * saved:
-        return None
-    return still, terms, Drift(each, float(np.std(each)))
+        each, terms, least = trial, settled, left - price / int(tests.max())
+        reach = _SPREAD * float(np.median(np.abs(each)))
+    return (each, terms) if np.any(each) else None
+
+
+def drift_price(arrangement: Arrangement, fit: Level) -> float:
+    """What a drift of all tests but one must lower χ² by (Akaike), where lines share their errors."""
+    tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
+    return PRICE * (sessions(arrangement) - 1) * tau
 
 
 def _drifts(
-    arrangement: Arrangement,
-    terms: Terms,
-    weight: FloatArray,
-    lines: IntArray,
-    tests: IntArray,
-    grid: FloatArray,
-    narrow: float,
-) -> FloatArray:
-    """(N,) the most probable drifts about their mean, on a grid and once more on a finer one."""
-    count = int(tests.max()) + 1
-
-    def lowest(grid: FloatArray) -> FloatArray:
-        misfit = _misfits(arrangement, terms, weight, grid, lines)
-        return _lowest(grid, np.stack([np.bincount(tests, each, count) for each in misfit]))
-
-    drift = lowest(grid)
-    if grid[1] - grid[0] > _FINEST * narrow:
-        drift = lowest(_finer(drift, narrow))
-    drift = np.clip(
-        drift - np.median(drift), *_finer(drift, narrow)[[0, -1]]
-    )  # a test that shows nothing drifts no further than the others
-    return np.asarray((drift - drift.mean())[tests])
-
-
-def _finer(drift: FloatArray, narrow: float) -> FloatArray:
-    """A grid about most of some drifts, fine beside a damping ratio; drifts off it are wrong, or are found in the next turn."""
-    reach = _SPREAD * max(float(np.median(np.abs(drift))), _LEAST)
-    return np.linspace(-reach, reach, int(np.clip(2 * reach / (_FINEST * narrow), *_GRID)))
+    arrangement: Arrangement, terms: Terms, weight: FloatArray, tests: IntArray, reach: float
+) -> tuple[FloatArray, float]:
+    """(N,) the most probable drifts about their mean, on a grid about none, and what they lower χ² by."""
+    grid, count = np.linspace(-reach, reach, _STEPS), int(tests.max()) + 1
+    each = _misfits(arrangement, terms, weight, grid, _lines(arrangement, terms))
+    misfit: FloatArray = np.stack([np.bincount(tests, own, count) for own in each]).astype(float)
+    drift, least = _lowest(grid, misfit)
+    drift -= np.median(drift)
+    most = _SPREAD * float(np.median(np.abs(drift)))
+    drift = np.clip(drift, -most, most)  # a test that shows nothing drifts no further than the others
+    return np.asarray((drift - drift.mean())[tests]), float(np.sum(misfit[_STEPS // 2] - least))
 
 
 def aligned(arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: FloatArray) -> Arrangement:
@@ -201,10 +162,12 @@ def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, b
     return merged, bool(np.mean(several) >= _TWICE)
 
 
-def _lines(arrangement: Arrangement, hz: FloatArray, zeta: FloatArray) -> IntArray:
-    """Numbers of the lines about poles."""
+def _lines(arrangement: Arrangement, terms: Terms) -> IntArray:
+    """Numbers of the lines about the poles in band."""
+    inside = in_band(arrangement, terms.frequency_hz)
+    hz, zeta = terms.frequency_hz[inside], terms.damping_ratio[inside]
     off = np.abs(arrangement.frequency_hz[:, None] - hz)
-    return np.flatnonzero((off <= np.maximum(_REACH * zeta * hz, _LEAST_REACH * arrangement.spacing_hz)).any(axis=1))
+    return np.flatnonzero((off <= _REACH * np.maximum(zeta * hz, arrangement.spacing_hz)).any(axis=1))
 
 
 def _misfits(
@@ -227,13 +190,13 @@ def _misfits(
     return out
 
 
-def _lowest(grid: FloatArray, misfit: FloatArray) -> FloatArray:
-    """(S,) where each test's misfit is least, by a parabola about the best of the grid."""
+def _lowest(grid: FloatArray, misfit: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(S,) where each test's misfit is least, by a parabola about the best of the grid, and how large it is there."""
     best = np.clip(np.argmin(misfit, axis=0), 1, grid.size - 2)
     low, mid, high = (misfit[best + shift, np.arange(best.size)] for shift in (-1, 0, 1))
     step, bend = grid[1] - grid[0], np.maximum(low - 2 * mid + high, 0.0)
-    off = np.where(bend > 0, (low - high) / np.where(bend > 0, 2 * bend, 1.0), 0.0)
-    return np.asarray(grid[best] + np.clip(off, -1, 1) * step)
+    off = np.clip(np.where(bend > 0, (low - high) / np.where(bend > 0, 2 * bend, 1.0), 0.0), -1, 1)
+    return np.asarray(grid[best] + off * step), np.asarray(mid + (high - low) * off / 2 + bend * off**2 / 2)
 
 
 def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, poles
 from fecore.modal.compression import compress
-from fecore.modal.drift import Drift, in_band, session_of, sessions, without_drift
+from fecore.modal.drift import Drift, aligned, drift_of, in_band, session_of, sessions
 from fecore.modal.error_model import memory, shared_error
 from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import (
@@ -28,10 +28,8 @@ from fecore.modal.growth import (
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
 from fecore.modal.probability import doubled, probability
-from fecore.modal.refinement import Fit, Level, refine, spare
+from fecore.modal.refinement import Fit, Level, refine, spare, weights
 
-_ALIGN = 4  # turns of drift and growth
-_STILL = 0.1  # of the whole drift: what is left below it is at rest
 _CULLS = 2  # turns of probability and refinement
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
@@ -88,9 +86,8 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     step, pool = _steps(report), clusters(linear)
     empty = Terms(np.empty(0), np.empty(0), (-2, 0))
     terms = data.grown(empty, pool, most, step, 1)
-    pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
-    still, aligned, drift = _aligned(data, terms, pool, most, step)
-    fit = still.fitted(still.grown(aligned, pool, most, step))
+    still, terms, drift = _aligned(data, terms, pool, most, step)
+    fit = still.fitted(terms)
     report("refining with all FRFs", 0.6)
     full = fit.terms.pairs >= most
     fit = _without_company(still, fit)
@@ -147,29 +144,18 @@ def _steps(report: Report) -> Callable[[int], None]:
 def _aligned(
     data: _Data, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
 ) -> tuple[_Data, Terms, Drift | None]:
-    """The FRFs without the drift of their tests, with the series that showed it; as they are where there is none.
-
-    The drift is found with the poles that are there, and shows more of them: both grow in turn.
-    """
-    still, drift = data, None
-    for _ in range(_ALIGN):
-        found = without_drift(
-            data.arrangement,
-            still.arrangement,
-            drift,
-            still.fitted(terms),
-            lambda moved, own: _Data.of(moved, data.noise).settled(own),
-            lambda moved, own, candidates: _Data.of(moved, data.noise).grown(own, candidates, most, step, 1),
-        )
-        if found is None:
-            break
-        more = found[2].sd if drift is None else float(np.std(found[2].each - drift.each))
-        arrangement, terms, drift = found
-        still = _Data.of(arrangement, data.noise)
-        if more < _STILL * drift.sd:
-            break
-        terms = still.grown(terms, pool, most, step, 1)
-    return still, terms, drift
+    """The FRFs and the series that they need, grown from a first one: without the drift of their tests where it pays."""
+    fit = data.fitted(terms)
+    pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
+    found = drift_of(data.arrangement, fit, lambda moved, own: _Data.of(moved, data.noise).settled(own))
+    if found is None:
+        return data, data.grown(terms, pool, most, step), None
+    each, moved = found
+    weight = weights(data.arrangement, fit.variance)
+    still = _Data.of(aligned(data.arrangement, moved, weight, each), data.noise)
+    grown = still.grown(moved, pool, most, step)
+    still = _Data.of(aligned(data.arrangement, grown, weight, each), data.noise)
+    return still, grown, Drift(each, float(np.std(each)))
 
 
 def _without_company(data: _Data, fit: Level) -> Level:

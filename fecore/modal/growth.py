@@ -18,6 +18,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import DAMPING_RANGE, Terms, columns
 from fecore.modal.error_model import RELATIVE
+from fecore.modal.linear import stacked
 from fecore.modal.lscf import NARROW, clusters, linear_poles
 from fecore.modal.noise import local_variance
 from fecore.modal.refinement import Fit, Level, level_at, refine, weights
@@ -231,8 +232,8 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
     root = np.sqrt(weight.mean(axis=0))
     scaled = fit.residual * np.sqrt(weight)
     target = np.concatenate([scaled.real, scaled.imag], axis=1)
-    frame = _stacked(fit.linear.frame, root)
-    extra = _stacked(
+    frame = stacked(fit.linear.frame, root)
+    extra = stacked(
         columns(arrangement.omega, with_poles(Terms(np.empty(0), np.empty(0), ()), pool), arrangement.power), root
     )
     extra = extra / np.maximum(np.linalg.norm(extra, axis=0), 1e-300)
@@ -268,8 +269,3 @@ def _two_by_two(right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray) 
     alone = (a > _ALONE) & (d > _ALONE) & (determinant > _ALONE * a * d)
     total = d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)
     return np.asarray(np.where(alone, total / np.where(alone, determinant, 1.0), 0.0))
-
-
-def _stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
-    """(2L, q) real above imaginary parts of columns, weighted."""
-    return np.concatenate([basis.real * root[:, None], basis.imag * root[:, None]])

@@ -49,7 +49,7 @@ class LinearFit:
 def orthonormal(basis: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """The basis made orthonormal under the mean weight, (L, r), and (q, r) what makes it so; null directions are left out."""
     root = mean_weight(weight)
-    scaled = np.concatenate([basis.real * root[:, None], basis.imag * root[:, None]])
+    scaled = stacked(basis, root)
     length = np.linalg.norm(scaled, axis=0)
     length = np.where(length > 0, length, 1.0)
     triangle = np.linalg.qr(scaled / length, mode="r")
@@ -58,6 +58,11 @@ def orthonormal(basis: ComplexArray, weight: FloatArray) -> tuple[ComplexArray, 
     kept = singular > _NULL * singular.max(initial=0.0)
     turn = (right[kept] / singular[kept, None]).T / length[:, None]
     return real_times(turn.T, basis.T).T, np.asarray(turn)
+
+
+def stacked(basis: ComplexArray, root: FloatArray) -> FloatArray:
+    """(2L, q) real above imaginary parts of columns, weighted by (L,)."""
+    return np.concatenate([basis.real * root[:, None], basis.imag * root[:, None]])
 
 
 def mean_weight(weight: FloatArray) -> FloatArray:

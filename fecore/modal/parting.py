@@ -2,13 +2,14 @@
 
 The residues of one mode, roving by fixed dofs, are a matrix of rank one, ψ lᵀ: l is how well each reference sees it. Modes so
 near to each other that the series has one pole for them leave a matrix of rank two. With several references l distinguishes
-them even where their frequencies agree. About the pole
+them even where their frequencies agree. In place of the pole
 
-    H_ij(s) = Σ_q ψ_qi l_qj/(s - s_q) + conj.  + const_ij,     q = 1, 2,
+    H_ij(s) = Σ_q ψ_qi l_qj/(s - s_q) + conj.  + all other terms of the series,     q = 1, 2,
 
-and to first order in the shifts δ_q = s_q - s_0 this is P/(s - s_0) + Q/(s - s_0)², P = Σ ψ_q l_qᵀ, Q = Σ δ_q ψ_q l_qᵀ. In the
-two leading singular directions of P, Q P⁻¹ = A diag(δ) A⁻¹: its eigenvalues are the shifts, the rows of A⁻¹P are the l_q.
-From there poles and l are refined by least squares, with ψ and the constants eliminated (variable projection).
+and to first order in the shifts δ_q = s_q - s_0 the sum is P/(s - s_0) + Q/(s - s_0)², P = Σ ψ_q l_qᵀ, Q = Σ δ_q ψ_q l_qᵀ. In
+the two leading singular directions of P, Q P⁻¹ = A diag(δ) A⁻¹: its eigenvalues are the shifts, the rows of A⁻¹P are the l_q.
+From there the poles and l are refined by least squares over all lines. The shapes ψ and the coefficients of the other terms are
+eliminated (variable projection): the skirts of neighbours are as large as what parts the two modes.
 """
 
 from __future__ import annotations
@@ -19,18 +20,14 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import ComplexArray, FloatArray, IntArray
-from fecore.correlation import mac
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import DAMPING_RANGE, Terms, columns
+from fecore.modal.basis import columns
 from fecore.modal.growth import without_poles
-from fecore.modal.local_pair import Band, Modes, band_about
-from fecore.modal.refinement import Fit, evaluate
+from fecore.modal.local_pair import Site
+from fecore.modal.refinement import Fit, level_at
 from fecore.modal.shapes import of_rank_two
 
-_ROUNDS = 2  # of the pair and of the series about it in turn
 _NEAR = 2.0  # half bandwidths of the pole within which both modes must lie
-_ALIKE = 5.0  # ratio of their damping to that of the pole, either way
-_SAME_VIEW = 0.97  # MAC of the two l from which the references do not distinguish the modes
 
 
 @dataclass(frozen=True)
@@ -121,84 +118,48 @@ def _first_of(parted: tuple[Parted, ...]) -> list[tuple[int, Parted]]:
 
 
 def _with(arrangement: Arrangement, fit: Fit, parted: tuple[Parted, ...]) -> PartedFit:
-    """The series with the pairs in place of their poles; its other coefficients are as they were."""
+    """The series with the pairs in place of their poles; its other coefficients are fitted to what the pairs leave."""
     terms, n = fit.terms, fit.terms.pairs
     at = _places(n, parted)
     f, zeta = terms.frequency_hz[at], terms.damping_ratio[at]
     c = fit.linear.coefficients
     c = c[:, np.concatenate([np.stack([2 * at, 2 * at + 1], axis=1).ravel(), np.arange(2 * n, c.shape[1])])]
+    own = np.zeros(c.shape[1], dtype=bool)
     for first, pair in _first_of(parted):
         f[first : first + 2], zeta[first : first + 2] = pair.frequency_hz, pair.damping_ratio
         c[:, 2 * first : 2 * first + 4] = np.stack([pair.residues.real, pair.residues.imag], axis=2).reshape(-1, 4)
+        own[2 * first : 2 * first + 4] = True
     terms = replace(terms, frequency_hz=f, damping_ratio=zeta)
-    model = c @ columns(arrangement.omega, terms, arrangement.power).T
-    own = {name: getattr(fit, name) for name in Fit.__dataclass_fields__}
-    own |= {
+    basis = columns(arrangement.omega, terms, arrangement.power)
+    values = arrangement.values - c[:, own] @ basis[:, own].T
+    others = without_poles(terms, own[: 2 * terms.pairs : 2])
+    c[:, ~own] = level_at(replace(arrangement, values=values), others, fit.variance).linear.coefficients
+    kept = {name: getattr(fit, name) for name in Fit.__dataclass_fields__}
+    kept |= {
         "terms": terms,
         "linear": replace(fit.linear, coefficients=c),
-        "residual": np.where(arrangement.measured, arrangement.values - model, 0),
+        "residual": np.where(arrangement.measured, arrangement.values - c @ basis.T, 0),
     }
-    return PartedFit(**own, base=fit, parted=parted)
+    return PartedFit(**kept, base=fit, parted=parted)
 
 
 def _pair(arrangement: Arrangement, fit: Fit, k: int) -> Parted | None:
-    """The two modes under pole k; None where the data about it do not support them."""
-    terms = fit.terms
-    pole = (float(terms.frequency_hz[k]), float(terms.damping_ratio[k]))
-    alone = without_poles(terms, np.arange(terms.pairs) == k)
-    one, two, band = None, None, None
-    model = fit.linear.coefficients[:, 2 * k : 2 * k + 2] @ _columns(arrangement, *pole)
-    for _ in range(_ROUNDS):
-        rest = np.where(arrangement.measured, arrangement.values - model, 0)
-        others = evaluate(replace(arrangement, values=rest), alone, fit.variance)
-        band = band_about(arrangement, arrangement.values - others.model(arrangement), fit.variance, pole)
-        if band is None:
-            return None
-        two = band.start(2) if two is None else band.fitted(two.frequency_hz, two.damping_ratio, two.seen)
-        one = band.start(1)
-        if one is None or two is None or not _sensible(two, pole):
-            return None
-        residues = band.residues(two.frequency_hz, two.damping_ratio, two.seen)[0]
-        parts = zip(residues.T, two.frequency_hz, two.damping_ratio, strict=True)
-        both = [np.stack([r.real, r.imag], axis=1) @ _columns(arrangement, float(f), float(z)) for r, f, z in parts]
-        model = both[0] + both[1]
-    if one is None or two is None or band is None:
+    """The two modes under pole k; None where they are not about it. The errors of the poles reach the residues, by one standard
+    deviation along each of their axes.
+    """
+    site = Site.about(arrangement, fit, k)
+    if site is None:
         return None
-    return _parted(band, k, two, fit.memory) if _pays(arrangement, fit, one, two) else None
-
-
-def _columns(arrangement: Arrangement, frequency_hz: float, damping_ratio: float) -> ComplexArray:
-    """(2, L) the factors of the real and imaginary part of a residue."""
-    terms = Terms(np.array([frequency_hz]), np.array([damping_ratio]), ())
-    return columns(arrangement.omega, terms, arrangement.power).T
-
-
-def _sensible(two: Modes, pole: tuple[float, float]) -> bool:
-    """Whether both modes are near the pole, damped like it, and the references distinguish them."""
-    f, zeta = pole
-    near = np.all(np.abs(two.frequency_hz - f) < _NEAR * zeta * f)
-    alike = np.all(np.abs(np.log(two.damping_ratio / zeta)) < np.log(_ALIKE))
-    return bool(near and alike and mac(two.seen[0], two.seen[1])[0, 0] < _SAME_VIEW)
-
-
-def _pays(arrangement: Arrangement, fit: Fit, one: Modes, two: Modes) -> bool:
-    """Whether two modes lower the misfit against one by the price of their unknowns (Schwarz)."""
-    unknowns = 2 * len(arrangement.roving) + 2 * (len(arrangement.fixed) - 1) + 2
-    scale = max(1.0, two.chi_squared / two.freedom) * fit.memory
-    price = float(np.log(2 * len(arrangement.pairs) * arrangement.frequency_hz.size)) * unknowns
-    return (one.chi_squared - two.chi_squared) / scale > price
-
-
-def _parted(band: Band, k: int, two: Modes, memory: float) -> Parted:
-    """The pair with its errors; those of the poles reach the residues, by one standard deviation along each of their axes."""
-    covariance = band.covariance(two, memory)
-    residues, variance = band.residues(two.frequency_hz, two.damping_ratio, two.seen)
-    variance = variance * max(1.0, two.chi_squared / two.freedom) * memory
+    two, covariance = site.fitted(site.start(), fit.inflation)
+    if not np.all(np.abs(two.frequency_hz - site.frequency_hz) < _NEAR * site.damping_ratio * site.frequency_hz):
+        return None
+    residues, variance = site.residues(two)
+    variance = variance * fit.inflation
     value, vector = np.linalg.eigh(covariance[:4, :4])
     for size, axis in zip(np.sqrt(np.maximum(value, 0)), vector.T, strict=True):
-        f = two.frequency_hz * np.exp(size * axis[:2])
-        zeta = np.clip(two.damping_ratio + size * axis[2:], *DAMPING_RANGE)
-        variance = variance + np.abs(band.residues(f, zeta, two.seen)[0] - residues) ** 2
+        theta = two.theta
+        theta[:4] += size * axis
+        variance = variance + np.abs(site.residues(two.at(theta))[0] - residues) ** 2
     order = np.argsort(two.frequency_hz)
     both = np.concatenate([order, 2 + order])
     return Parted(

@@ -18,6 +18,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError
@@ -274,13 +275,17 @@ def moved(terms: Terms, step: FloatArray) -> Terms:
 
 
 def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
-    """Damped step, limited to the width of each pole, and the decrease of χ² that the quadratic model predicts."""
+    """The damped step of most predicted decrease of χ² that moves no pole by more than its width, and this decrease.
+
+    The limits are bounds of the quadratic problem. A step cut to them afterwards may lead uphill: where one vague parameter is
+    cut, what the others did to make up for it is left.
+    """
     scale, value, vector, null = spectrum(fit.information)
-    along = vector.T @ (fit.gradient / scale) / np.where(null, np.inf, value + damping)
-    step = vector @ along / scale
     zeta = fit.terms.damping_ratio
-    limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)])
-    step = np.clip(step, -limit, limit)  # each by itself: one vague parameter must not hold back the others
+    limit = np.concatenate([np.maximum(zeta, 1e-3), np.maximum(0.7 * zeta, 1e-4)]) * scale
+    root = np.sqrt(np.where(null, 1.0, value) + damping)
+    along = np.where(null, 0.0, vector.T @ (fit.gradient / scale)) / root
+    step = scipy.optimize.lsq_linear(root[:, None] * vector.T, along, (-limit, limit), method="bvls").x / scale
     return step, float(2 * step @ fit.gradient - step @ fit.information @ step)
 
 

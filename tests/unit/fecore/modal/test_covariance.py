@@ -13,7 +13,7 @@ from fecore.modal.arrangement import Arrangement, arrange
 from fecore.modal.basis import Terms, columns
 from fecore.modal.error_model import memory, shared_error
 from fecore.modal.linear import mean_weight, orthonormal
-from fecore.modal.local_pair import Band, Modes, band_about
+from fecore.modal.local_pair import Modes, Site
 from fecore.modal.refinement import Fit, evaluate, moved, spectrum
 
 HZ, ZETA, FRFS = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 12
@@ -134,66 +134,104 @@ def test_a_step_keeps_damping_where_it_means_something() -> None:
     assert after.damping_ratio.tolist() == [0.95, 1e-5]
 
 
-def band(arrangement: Arrangement) -> Band:
-    found = band_about(arrangement, arrangement.values, np.full(arrangement.values.shape, 2e-14), (101.3, 0.01))
-    assert found is not None
-    return found
+PAIR = Modes(np.array([101.0, 101.6]), np.array([0.01, 0.012]), np.array([[1.0, 0.4 + 0.1j], [-0.5 + 0.2j, 1.0]]))
 
 
-def test_a_band_is_six_half_bandwidths_or_five_lines_wide_and_has_eight_lines() -> None:
-    """f ζ is 1.013 Hz, six of them 6.08 Hz: lines of 0.5 Hz from 95.5 to 107 Hz."""
-    arrangement = measured(line=0.5)
-    lines = band(arrangement).omega / (2 * np.pi)
-    assert (lines[0], lines[-1], lines.size) == pytest.approx((95.5, 107.0, 24), rel=1e-12)
-    assert band(arrangement).weight[0] == pytest.approx(np.full(24, 1e14), rel=1e-12)
-    spread = np.full(arrangement.values.shape, 2e-14)
-    narrow = band_about(arrangement, arrangement.values, spread, (101.3, 1e-5))
-    assert narrow is not None
-    assert narrow.omega.size == 10
-    seven = replace(arrangement, measured=arrangement.measured & (np.abs(arrangement.frequency_hz - 101.3) > 1.1))
-    assert band_about(seven, seven.values, spread, (101.3, 1e-5)) is None
+def site_of_pair(noise: float = 1e-7) -> tuple[Arrangement, Site]:
+    """Receptances of twelve roving dofs by two references, of two modes near to each other beside a third."""
+    random = np.random.default_rng(5)
+    lines = np.arange(60.0, 220.5, 0.5)
+    s, shapes = 2j * np.pi * lines, random.standard_normal((FRFS, 3))
+    hz, zeta = np.append(PAIR.frequency_hz, HZ[1]), np.append(PAIR.damping_ratio, ZETA[1])
+    pole = 2 * np.pi * hz * (-zeta + 1j * np.sqrt(1 - zeta**2))
+    residue = np.einsum("pq,qm->pmq", shapes, np.concatenate([PAIR.seen, [[1.0, 1.0]]])) / (2j * pole.imag)
+    direct, mirror = 1 / (s - pole[:, None]), 1 / (s - pole.conj()[:, None])
+    values = (residue @ direct + residue.conj() @ mirror).reshape(2 * FRFS, -1)
+    white = random.standard_normal((2, *values.shape))
+    pairs = [(Dof(i + 1, 3), Dof(90 + j, 3)) for i in range(FRFS) for j in range(2)]
+    responses, references = (tuple(pair[side] for pair in pairs) for side in (0, 1))
+    arrangement = arrange(
+        FrfSet(lines, values + noise * (white[0] + 1j * white[1]), responses, references, "receptance")
+    )
+    fit = evaluate(arrangement, TERMS, np.full(values.shape, 2e-14))
+    site = Site.about(arrangement, fit, 0)
+    assert site is not None
+    return arrangement, site
 
 
-def test_residues_in_a_band_are_those_of_least_squares_written_out() -> None:
-    """One mode and two, beside a complex constant."""
-    arrangement = measured(line=0.5)
-    one = band(arrangement)
-    s = 1j * one.omega
-    for hz, zeta in ((HZ[:1], ZETA[:1]), (np.array([101.3, 103.1]), np.array([0.01, 0.015]))):
-        view = np.exp(1j * np.arange(hz.size))[:, None]  # of one reference alone, so that it only turns ψ
-        values, spread = one.residues(hz, zeta, view)
-        omega = 2 * np.pi * hz
-        pole = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))
-        direct, mirror = 1 / (s[:, None] - pole), 1 / (s[:, None] - pole.conj())
-        constant = np.ones_like(s)[:, None]
-        basis = np.concatenate([direct + mirror, 1j * (direct - mirror), constant, 1j * constant], axis=1)
-        lengths = np.linalg.norm(basis, axis=0)
-        real = np.concatenate([(basis / lengths).real, (basis / lengths).imag]) * 1e7
-        n = hz.size
-        for row, own in enumerate(arrangement.values[:, np.isin(arrangement.omega, one.omega)]):
-            c = np.linalg.lstsq(real, np.concatenate([own.real, own.imag]) * 1e7, rcond=None)[0] / lengths
-            assert values[row] == pytest.approx(c[:n] + 1j * c[n : 2 * n], rel=1e-6)
-        own = np.diag(np.linalg.inv(real.T @ real)) / lengths**2
-        np.testing.assert_allclose(spread, np.tile(own[:n] + own[n : 2 * n], (FRFS, 1)), rtol=1e-6)
+def explicit_pair(arrangement: Arrangement, modes: Modes, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coefficients of one roving dof (ψ₁, ψ₂, and of each reference the other pole and constant), covariance, misfit."""
+    s = 2j * np.pi * arrangement.frequency_hz[:, None]
+    pole = 2 * np.pi * modes.frequency_hz * (-modes.damping_ratio + 1j * np.sqrt(1 - modes.damping_ratio**2))
+    away = 2 * np.pi * HZ[1] * (-ZETA[1] + 1j * np.sqrt(1 - ZETA[1] ** 2))
+    lengths, blocks, right = [], [], []
+    for j in range(2):
+        seen = modes.seen[:, j]
+        own, mirror = seen / (s - pole), seen.conj() / (s - pole.conj())
+        other = np.concatenate(
+            [1 / (s - away) + 1 / (s - away.conjugate()), 1j * (1 / (s - away) - 1 / (s - away.conjugate()))], axis=1
+        )
+        whole = np.zeros((s.size, 10), dtype=complex)
+        whole[:, 0:4:2], whole[:, 1:4:2] = own + mirror, 1j * (own - mirror)
+        whole[:, 4 + 3 * j : 6 + 3 * j], whole[:, 6 + 3 * j] = other, 1.0
+        blocks.append(whole)
+        value = arrangement.values[np.flatnonzero((arrangement.row == [row, j]).all(axis=1))[0]]
+        right.append(value)
+    basis, value = np.concatenate(blocks), np.concatenate(right)
+    real = np.concatenate([basis.real, basis.imag]) * 1e7
+    lengths = np.linalg.norm(real, axis=0)
+    target = np.concatenate([value.real, value.imag]) * 1e7
+    c = np.linalg.lstsq(real / lengths, target, rcond=None)[0] / lengths
+    covariance = np.linalg.inv((real / lengths).T @ (real / lengths)) / np.outer(lengths, lengths)
+    return c, covariance, target - real @ c
 
 
-@pytest.mark.parametrize(("size", "misfit"), [(7, 0.5), (7, 3.0), (8, 0.5), (12, 2.0)])
-def test_covariance_of_modes_in_a_band(size: int, misfit: float) -> None:
-    random = np.random.default_rng(size)
-    jacobian, residual = random.standard_normal((40, size, 3)), random.standard_normal((40, size))
-    residual += np.where(np.arange(size) % 2, 2.0, -2.0) * jacobian[:, :, 0]  # one roving dof against the next
-    modes = Modes(np.ones(1), np.ones(1), np.ones((1, 1), complex), 100 * misfit, 100, jacobian, residual)
-    inverse = np.linalg.inv(np.einsum("rpi,rpj->ij", jacobian, jacobian))
-    expected = np.sqrt(np.diag(inverse) * max(1.0, misfit) * 1.5)
-    if size >= 8:
-        pull = np.einsum("rpn,rp->pn", jacobian, residual)
-        between = np.sqrt(np.diag(inverse @ pull.T @ pull @ inverse) * size / (size - 1))
-        expected = np.maximum(expected, between / (1 + 1 / np.sqrt(2 * (size - 1))))
-        assert expected[0] > np.sqrt(inverse[0, 0] * max(1.0, misfit) * 1.5)
-    found = band(measured(line=0.5)).covariance(modes, 1.5)
-    np.testing.assert_allclose(np.sqrt(np.diag(found)), expected, rtol=1e-9)
-    grow = np.sqrt(np.diag(found) / np.diag(inverse))
-    np.testing.assert_allclose(found, inverse * np.outer(grow, grow), rtol=1e-7)
+def test_residues_of_a_pair_are_those_of_least_squares_written_out() -> None:
+    """Two modes of rank one, the other pole and the constant of each reference being unknown beside them."""
+    arrangement, site = site_of_pair()
+    values, spread = site.residues(PAIR)
+    for row in range(FRFS):
+        c, covariance, _ = explicit_pair(arrangement, PAIR, row)
+        for j in range(2):
+            frf = np.flatnonzero((arrangement.row == [row, j]).all(axis=1))[0]
+            assert values[frf] == pytest.approx((c[0:4:2] + 1j * c[1:4:2]) * PAIR.seen[:, j], rel=1e-6)
+            own = np.diag(covariance)[:4].reshape(2, 2).sum(axis=1) * np.abs(PAIR.seen[:, j]) ** 2
+            np.testing.assert_allclose(spread[frf], own, rtol=1e-6)
+
+
+def test_a_pair_is_found_from_its_pole_within_its_errors() -> None:
+    """Started at one pole between the two; the covariance is that of the Jacobian, by central differences of the misfit."""
+    arrangement, site = site_of_pair()
+    found, covariance = site.fitted(site.start(), 1.5)
+    order = np.argsort(found.frequency_hz)
+    sd = np.sqrt(np.diag(covariance))
+    assert np.all(np.abs(np.log(found.frequency_hz[order] / PAIR.frequency_hz)) < 3 * sd[:2][order])
+    assert np.all(np.abs(found.damping_ratio[order] - PAIR.damping_ratio) < 3 * sd[2:4][order])
+    theta, step = found.theta, np.append(np.full(4, 1e-5), np.full(found.theta.size - 4, 1e-3))
+    jacobian, pull = [], []
+    for row in range(FRFS):
+        slopes = []
+        for k, size in enumerate(step):
+            ahead, back = (
+                explicit_pair(arrangement, found.at(theta + sign * size * (np.arange(theta.size) == k)), row)[2]
+                for sign in (1, -1)
+            )
+            slopes.append((ahead - back) / (2 * size))
+        jacobian.append(np.array(slopes))
+        pull.append(np.array(slopes) @ explicit_pair(arrangement, found, row)[2])
+    inverse = np.linalg.inv(sum(j @ j.T for j in jacobian))
+    between = np.sqrt(np.sum((np.array(pull) @ inverse) ** 2, axis=0) * FRFS / (FRFS - 1)) / (
+        1 + 1 / np.sqrt(2 * FRFS - 2)
+    )
+    np.testing.assert_allclose(sd, np.maximum(np.sqrt(1.5 * np.diag(inverse)), between), rtol=0.02)
+
+
+def test_a_pair_needs_more_lines_than_unknowns() -> None:
+    arrangement, _ = site_of_pair()
+    fit = evaluate(arrangement, TERMS, np.full(arrangement.values.shape, 2e-14))
+    one_frf = np.arange(len(arrangement.pairs)) == 0
+    few = replace(arrangement, measured=arrangement.measured & ~(one_frf[:, None] & (arrangement.frequency_hz > 61.2)))
+    assert Site.about(few, fit, 0) is None
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.6])
