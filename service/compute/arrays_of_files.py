@@ -33,7 +33,7 @@ from modalbase.formats.records import (
     read_variables,
 )
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of, looked_at, recording_of
+from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -161,6 +161,7 @@ def _mapped_frfs(
 def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
     shapes, proposed = _shapes(variables), propose(variables)
     if inputs.mapping is None:
+        proposed = proposed_recording(variables) or proposed
         if not inputs.dry_run:
             raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {proposed}")
         yield Found(form, "hits", shapes, proposed, notes=notes)
