@@ -202,8 +202,8 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
             page.wait_for_selector(f"form[data-name='{name}'] select[data-kind]")
         asked = form_of(page, name)
         assert asked.locator("select[data-kind]").input_value() == "order"
-        told = [asked.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
-        assert told == ["force", "acceleration"]
+        quantities = [asked.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
+        assert quantities == ["force", "acceleration"]
         for point, hits in enumerate((2, 1)):
             asked.locator("button:text('Add a point')").click()
             asked.locator(f"[name='recording/order/{point}/point']").fill(str(point + 4))
