@@ -6,7 +6,7 @@ from pathlib import Path
 
 from service.show.guide.contents import PICTURES, addresses, files, whole_page
 from service.show.guide.routes import STYLES
-from service.show.pages.assets import FOLDER as STATIC
+from service.show.pages.look import FOLDER as STATIC
 
 ROOT = Path(__file__).resolve().parent.parent
 

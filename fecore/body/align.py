@@ -31,17 +31,11 @@ _SAME = 0.02  # of turns, and of the body's size, within which two answers are o
 
 @dataclass(frozen=True)
 class Motion:
-    """x ↦ turn · x + shift.
+    """x ↦ turn · x + shift."""
 
-    Attributes:
-        turn: (3, 3) proper rotation.
-        shift: (3,) m.
-        residual: (p,) distances that are left, m.
-    """
-
-    turn: FloatArray
-    shift: FloatArray
-    residual: FloatArray
+    turn: FloatArray  # (3, 3) proper rotation
+    shift: FloatArray  # (3,) m
+    residual: FloatArray  # (p,) distances that are left, m
 
     @property
     def rms(self) -> float:

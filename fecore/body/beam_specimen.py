@@ -24,29 +24,19 @@ BENDING = (2, 3, 4)
 
 @dataclass(frozen=True)
 class BeamSpecimen(OfStructure):
-    """An isotropic strip as three-node Timoshenko beam elements, in out-of-plane bending and torsion.
+    """An isotropic strip as three-node Timoshenko beam elements, in out-of-plane bending and torsion."""
 
-    Attributes:
-        length, width, thickness: m.
-        modulus: nominal Young's modulus E, Pa.
-        poisson: nominal Poisson's ratio ν; the shear modulus is E / 2(1 + ν).
-        density: nominal, kg/m³.
-        boundary: how it is held.
-        masses: what it carries, such as a sensor.
-        elements: along the length.
-        dofs: of a node; all six let it move in its plane too.
-    """
-
+    # length, width, thickness: m
     length: float
     width: float
     thickness: float
-    modulus: float
-    poisson: float
-    density: float
-    boundary: Boundary = "cantilever"
-    masses: tuple[PointMass, ...] = ()
-    elements: int = 40
-    dofs: tuple[int, ...] = BENDING
+    modulus: float  # nominal Young's modulus E, Pa
+    poisson: float  # nominal Poisson's ratio ν; the shear modulus is E / 2(1 + ν)
+    density: float  # nominal, kg/m³
+    boundary: Boundary = "cantilever"  # how it is held
+    masses: tuple[PointMass, ...] = ()  # what it carries, such as a sensor
+    elements: int = 40  # along the length
+    dofs: tuple[int, ...] = BENDING  # of a node; all six let it move in its plane too
 
     springs = ()
 

@@ -14,28 +14,19 @@ from fecore.errors import InputError
 
 @dataclass(frozen=True)
 class BeamSection:
-    """A beam's section; axes 1 and 2 lie across the beam, axis 2 = tangent × axis 1.
+    """A beam's section; axes 1 and 2 lie across the beam, axis 2 = tangent × axis 1."""
 
-    Attributes:
-        E, G: nominal moduli, Pa.
-        density: nominal, kg/m³.
-        area: m².
-        inertia: ∫z² dA, ∫y² dA and ∫yz dA, m⁴, of places y n₁ + z n₂ from the centroid.
-        torsion: J, m⁴.
-        shear: shear factors κ along axes 1 and 2.
-        axis: direction whose projection across the beam is axis 1, in the structure's frame.
-        offset: from the nodes to the centroid, m, in the structure's frame.
-    """
-
+    # E, G: nominal moduli, Pa
     E: float
     G: float
-    density: float
-    area: float
-    inertia: tuple[float, float, float]
-    torsion: float
-    shear: tuple[float, float] = (5 / 6, 5 / 6)
+    density: float  # nominal, kg/m³
+    area: float  # m²
+    inertia: tuple[float, float, float]  # ∫z² dA, ∫y² dA and ∫yz dA, m⁴, of places y n₁ + z n₂ from the centroid
+    torsion: float  # J, m⁴
+    shear: tuple[float, float] = (5 / 6, 5 / 6)  # shear factors κ along axes 1 and 2
+    # direction whose projection across the beam is axis 1, in the structure's frame
     axis: tuple[float, float, float] = (0.0, 1.0, 0.0)
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # from the nodes to the centroid, m, in the structure's frame
 
     terms = ("EA", "GA1", "GA2", "GJ", "EI1", "EI2", "EI12")
     motions = ("m_1", "m", "mJ", "mI1", "mI2", "mI12")

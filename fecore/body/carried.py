@@ -10,7 +10,7 @@ from fecore.body.mesh import BEAMS, SHELLS, Mesh
 from fecore.body.model import Part
 from fecore.body.operators import Operators
 from fecore.body.supports import Mass, NodeSpring, Spring
-from fecore.errors import InputError
+from fecore.errors import InputError, OffSpecimenError
 
 KNOWN = "1"
 """Name of the coefficient of masses that are known."""
@@ -38,7 +38,7 @@ def _held(mesh: Mesh, surfaces: Surfaces, spring: Spring) -> tuple[IntArray, Flo
     if spring.edge is not None:
         return _along(mesh, mesh.select(spring.edge), spring.edge)
     assert spring.point is not None, "a spring has an edge or a point"
-    return _at(surfaces, spring.point)
+    return _at(surfaces, spring.point, "springs")
 
 
 def mass_parts(surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:
@@ -46,7 +46,7 @@ def mass_parts(surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:
     parts = []
     for mass in masses:
         if isinstance(mass.where, tuple):
-            nodes, rows = _at(surfaces, mass.where)
+            nodes, rows = _at(surfaces, mass.where, "added_masses")
         else:
             nodes, rows = np.array([[mass.where]]), np.eye(6).reshape(1, 1, 6, 1, 6)
         operators = Operators(nodes, np.zeros(1, dtype=np.int64), rows)
@@ -54,9 +54,12 @@ def mass_parts(surfaces: Surfaces, masses: tuple[Mass, ...]) -> list[Part]:
     return parts
 
 
-def _at(surfaces: Surfaces, point: tuple[float, ...]) -> tuple[IntArray, FloatArray]:
-    """(1, n) nodes and (1, 1, 6, n, 6) rows of u and θ at a point (x, y) or (x, y, z) of the surface."""
-    places = surfaces.find(np.array([[*point, 0.0][:3]]))
+def _at(surfaces: Surfaces, point: tuple[float, ...], field: str) -> tuple[IntArray, FloatArray]:
+    """(1, n) nodes and (1, 1, 6, n, 6) rows of u and θ at a point (x, y) or (x, y, z) of the surface, which a field names."""
+    try:
+        places = surfaces.find(np.array([[*point, 0.0][:3]]))
+    except OffSpecimenError as error:
+        raise InputError(field, error.message) from error
     kept = np.flatnonzero(places.functions[0])
     rows = np.array([places.rows(np.eye(3)[[axis]])[0] for axis in range(3)] + list(places.turns()[0]))
     return places.nodes[:, kept], rows[None, None, :, kept]

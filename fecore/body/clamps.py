@@ -17,19 +17,12 @@ AnyStructure = TypeVar("AnyStructure", bound=Structure)
 
 @dataclass(frozen=True)
 class Bed:
-    """An even bed under the block that holds a body's clamped nodes.
+    """An even bed under the block that holds a body's clamped nodes."""
 
-    Attributes:
-        nodes: (n,) numbers of the clamped nodes.
-        centre: (3,) of these nodes, m.
-        arm: (3,) from there to the centre of all nodes, m.
-        inertia: (3, 3) stiffness of the bed in rotation about its centre over that in translation, m².
-    """
-
-    nodes: IntArray
-    centre: FloatArray
-    arm: FloatArray
-    inertia: FloatArray
+    nodes: IntArray  # (n,) numbers of the clamped nodes
+    centre: FloatArray  # (3,) of these nodes, m
+    arm: FloatArray  # (3,) from there to the centre of all nodes, m
+    inertia: FloatArray  # (3, 3) stiffness of the bed in rotation about its centre over that in translation, m²
 
     def yields(self, pushes: FloatArray) -> FloatArray:
         """(m,) work on a bed of unit stiffness in translation, of (6, m) forces, and moments about the centre of all nodes."""

@@ -45,39 +45,26 @@ _GAUSS = np.polynomial.legendre.leggauss(3)
 
 @dataclass(frozen=True)
 class Bead:
-    """Beams along a junction's line.
+    """Beams along a junction's line."""
 
-    Attributes:
-        nodes: (e, 2) or (e, 3) their nodes.
-        axis: (3,) n₁ of their section.
-        walls: sets of the walls, each with the angle (rad) from its axis 1 to the line.
-        stiffness: (walls, 3, 6, 6) matrices by the set's E and G along the line and G across, on the strains of a beam.
-        mass: (walls, 3, 6, 6) by the set's density, on its motions: of motion along the line, along n₁, and along n₂.
-    """
-
-    nodes: IntArray
-    axis: FloatArray
-    walls: tuple[tuple[str, float], ...]
+    nodes: IntArray  # (e, 2) or (e, 3) their nodes
+    axis: FloatArray  # (3,) n₁ of their section
+    walls: tuple[tuple[str, float], ...]  # sets of the walls, each with the angle (rad) from its axis 1 to the line
+    # (walls, 3, 6, 6) matrices by the set's E and G along the line and G across, on the strains of a beam
     stiffness: FloatArray
+    # (walls, 3, 6, 6) by the set's density, on its motions: of motion along the line, along n₁, and along n₂
     mass: FloatArray
 
 
 @dataclass(frozen=True)
 class Start:
-    """How a wall begins at a straight piece of a junction's line.
-
-    Attributes:
-        wall: the wall.
-        begin: d, m.
-        whole: from where its elements have all that is the wall's, m.
-        reach: over which its nodes make room, m.
-        elements: of each block that has some within reach, their numbers and the (k, n) distances of their nodes, m.
-    """
+    """How a wall begins at a straight piece of a junction's line."""
 
     wall: Wall
-    begin: float
-    whole: float
-    reach: float
+    begin: float  # d, m
+    whole: float  # from where its elements have all that is the wall's, m
+    reach: float  # over which its nodes make room, m
+    # of each block that has some within reach, their numbers and the (k, n) distances of their nodes, m
     elements: Mapping[int, tuple[IntArray, FloatArray]]
 
 

@@ -25,28 +25,20 @@ _SAME = 0.02  # of directions of one line
 
 @dataclass(frozen=True)
 class Wall:
-    """One element at an edge.
+    """One element at an edge."""
 
-    Attributes:
-        block, element, side: its numbers in the mesh.
-        set, rank: its set, and the place of that among the mesh's sets.
-        thickness: nominal, m.
-        away: (3,) unit direction s.
-        passes: whether the wall goes on beyond the edge.
-        depth: how far the element reaches from the edge, m.
-        axis: (3,) axis 1 of the element where it is not its set's.
-    """
-
+    # block, element, side: its numbers in the mesh
     block: int
     element: int
     side: int
+    # set, rank: its set, and the place of that among the mesh's sets
     set: str
     rank: int
-    thickness: float
-    away: FloatArray
-    passes: bool
-    depth: float
-    axis: FloatArray | None = None
+    thickness: float  # nominal, m
+    away: FloatArray  # (3,) unit direction s
+    passes: bool  # whether the wall goes on beyond the edge
+    depth: float  # how far the element reaches from the edge, m
+    axis: FloatArray | None = None  # (3,) axis 1 of the element where it is not its set's
 
 
 @dataclass(frozen=True)
@@ -60,21 +52,13 @@ class Edge:
 
 @dataclass(frozen=True)
 class Junction:
-    """A line along which walls meet, as an engineer checks it.
+    """A line along which walls meet, as an engineer checks it."""
 
-    Attributes:
-        nodes: numbers of its nodes.
-        walls: (set, thickness in m, whether it passes) of each wall.
-        angles: degrees between each wall and the next around the line.
-        length: m.
-        edges: what it is made of.
-    """
-
-    nodes: IntArray
-    walls: tuple[tuple[str, float, bool], ...]
-    angles: tuple[float, ...]
-    length: float
-    edges: tuple[Edge, ...]
+    nodes: IntArray  # numbers of its nodes
+    walls: tuple[tuple[str, float, bool], ...]  # (set, thickness in m, whether it passes) of each wall
+    angles: tuple[float, ...]  # degrees between each wall and the next around the line
+    length: float  # m
+    edges: tuple[Edge, ...]  # what it is made of
 
 
 def find_junctions(mesh: Mesh, thickness: Mapping[str, float]) -> tuple[Junction, ...]:

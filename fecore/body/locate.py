@@ -21,31 +21,18 @@ _STEPS = 12  # of Gauss and Newton: a point on a flat element is found in one
 
 @dataclass(frozen=True)
 class Places:
-    """Points found on the surface.
+    """Points found on the surface."""
 
-    Attributes:
-        nodes: (p, n) nodes of each point's element; beyond an element's own its first with no weight.
-        functions: (p, n) shape functions.
-        shift: (p, n, 3) rigid links from the nodes to the element.
-        foot: (p, 3) the nearest places themselves.
-        arm: (p, 3) from there to the point, m; from a shell's free edge along its normal alone.
-        distance: (p,) from the surface, m.
-        thickness: (p,) nominal thickness of the wall, m.
-        block: (p,) number of the element's block.
-        normal: (p, 3) of the surface.
-        on_beam: (p,) whether it is a beam.
-    """
-
-    nodes: IntArray
-    functions: FloatArray
-    shift: FloatArray
-    foot: FloatArray
-    arm: FloatArray
-    distance: FloatArray
-    thickness: FloatArray
-    block: IntArray
-    normal: FloatArray
-    on_beam: BoolArray
+    nodes: IntArray  # (p, n) nodes of each point's element; beyond an element's own its first with no weight
+    functions: FloatArray  # (p, n) shape functions
+    shift: FloatArray  # (p, n, 3) rigid links from the nodes to the element
+    foot: FloatArray  # (p, 3) the nearest places themselves
+    arm: FloatArray  # (p, 3) from there to the point, m; from a shell's free edge along its normal alone
+    distance: FloatArray  # (p,) from the surface, m
+    thickness: FloatArray  # (p,) nominal thickness of the wall, m
+    block: IntArray  # (p,) number of the element's block
+    normal: FloatArray  # (p, 3) of the surface
+    on_beam: BoolArray  # (p,) whether it is a beam
 
     def rows(self, directions: FloatArray) -> FloatArray:
         """(p, n, 6) displacement of the points along (p, 3) directions by the nodes' dofs."""
@@ -77,18 +64,13 @@ def evenly_spread(places: FloatArray, most: int) -> list[int]:
 
 @dataclass(frozen=True)
 class Surfaces:
-    """The shells and beams of a mesh as they lie in space.
-
-    Attributes:
-        mesh: the mesh.
-        shifts: (e, n, 3) of each block: from the mesh's nodes to where its elements begin.
-        thickness: nominal thickness of each block, m; of beams twice how far material lies from the axis.
-        reach: m along x, y and z by which a point may lie further away than half the wall.
-    """
+    """The shells and beams of a mesh as they lie in space."""
 
     mesh: Mesh
-    shifts: tuple[FloatArray, ...]
+    shifts: tuple[FloatArray, ...]  # (e, n, 3) of each block: from the mesh's nodes to where its elements begin
+    # nominal thickness of each block, m; of beams twice how far material lies from the axis
     thickness: tuple[float, ...]
+    # m along x, y and z by which a point may lie further away than half the wall
     reach: tuple[float, float, float] = (TOLERANCE,) * 3
 
     @cached_property

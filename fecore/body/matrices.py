@@ -76,22 +76,15 @@ class Nodes(Surfaces):
 
 @dataclass(frozen=True)
 class MatrixBody:
-    """Matrices with a table of nodes.
+    """Matrices with a table of nodes."""
 
-    Attributes:
-        nodes: (n, 3) m.
-        dofs: (d, 2) row of the node, and dof 0 … 5, of each row of the matrices.
-        stiffness, mass: (d, d) symmetric, SI, by the factor's name; `UNSCALED` is what no factor scales.
-        springs: elastic supports.
-        masses: what it carries.
-    """
-
-    nodes: FloatArray
-    dofs: IntArray
+    nodes: FloatArray  # (n, 3) m
+    dofs: IntArray  # (d, 2) row of the node, and dof 0 … 5, of each row of the matrices
+    # stiffness, mass: (d, d) symmetric, SI, by the factor's name; `UNSCALED` is what no factor scales
     stiffness: Mapping[str, scipy.sparse.csc_array]
     mass: Mapping[str, scipy.sparse.csc_array]
-    springs: tuple[Spring | NodeSpring, ...] = ()
-    masses: tuple[Mass, ...] = ()
+    springs: tuple[Spring | NodeSpring, ...] = ()  # elastic supports
+    masses: tuple[Mass, ...] = ()  # what it carries
 
     @cached_property
     def nominal(self) -> dict[str, float]:

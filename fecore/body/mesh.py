@@ -28,22 +28,15 @@ _NODES = {"quad8": 8, "quad4": 4, "tri6": 6, "tri3": 3, "beam2": 2, "beam3": 3, 
 
 @dataclass(frozen=True)
 class Block:
-    """Elements of one kind and one set.
+    """Elements of one kind and one set."""
 
-    Attributes:
-        kind: `quad8`, `quad4`, `tri6`, `tri3`, `beam2` or `beam3`; `point` for nodes of a body that has no elements.
-        nodes: (e, n) node numbers from 0: corners in order around the element, then the middles of its sides.
-        set: the set's name, to which a section belongs.
-        thickness: (e, n) thickness at the elements' nodes by that of the section, where they step or taper.
-        axes: (e, 3) axis 1 of each element, not yet projected, where it is not the section's.
-        offsets: (e, n, 3) rigid links from the nodes to where the elements lie, m, where they lie elsewhere.
-    """
-
-    kind: str
-    nodes: IntArray
-    set: str
+    kind: str  # `quad8`, `quad4`, `tri6`, `tri3`, `beam2` or `beam3`; `point` for nodes of a body that has no elements
+    nodes: IntArray  # (e, n) node numbers from 0: corners in order around the element, then the middles of its sides
+    set: str  # the set's name, to which a section belongs
+    # (e, n) thickness at the elements' nodes by that of the section, where they step or taper
     thickness: FloatArray | None = None
-    axes: FloatArray | None = None
+    axes: FloatArray | None = None  # (e, 3) axis 1 of each element, not yet projected, where it is not the section's
+    # (e, n, 3) rigid links from the nodes to where the elements lie, m, where they lie elsewhere
     offsets: FloatArray | None = None
 
     def __post_init__(self) -> None:
@@ -63,16 +56,11 @@ class Block:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Nodes and elements of a structure.
+    """Nodes and elements of a structure."""
 
-    Attributes:
-        nodes: (n, 3) coordinates, m.
-        blocks: the elements.
-        node_sets: named nodes, such as the edges of a generated body.
-    """
-
-    nodes: FloatArray
-    blocks: tuple[Block, ...]
+    nodes: FloatArray  # (n, 3) coordinates, m
+    blocks: tuple[Block, ...]  # the elements
+    # named nodes, such as the edges of a generated body
     node_sets: Mapping[str, IntArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -29,44 +29,26 @@ _ALONG = 1e-6  # component of a unit direction that is round-off
 
 @dataclass(frozen=True)
 class Part:
-    """Elements whose coefficients are known by name; parts that share a name share the coefficient.
+    """Elements whose coefficients are known by name; parts that share a name share the coefficient."""
 
-    Attributes:
-        operators: their rows.
-        terms: (k, r, r) C_k.
-        names: of the k coefficients.
-        blocks: index matrices into the k.
-    """
-
-    operators: Operators
-    terms: FloatArray
-    names: tuple[str, ...]
-    blocks: tuple[IntArray, ...]
+    operators: Operators  # their rows
+    terms: FloatArray  # (k, r, r) C_k
+    names: tuple[str, ...]  # of the k coefficients
+    blocks: tuple[IntArray, ...]  # index matrices into the k
 
 
 @dataclass(frozen=True)
 class Model:
-    """An affine finite element model.
-
-    Attributes:
-        mesh: the mesh.
-        joints: the joint model, without junctions where they are left out.
-        surfaces: the shells as they lie in space, on which points are found.
-        dofs: numbers of the dofs of a node among u, v, w, θx, θy, θz.
-        stiffness: K(c) over the free dofs.
-        mass: M(m) over the free dofs.
-        rigid_modes: (dofs, r) exact zero-energy motions of the supported body.
-        links: nodes that others lead, or that are held along axes of their own.
-    """
+    """An affine finite element model."""
 
     mesh: Mesh
-    joints: Joints
-    surfaces: Surfaces
-    dofs: tuple[int, ...]
-    stiffness: AffineMatrix
-    mass: AffineMatrix
-    rigid_modes: FloatArray
-    links: tuple[Link, ...] = ()
+    joints: Joints  # the joint model, without junctions where they are left out
+    surfaces: Surfaces  # the shells as they lie in space, on which points are found
+    dofs: tuple[int, ...]  # numbers of the dofs of a node among u, v, w, θx, θy, θz
+    stiffness: AffineMatrix  # K(c) over the free dofs
+    mass: AffineMatrix  # M(m) over the free dofs
+    rigid_modes: FloatArray  # (dofs, r) exact zero-energy motions of the supported body
+    links: tuple[Link, ...] = ()  # nodes that others lead, or that are held along axes of their own
 
     @property
     def free(self) -> BoolArray:

@@ -28,17 +28,11 @@ shells.
 
 @dataclass(frozen=True)
 class Operators:
-    """Operators of elements, alike ones once.
+    """Operators of elements, alike ones once."""
 
-    Attributes:
-        nodes: (e, n) node numbers.
-        which: (e,) operator of each element.
-        rows: (s, p, r, n, 6) rows over the nodes' dofs, times the root of what a point stands for.
-    """
-
-    nodes: IntArray
-    which: IntArray
-    rows: FloatArray
+    nodes: IntArray  # (e, n) node numbers
+    which: IntArray  # (e,) operator of each element
+    rows: FloatArray  # (s, p, r, n, 6) rows over the nodes' dofs, times the root of what a point stands for
 
     def linked(self, links: Mapping[int, Link], places: FloatArray) -> list[Operators]:
         """The same with every led node's dofs in terms of its leaders'; apart where elements have different numbers of

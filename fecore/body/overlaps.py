@@ -28,21 +28,13 @@ _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for products of two functio
 
 @dataclass(frozen=True)
 class Overlap:
-    """Elements of one block that lie in part nearer to a line than where they are whole.
+    """Elements of one block that lie in part nearer to a line than where they are whole."""
 
-    Attributes:
-        elements: (k,) their numbers in the block.
-        distance: (k, corners) of their corners from the line, m.
-        end: distance up to which elements give up `MOST`, m.
-        tangent: (3,) direction of the line.
-        angle: from the elements' axis 1 to the line, rad.
-    """
-
-    elements: IntArray
-    distance: FloatArray
-    end: float
-    tangent: FloatArray
-    angle: float
+    elements: IntArray  # (k,) their numbers in the block
+    distance: FloatArray  # (k, corners) of their corners from the line, m
+    end: float  # distance up to which elements give up `MOST`, m
+    tangent: FloatArray  # (3,) direction of the line
+    angle: float  # from the elements' axis 1 to the line, rad
 
     def shares(self, shell: Shell, rule: Rule) -> FloatArray:
         """(k, p, p) what is given up as forms of what the p points see times the roots of their weights."""

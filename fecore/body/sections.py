@@ -37,18 +37,12 @@ _SHEARS = {"S55": (6, 6), "S44": (7, 7), "S45": (6, 7)}
 
 @dataclass(frozen=True)
 class ShellSection:
-    """Plies from the bottom to the top along the elements' normal.
+    """Plies from the bottom to the top along the elements' normal."""
 
-    Attributes:
-        plies: the stack, with nominal constants; angles are from axis 1 towards axis 2 = normal × axis 1.
-        axis: axis 1 in the structure's frame, projected on the surface.
-        offset: of the middle of the stack from the mesh along the normal, m.
-        turning: whether angles are constants: `angle` of the whole stack about the normal, and each ply's own, rad.
-    """
-
-    plies: tuple[Ply, ...]
-    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    offset: float = 0.0
+    plies: tuple[Ply, ...]  # the stack, with nominal constants; angles are from axis 1 towards axis 2 = normal × axis 1
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)  # axis 1 in the structure's frame, projected on the surface
+    offset: float = 0.0  # of the middle of the stack from the mesh along the normal, m
+    # whether angles are constants: `angle` of the whole stack about the normal, and each ply's own, rad
     turning: bool = False
 
     def __post_init__(self) -> None:
@@ -256,21 +250,15 @@ def _matrix(rows: list[list[FloatArray]]) -> FloatArray:
 
 @dataclass(frozen=True)
 class Section:
-    """Stiffness and inertia of a laminate per unit of its area.
+    """Stiffness and inertia of a laminate per unit of its area."""
 
-    Attributes:
-        A, B, D: (3, 3) membrane, coupling and bending stiffness, N/m, N, N·m.
-        S: (2, 2) transverse shear stiffness on (γxz, γyz) from equilibrium (`balanced_shear`), N/m.
-        inertia: (I0, I1, I2) in kg/m², kg/m, kg.
-        thickness: total thickness, m.
-    """
-
+    # A, B, D: (3, 3) membrane, coupling and bending stiffness, N/m, N, N·m
     A: FloatArray
     B: FloatArray
     D: FloatArray
-    S: FloatArray
-    inertia: tuple[float, float, float]
-    thickness: float
+    S: FloatArray  # (2, 2) transverse shear stiffness on (γxz, γyz) from equilibrium (`balanced_shear`), N/m
+    inertia: tuple[float, float, float]  # (I0, I1, I2) in kg/m², kg/m, kg
+    thickness: float  # total thickness, m
 
     def bending_stiffness(self, width: float) -> float:
         """EI = b / d11 in N·m² of a strip along x, free to twist and to bend across; d = (D - B A⁻¹ B)⁻¹, `width` b in m."""

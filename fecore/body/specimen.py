@@ -111,34 +111,24 @@ _NAMES = {**_WHOLE, "E1": "Ex", "E2": "Ey", "G12": "Gxy", "G13": "Gxz", "G23": "
 
 @dataclass(frozen=True)
 class Specimen(FlatBody):
-    """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out of plane.
+    """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out of plane."""
 
-    Attributes:
-        length, width, thickness: m.
-        material: nominal constants and density.
-        boundary: how it is held.
-        masses: what it carries, such as a sensor.
-        divisions: elements along the length and across the width; None leaves them to who knows the band, and is 40 × 4 else.
-        springs: elastic supports; their stiffnesses can be updating parameters, by their names.
-        supports: what holds it, where that is not by the boundary's name.
-        fibre_angle: of the material's x axis about z from the specimen's, rad.
-        pieces: steps and tapers of thickness along x; the thickness is that where no piece lies.
-        zones: x in m of the lines between zones, each with a factor s of its stiffness among the constants: `zone_1` and so on.
-        profile: changes of compliance 1/s - 1 of equal parts of each zone, over their mean in the zone; even by default.
-    """
-
+    # length, width, thickness: m
     length: float
     width: float
     thickness: float
-    material: OrthotropicMaterial
-    boundary: Boundary = "cantilever"
-    masses: tuple[PointMass, ...] = ()
+    material: OrthotropicMaterial  # nominal constants and density
+    boundary: Boundary = "cantilever"  # how it is held
+    masses: tuple[PointMass, ...] = ()  # what it carries, such as a sensor
+    # elements along the length and across the width; None leaves them to who knows the band, and is 40 × 4 else
     divisions: tuple[int, int] | None = None
-    springs: tuple[Spring, ...] = ()
-    supports: tuple[Support, ...] | None = None
-    fibre_angle: float = 0.0
-    pieces: tuple[Piece, ...] = ()
+    springs: tuple[Spring, ...] = ()  # elastic supports; their stiffnesses can be updating parameters, by their names
+    supports: tuple[Support, ...] | None = None  # what holds it, where that is not by the boundary's name
+    fibre_angle: float = 0.0  # of the material's x axis about z from the specimen's, rad
+    pieces: tuple[Piece, ...] = ()  # steps and tapers of thickness along x; the thickness is that where no piece lies
+    # x in m of the lines between zones, each with a factor s of its stiffness among the constants: `zone_1` and so on
     zones: tuple[float, ...] = ()
+    # changes of compliance 1/s - 1 of equal parts of each zone, over their mean in the zone; even by default
     profile: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -157,12 +147,6 @@ class Specimen(FlatBody):
         own = {name: float(getattr(self if name in _DIMENSIONS else self.material, name)) for name in CONSTANTS}
         return own | zone_factors(self.zones)
 
-    def with_constants(self, constants: FloatArray) -> Specimen:
-        """The specimen with other constants, in the order of `CONSTANTS`."""
-        values = dict(zip(CONSTANTS, map(float, constants), strict=True))
-        dimensions = {name: values.pop(name) for name in _DIMENSIONS}
-        return replace(self, material=replace(self.material, **values), **dimensions)  # type: ignore[arg-type]
-
     @cached_property
     def structure(self) -> Structure:
         """The strip with the dofs w, θx and θy."""
@@ -175,11 +159,9 @@ class OrientedSpecimen(Specimen):
 
     Several specimens of one material share its moduli in the material's own axes; each has an angle of its own, which the saw
     has missed by a degree, and a clamp that yields: a hinge at x = 0 with a rotational spring along the edge.
-
-    Attributes:
-        clamp_compliance: nominal EI/kL of the clamped edge; 0 for one that is rigid, or for a body that is not clamped.
     """
 
+    # nominal EI/kL of the clamped edge; 0 for one that is rigid, or for a body that is not clamped
     clamp_compliance: float = 0.0
 
     def __post_init__(self) -> None:
@@ -223,29 +205,24 @@ class LayeredSpecimen(FlatBody):
 
     A stack that couples bending with membrane forces (B ≠ 0) gets a model with u and v. A stack that does not by its nominal
     angles bends alone, and the little B that errors of single plies' angles make enters by the reduced bending stiffness.
-
-    Attributes:
-        length, width, thickness: of the whole, m; the plies' thicknesses are taken in proportion to it.
-        plies: the stack from the bottom to the top, with nominal constants.
-        density: of the whole, kg/m³; the plies' densities say how it is spread over the thickness.
-        boundary, masses, divisions, springs, supports: as of `Specimen`.
-        fibre_angle: of the whole stack about z, beside the plies' angles, rad.
-        pieces: steps and tapers of thickness along x, of all plies alike; the thickness is that where no piece lies.
-        zones, profile: as of `Specimen`.
     """
 
+    # length, width, thickness: of the whole, m; the plies' thicknesses are taken in proportion to it
     length: float
     width: float
     thickness: float
-    plies: tuple[Ply, ...]
-    density: float
+    plies: tuple[Ply, ...]  # the stack from the bottom to the top, with nominal constants
+    density: float  # of the whole, kg/m³; the plies' densities say how it is spread over the thickness
+    # boundary, masses, divisions, springs, supports: as of `Specimen`
     boundary: Boundary = "cantilever"
     masses: tuple[PointMass, ...] = ()
     divisions: tuple[int, int] | None = None
     springs: tuple[Spring, ...] = ()
     supports: tuple[Support, ...] | None = None
-    fibre_angle: float = 0.0
+    fibre_angle: float = 0.0  # of the whole stack about z, beside the plies' angles, rad
+    # steps and tapers of thickness along x, of all plies alike; the thickness is that where no piece lies
     pieces: tuple[Piece, ...] = ()
+    # zones, profile: as of `Specimen`
     zones: tuple[float, ...] = ()
     profile: tuple[float, ...] = ()
 

@@ -36,48 +36,31 @@ JOINTS_ERROR, HARD_JOINTS_ERROR, NAIVE_ERROR, UNLIKE_WALLS = 0.003, 0.0045, 0.01
 
 @dataclass(frozen=True)
 class CommonPrior:
-    """Constants of sets that are made of one material: one unknown in common, and a scatter of each.
+    """Constants of sets that are made of one material: one unknown in common, and a scatter of each."""
 
-    Attributes:
-        constants: such as `flange.E1` and `web.E1`.
-        common: relative sd of what they share.
-        own: relative sd of each about it; 0 ties them.
-    """
-
-    constants: tuple[str, ...]
-    common: float = COMMON_SD
-    own: float = OWN_SD
+    constants: tuple[str, ...]  # such as `flange.E1` and `web.E1`
+    common: float = COMMON_SD  # relative sd of what they share
+    own: float = OWN_SD  # relative sd of each about it; 0 ties them
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A mesh with what makes it a body.
-
-    Attributes:
-        mesh: the mesh.
-        sections: of each set.
-        supports: what holds it.
-        springs: elastic supports; their stiffnesses can be updating parameters, by their names.
-        masses: what it carries.
-        links: nodes that others lead.
-        with_joints: model junctions (`fecore.body.joints`); without, walls meet at their middle surfaces.
-        dofs: numbers of the dofs of a node; a flat strip needs w, θx, θy alone.
-        size: nominal length, width and height along x, y and z of a body whose walls lie along these, with axis 1 along x:
-            they are constants then. Or the length alone, or length and width.
-        clamps: edges held by springs whose compliance is a constant.
-        reach: m along x, y and z by which a point may lie further from the surface than half the wall.
-    """
+    """A mesh with what makes it a body."""
 
     mesh: Mesh
-    sections: Mapping[str, ShellSection | BeamSection]
-    supports: tuple[Support, ...] = ()
+    sections: Mapping[str, ShellSection | BeamSection]  # of each set
+    supports: tuple[Support, ...] = ()  # what holds it
+    # elastic supports; their stiffnesses can be updating parameters, by their names
     springs: tuple[Spring | NodeSpring, ...] = ()
-    masses: tuple[Mass, ...] = ()
-    links: tuple[Link, ...] = ()
-    with_joints: bool = True
-    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
+    masses: tuple[Mass, ...] = ()  # what it carries
+    links: tuple[Link, ...] = ()  # nodes that others lead
+    with_joints: bool = True  # model junctions (`fecore.body.joints`); without, walls meet at their middle surfaces
+    dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)  # numbers of the dofs of a node; a flat strip needs w, θx, θy alone
+    # nominal length, width and height along x, y and z of a body whose walls lie along these, with axis 1 along x: they
+    # are constants then. Or the length alone, or length and width.
     size: tuple[float, ...] = ()
-    clamps: tuple[Clamp, ...] = ()
+    clamps: tuple[Clamp, ...] = ()  # edges held by springs whose compliance is a constant
+    # m along x, y and z by which a point may lie further from the surface than half the wall
     reach: tuple[float, float, float] = (TOLERANCE,) * 3
 
     def __post_init__(self) -> None:

@@ -22,14 +22,10 @@ DISPLACEMENTS = ("u", "v", "w", "rx", "ry", "rz")
 
 @dataclass(frozen=True)
 class Support:
-    """Nodes that are held.
+    """Nodes that are held."""
 
-    Attributes:
-        where: a node set, such as the edge `start` of a generated body, or a box of space.
-        how: `clamped` holds all dofs, `simply_supported` the three displacements; or the names of dofs to hold.
-    """
-
-    where: str | Box
+    where: str | Box  # a node set, such as the edge `start` of a generated body, or a box of space
+    # `clamped` holds all dofs, `simply_supported` the three displacements; or the names of dofs to hold
     how: Held | tuple[str, ...] = "clamped"
 
     @property
@@ -90,21 +86,13 @@ def of_boundary(boundary: Boundary) -> tuple[Support, ...]:
 
 @dataclass(frozen=True)
 class Spring:
-    """An elastic support, at a point or all along an edge. Its stiffness can be an updating parameter, by its name.
+    """An elastic support, at a point or all along an edge. Its stiffness can be an updating parameter, by its name."""
 
-    Attributes:
-        name: such as `root_rotation`.
-        stiffness: at a point N/m, or N·m/rad for a rotation; on an edge the same per metre of edge.
-        direction: 1, 2, 3 for displacements along x, y, z; 4, 5, 6 for rotations about them.
-        edge: a node set along an edge of elements, or None for a spring at a point.
-        point: (x, y) or (x, y, z) in m on the surface, or None for a spring on an edge.
-    """
-
-    name: str
-    stiffness: float
-    direction: int
-    edge: str | None = None
-    point: tuple[float, ...] | None = None
+    name: str  # such as `root_rotation`
+    stiffness: float  # at a point N/m, or N·m/rad for a rotation; on an edge the same per metre of edge
+    direction: int  # 1, 2, 3 for displacements along x, y, z; 4, 5, 6 for rotations about them
+    edge: str | None = None  # a node set along an edge of elements, or None for a spring at a point
+    point: tuple[float, ...] | None = None  # (x, y) or (x, y, z) in m on the surface, or None for a spring on an edge
 
     def __post_init__(self) -> None:
         if not self.name:
@@ -129,19 +117,12 @@ class Spring:
 
 @dataclass(frozen=True)
 class NodeSpring:
-    """Springs of one stiffness between nodes, or from nodes to the ground.
+    """Springs of one stiffness between nodes, or from nodes to the ground."""
 
-    Attributes:
-        name: of the stiffness as a parameter.
-        stiffness: of each, N/m or N·m/rad.
-        nodes: (s, n) numbers of their nodes.
-        rows: (s, n, 6) what stretches or turns them, by the motions and turns of the nodes.
-    """
-
-    name: str
-    stiffness: float
-    nodes: IntArray
-    rows: FloatArray
+    name: str  # of the stiffness as a parameter
+    stiffness: float  # of each, N/m or N·m/rad
+    nodes: IntArray  # (s, n) numbers of their nodes
+    rows: FloatArray  # (s, n, 6) what stretches or turns them, by the motions and turns of the nodes
 
     @property
     def unit(self) -> str:
@@ -155,15 +136,10 @@ CLAMP = "clamp_compliance"
 
 @dataclass(frozen=True)
 class Clamp:
-    """What is held by a spring whose constant is its compliance C: its stiffness is that of the spring over C.
+    """What is held by a spring whose constant is its compliance C: its stiffness is that of the spring over C."""
 
-    Attributes:
-        compliance: nominal C; EI/kL, so that 0.01 lowers the first bending mode of a strip by 2 %.
-        spring: the spring at C = 1, with the name of the constant.
-    """
-
-    compliance: float
-    spring: Spring | NodeSpring
+    compliance: float  # nominal C; EI/kL, so that 0.01 lowers the first bending mode of a strip by 2 %
+    spring: Spring | NodeSpring  # the spring at C = 1, with the name of the constant
 
     @property
     def name(self) -> str:
@@ -206,23 +182,15 @@ class PointMass:
 
 @dataclass(frozen=True)
 class Mass:
-    """A mass at a place on the structure, or at a node.
+    """A mass at a place on the structure, or at a node."""
 
-    Attributes:
-        mass: kg.
-        where: a point (x, y, z) in m on the surface, or a node's number.
-        inertia: (3, 3) rotary inertia about its own centre, kg·m², or one number for all axes.
-        offset: from the place to its centre, m.
-        name: of its mass as a parameter; none where it is known.
-        weighed: as of a `PointMass`.
-    """
-
-    mass: float
-    where: tuple[float, float, float] | int
+    mass: float  # kg
+    where: tuple[float, float, float] | int  # a point (x, y, z) in m on the surface, or a node's number
+    # (3, 3) rotary inertia about its own centre, kg·m², or one number for all axes
     inertia: tuple[tuple[float, ...], ...] | float = 0.0
-    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    name: str = ""
-    weighed: bool = True
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)  # from the place to its centre, m
+    name: str = ""  # of its mass as a parameter; none where it is known
+    weighed: bool = True  # as of a `PointMass`
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.mass) and self.mass >= 0):
@@ -243,20 +211,15 @@ class Link:
     """A node that others lead: RBE2 where one leads it as a rigid body, RBE3 where it is their weighted mean.
 
     One that none leads is held: a support along axes of its own.
-
-    Attributes:
-        node: the node that is led.
-        leaders: one node for a rigid link, three or more that span a plane for a mean, none for a support.
-        dofs: numbers (0 … 5) of the node's dofs that are led; the others stay its own, along the same axes.
-        weights: of the leaders of a mean; alike where empty.
-        axes: (3, 3) as rows, along which the dofs are; the structure's where None.
     """
 
-    node: int
+    node: int  # the node that is led
+    # one node for a rigid link, three or more that span a plane for a mean, none for a support
     leaders: tuple[int, ...]
+    # numbers (0 … 5) of the node's dofs that are led; the others stay its own, along the same axes
     dofs: tuple[int, ...] = (0, 1, 2, 3, 4, 5)
-    weights: tuple[float, ...] = ()
-    axes: FloatArray | None = None
+    weights: tuple[float, ...] = ()  # of the leaders of a mean; alike where empty
+    axes: FloatArray | None = None  # (3, 3) as rows, along which the dofs are; the structure's where None
 
     @property
     def turn(self) -> FloatArray:

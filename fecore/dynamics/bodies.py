@@ -9,6 +9,7 @@ from fecore.arrays import FloatArray
 from fecore.body.model import Model
 from fecore.body.supports import rigid_motions
 from fecore.dynamics.eigen import MechanismError, NormalModes, normal_modes
+from fecore.dynamics.factor import Factor
 from fecore.errors import ModelError
 
 _GROUPS, _NEIGHBOURS = 40, 20  # of nodes, whose rigid motions are tried as that of most nodes
@@ -16,7 +17,11 @@ _STILL = 1e-3  # share of the largest motion; nodes that move less stand still
 
 
 def body_modes(
-    model: Model, stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, elastic: int
+    model: Model,
+    stiffness: scipy.sparse.csc_array,
+    mass: scipy.sparse.csc_array,
+    elastic: int,
+    like: Factor | None = None,
 ) -> NormalModes:
     """The rigid motions of a body and so many modes after them.
 
@@ -25,6 +30,7 @@ def body_modes(
         stiffness: (dofs, dofs) K of it at its constants.
         mass: (dofs, dofs) M of it.
         elastic: number of modes besides the rigid motions.
+        like: as in `factorise`.
 
     Raises:
         InputError: there are not so many modes.
@@ -32,7 +38,7 @@ def body_modes(
     """
     rigid = model.rigid_modes
     try:
-        return normal_modes(stiffness, mass, elastic + rigid.shape[1], rigid)
+        return normal_modes(stiffness, mass, elastic + rigid.shape[1], rigid, like)
     except MechanismError as error:
         raise ModelError(f"the model is a mechanism: {_named(model, error.shape)}") from None
 

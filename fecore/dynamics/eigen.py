@@ -77,7 +77,11 @@ def modes_below(
 
 
 def normal_modes(
-    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, count: int, rigid_modes: FloatArray | None = None
+    stiffness: scipy.sparse.csc_array,
+    mass: scipy.sparse.csc_array,
+    count: int,
+    rigid_modes: FloatArray | None = None,
+    like: Factor | None = None,
 ) -> NormalModes:
     """The `count` lowest modes of K φ = λ M φ, rigid-body modes included.
 
@@ -86,6 +90,7 @@ def normal_modes(
         mass: (dofs, dofs) M, positive definite.
         count: how many modes.
         rigid_modes: (dofs, r) a basis of the null space of K; None where K is definite.
+        like: as in `factorise`.
 
     Raises:
         InputError: there are not so many modes.
@@ -102,7 +107,7 @@ def normal_modes(
             f"the model has {stiffness.shape[0]} dofs and {free} rigid-body modes",
         )
     _check_diagonal(stiffness, mass)
-    shift, factor = _near_first(stiffness, mass, rigid) if free else (0.0, factorise(stiffness))
+    shift, factor = _near_first(stiffness, mass, rigid, like) if free else (0.0, factorise(stiffness, like))
     first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)  # symmetry repeats a root no more than twice
     for width in (*first, wanted + 2):  # and so many hold any
         value, vectors = _lanczos(factor, mass, rigid, wanted, width)
@@ -150,7 +155,7 @@ def _check_diagonal(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_ar
 
 
 def _near_first(
-    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, rigid: FloatArray
+    stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, rigid: FloatArray, like: Factor | None
 ) -> tuple[float, Factor]:
     """A negative shift at which K - σM is definite and well conditioned, and its factor.
 
@@ -159,7 +164,7 @@ def _near_first(
     good shift.
     """
     shift = -_ABOVE_ROUND_OFF * float(np.max(stiffness.diagonal() @ rigid**2))
-    factor = factorise(_shifted(stiffness, mass, shift))
+    factor = factorise(_shifted(stiffness, mass, shift), like)
     start = np.random.default_rng(0).standard_normal(mass.shape[0])
     vector = factor.solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
     vector = vector - rigid @ (rigid.T @ (mass @ vector))

@@ -138,10 +138,10 @@ class ReducedModel:
         self.full_solves = 0
         self._begin(stiffness, mass)
 
-    def _begin(self, stiffness: FloatArray, mass: FloatArray) -> None:
+    def _begin(self, stiffness: FloatArray, mass: FloatArray, like: Factor | None = None) -> None:
         """A fresh basis about given coefficients: modes, their derivative vectors, static deflections and theirs."""
         model = self._model
-        modes = self._solve_full(stiffness, mass)  # where this fails all stays as it was
+        modes = self._solve_full(stiffness, mass, like)  # where this fails all stays as it was
         self._start = stiffness, mass
         self._known: ReducedSystem | None = None  # what is projected already: the basis only grows
         self.__dict__.pop("system", None)
@@ -152,14 +152,14 @@ class ReducedModel:
         white = np.random.default_rng(0).standard_normal((K.shape[0], _SKETCH))
         self._probe = self._factor.solve(self._factor.colour(white))
         rigid = modes.shapes[:, : modes.rigid]
-        self._vectors = rigid / np.sqrt(-modes.shift) if modes.rigid else rigid
-        self._images = self._metric @ self._vectors
+        first = rigid / np.sqrt(-modes.shift) if modes.rigid else rigid
+        self._parts = [(first, self._metric @ first)]  # of V, with their images under the metric
         held = max(int(np.searchsorted(modes.eigenvalue, self._held / (1 - _CLOSE))), modes.rigid)
         self._add_with_derivatives(modes.shapes[:, modes.rigid : held])
         if held < modes.eigenvalue.size:
             self._add(self._unit_energy(modes.shapes[:, held:]), self._kept)
         self._hold_static(self._loads, self._factor, mass)
-        self._begun = self._vectors.shape[1]
+        self._begun = self.basis.shape[1]
 
     @property
     def basis(self) -> FloatArray:
@@ -169,10 +169,11 @@ class ReducedModel:
     @cached_property
     def system(self) -> ReducedSystem:
         """The projected model on the basis as it is now."""
-        V, model, known = self._vectors, self._model, self._known
+        V, model, known = np.hstack([part for part, _ in self._parts]), self._model, self._known
         first = 0 if known is None else known.basis.shape[1]
-        stiffness, stiffness_sketch = self._projected(model.stiffness, first)
-        mass, mass_sketch = self._projected(model.mass, first)
+        with_probe, fresh = np.hstack([V, self._probe]), slice(first, V.shape[1])
+        stiffness, stiffness_sketch = np.split(model.stiffness.project(with_probe, fresh), [fresh.stop], axis=1)
+        mass, mass_sketch = np.split(model.mass.project(with_probe, fresh), [fresh.stop], axis=1)
         if known is not None:
             stiffness, mass = _bordered(known.stiffness, stiffness), _bordered(known.mass, mass)
             stiffness_sketch = np.concatenate([known.stiffness_sketch, stiffness_sketch], axis=2)
@@ -189,12 +190,6 @@ class ReducedModel:
         self._known = system
         return system
 
-    def _projected(self, matrix: AffineMatrix, first: int) -> tuple[FloatArray, FloatArray]:
-        """(k, r, f) and (k, s, f) VᵀA_k and probeᵀA_k of the columns of the basis from a first on."""
-        count = self._vectors.shape[1]
-        both = matrix.project(np.hstack([self._vectors, self._probe]), slice(first, count))
-        return both[:, :count], both[:, count:]
-
     def modes(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         """Modes at (k,) and (j,) coefficients, enriched first where the error estimate asks for it.
 
@@ -209,7 +204,7 @@ class ReducedModel:
             return modes
         if self.basis.shape[1] > max(_LARGEST, self._begun + _GROWTH * self._count):
             return self._begun_anew(stiffness, mass)
-        full = self._solve_full(stiffness, mass)
+        full = self._solve_full(stiffness, mass, self._factor)
         # What is left out of a vector has there no more than 1/α of its energy at the start.
         kept = _MENDED * np.sqrt(self._tolerance * self._smallest(stiffness, mass))
         self._add(self._unit_energy(full.shapes[:, full.rigid :]), min(kept, self._kept))
@@ -225,7 +220,7 @@ class ReducedModel:
 
     def _begun_anew(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
         """The modes on a basis about these coefficients: the full model's."""
-        self._begin(stiffness, mass)
+        self._begin(stiffness, mass, self._factor)
         return self.system.modes(stiffness, mass, self._count)
 
     def frequency_error(self, stiffness: FloatArray, mass: FloatArray, modes: NormalModes) -> FloatArray:
@@ -249,7 +244,7 @@ class ReducedModel:
         """Take the static deflections at given coefficients under (dofs, l) more unit forces into the basis."""
         self._loads = np.hstack([self._loads, loads])
         K, M = self._model.stiffness.at(stiffness), self._model.mass.at(mass)
-        self._hold_static(loads, factorise(K - self._shift * M), mass)
+        self._hold_static(loads, factorise(K - self._shift * M, self._factor), mass)
 
     def _hold_static(self, loads: FloatArray, factor: Factor, mass: FloatArray) -> None:
         loads = loads[:, loads.any(axis=0)]  # at a support a force moves nothing
@@ -263,10 +258,10 @@ class ReducedModel:
             forces = M @ series[-1]
         self._add_with_derivatives(series[0])
 
-    def _solve_full(self, stiffness: FloatArray, mass: FloatArray) -> NormalModes:
+    def _solve_full(self, stiffness: FloatArray, mass: FloatArray, like: Factor | None) -> NormalModes:
         self.full_solves += 1
         K, M = self._model.stiffness.at(stiffness), self._model.mass.at(mass)
-        return body_modes(self._model, K, M, self._count - self._model.rigid_modes.shape[1])
+        return body_modes(self._model, K, M, self._count - self._model.rigid_modes.shape[1], like)
 
     def _unit_energy(self, vectors: FloatArray) -> FloatArray:
         energy = np.einsum("di,di->i", vectors, self._metric @ vectors)
@@ -305,14 +300,14 @@ class ReducedModel:
         fresh = self._outside(vectors @ (turn[:, keep] / np.sqrt(weight[keep])))
         images = self._metric @ fresh
         upright = np.linalg.inv(np.linalg.cholesky(fresh.T @ images)).T
-        self._vectors = np.hstack([self._vectors, fresh @ upright])
-        self._images = np.hstack([self._images, images @ upright])
+        self._parts.append((fresh @ upright, images @ upright))
         self.__dict__.pop("system", None)
 
     def _outside(self, vectors: FloatArray) -> FloatArray:
         """What lies outside the basis."""
-        outside: FloatArray = vectors - self._vectors @ (self._images.T @ vectors)
-        return outside
+        for part, image in self._parts:
+            vectors = vectors - part @ (image.T @ vectors)
+        return vectors
 
 
 class CoefficientRatio:

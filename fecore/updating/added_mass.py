@@ -30,20 +30,14 @@ _ROUNDS = 4  # linearisations about the likeliest mass of each place
 
 @dataclass(frozen=True)
 class AddedMass:
-    """What the frequencies say of a mass on one body.
+    """What the frequencies say of a mass on one body."""
 
-    Attributes:
-        evidence: ln B.
-        mean, sd: of the mass, kg.
-        place: m, the likeliest.
-        covariance: (n, n) second moments of the change of ln f by the slip, over places and sizes.
-    """
-
-    evidence: float
+    evidence: float  # ln B
+    # mean, sd: of the mass, kg
     mean: float
     sd: float
-    place: tuple[float, ...]
-    covariance: FloatArray
+    place: tuple[float, ...]  # m, the likeliest
+    covariance: FloatArray  # (n, n) second moments of the change of ln f by the slip, over places and sizes
 
 
 def added_mass(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from fecore.errors import InputError
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import AnyBody, meshed
-from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
@@ -38,27 +36,19 @@ _ALIKE = 1e-9  # relative, of nominal constants that are one
 
 @dataclass(frozen=True)
 class Campaign:
-    """One test of one specimen of the material.
+    """One test of one specimen of the material."""
 
-    Attributes:
-        name: of the campaign, in results.
-        specimen: name of the specimen; campaigns of one specimen share its dimensions.
-        body: as it stood in this campaign: a specimen of the shared material in the material's axes, or a body in space, whose
-            sets' constants all campaigns share.
-        modes: measured modes, with shapes at `dofs` where there are any.
-        points: coordinates (x, y, z) in m of the shapes' points.
-        inputs: how well the laboratory knows what it hands in.
-        fixed_points: points at which a sensor stood through the test, if its mass was not stated.
-        axes: (3, 3) directions 1, 2 and 3, as rows, of points where they are not the body's axes.
-    """
-
-    name: str
-    specimen: str
+    name: str  # of the campaign, in results
+    specimen: str  # name of the specimen; campaigns of one specimen share its dimensions
+    # as it stood in this campaign: a specimen of the shared material in the material's axes, or a body in space, whose
+    # sets' constants all campaigns share
     body: Body
-    modes: MeasuredModes
+    modes: MeasuredModes  # measured modes, with shapes at `dofs` where there are any
+    # coordinates (x, y, z) in m of the shapes' points
     points: Mapping[int, tuple[float, float, float]] = field(default_factory=dict)
-    inputs: Inputs = field(default_factory=Inputs)
-    fixed_points: tuple[int, ...] = ()
+    inputs: Inputs = field(default_factory=Inputs)  # how well the laboratory knows what it hands in
+    fixed_points: tuple[int, ...] = ()  # points at which a sensor stood through the test, if its mass was not stated
+    # (3, 3) directions 1, 2 and 3, as rows, of points where they are not the body's axes
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
 
@@ -107,8 +97,8 @@ def lay_out(
             pick[row, number[name, owner]] = 1.0
             if owner is None and (name, campaign.specimen) in number:  # the specimen's own deviation
                 pick[row, number[name, campaign.specimen]] = 1.0
-        seek = partial(excursions, inputs=campaign.inputs, fixed_points=campaign.fixed_points)
-        models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, seek))
+        known = campaign.inputs, campaign.fixed_points
+        models.append(CampaignModel(campaign.name, forward, campaign.modes, pick, *known))
     scale = OWN_SD if first.common and not scatter else scatter
     return Layout(tuple(models), tuple(places.values()), first.common, scale, tuple(coupons))
 

@@ -18,8 +18,7 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.conflicts import Conflict
-from fecore.updating.contradictions import Agreement, compare_sources
+from fecore.updating.contradictions import Agreement, Conflict, compare_sources
 from fecore.updating.elastic_findings import USUAL_MISS, contradiction, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts
@@ -48,14 +47,10 @@ __all__ = [
 
 @dataclass(frozen=True)
 class CampaignsRecipe:
-    """How several campaigns are updated together.
+    """How several campaigns are updated together."""
 
-    Attributes:
-        parameters: the material's, with their priors.
-        scatter: scale of the moduli's relative deviations between specimens; 0: all specimens are of exactly one material.
-    """
-
-    parameters: tuple[Parameter, ...] = MATERIAL_PARAMETERS
+    parameters: tuple[Parameter, ...] = MATERIAL_PARAMETERS  # the material's, with their priors
+    # scale of the moduli's relative deviations between specimens; 0: all specimens are of exactly one material
     scatter: float = SCATTER
 
     def __post_init__(self) -> None:
@@ -65,57 +60,40 @@ class CampaignsRecipe:
 
 @dataclass(frozen=True)
 class CampaignPart:
-    """What one campaign has to do with the result.
+    """What one campaign has to do with the result."""
 
-    Attributes:
-        name, specimen: as they came in.
-        modes: measured beside updated.
-        own: its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density, fibre_angle, and the
-            specimen's scatter as ratios to the material.
-        alone: the material's constants by this campaign alone: estimate, standard deviation, and z of the difference from all
-            together, by name.
-        predictive_p: of its frequencies, given the other campaigns; None of a single campaign.
-        contradicts: whether it, or one of its inputs, is the likeliest cause of a conflict (`contradictions`).
-    """
-
+    # name, specimen: as they came in
     name: str
     specimen: str
-    modes: tuple[ModeComparison, ...]
+    modes: tuple[ModeComparison, ...]  # measured beside updated
+    # its own nuisances and its specimen's: length, clamp_compliance, width, thickness, density, fibre_angle, and the
+    # specimen's scatter as ratios to the material
     own: tuple[ParameterEstimate, ...]
+    # the material's constants by this campaign alone: estimate, standard deviation, and z of the difference from all
+    # together, by name
     alone: Mapping[str, Mapping[str, float]]
-    predictive_p: float | None
-    contradicts: bool
+    predictive_p: float | None  # of its frequencies, given the other campaigns; None of a single campaign
+    contradicts: bool  # whether it, or one of its inputs, is the likeliest cause of a conflict (`contradictions`)
 
 
 @dataclass(frozen=True)
 class CampaignsResult:
-    """One material from several campaigns.
+    """One material from several campaigns."""
 
-    Attributes:
-        verdict: whether it may be used.
-        parameters: the material's constants, in its own axes.
-        correlation: (q, q) of the free ones' posterior, in their coordinates; names of them in `free`.
-        free: names of the free parameters.
-        campaigns: each one's part.
-        odd_one_out: name of the one campaign in which the likeliest causes of the first conflict lie; None else.
-        discrepancy: relative model error of a frequency.
-        scatter: relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled.
-        warnings: what a user must know; findings: the same, each with the id of its row of the table.
-        conflicts: sources that contradict the others, each with its likeliest cause.
-        damping: laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio.
-    """
-
-    verdict: Verdict
-    parameters: tuple[ParameterEstimate, ...]
-    correlation: FloatArray
-    free: tuple[str, ...]
-    campaigns: tuple[CampaignPart, ...]
+    verdict: Verdict  # whether it may be used
+    parameters: tuple[ParameterEstimate, ...]  # the material's constants, in its own axes
+    correlation: FloatArray  # (q, q) of the free ones' posterior, in their coordinates; names of them in `free`
+    free: tuple[str, ...]  # names of the free parameters
+    campaigns: tuple[CampaignPart, ...]  # each one's part
+    # name of the one campaign in which the likeliest causes of the first conflict lie; None else
     odd_one_out: str | None
-    discrepancy: float
+    discrepancy: float  # relative model error of a frequency
+    # relative deviation of a modulus between specimens, root of its posterior mean; None where it is not modelled
     scatter: float | None
-    warnings: tuple[str, ...]
-    findings: tuple[Finding, ...] = ()
-    conflicts: tuple[Conflict, ...] = ()
+    warnings: tuple[str, ...]  # what a user must know
+    findings: tuple[Finding, ...] = ()  # the same, each with the id of its row of the table
+    conflicts: tuple[Conflict, ...] = ()  # sources that contradict the others, each with its likeliest cause
+    # laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio
     damping: tuple[CommonLaw, ...] = ()
 
 

@@ -20,16 +20,17 @@ are looked at anew: those that still contradict have causes of their own, the re
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
-from fecore.updating.added_mass import AddedMass, added_mass
-from fecore.updating.conflicts import Check, Conflict, Said
+from fecore.updating.added_mass import added_mass
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.inputs import UNSTATED_SENSOR
 from fecore.updating.layout import Unknown
@@ -54,19 +55,48 @@ _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrice
 
 
 @dataclass(frozen=True)
+class Said:
+    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
+
+    constant: str
+    stated: float
+    stated_sd: float
+    rest: float
+    rest_sd: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """A source beside all others."""
+
+    kind: str  # `input`, `coupons`, `campaign`, `mass` that a body carries, or `scatter` of the specimens
+    name: str  # of the source, as a sentence names it
+    p: float  # probability of a difference from the rest that is larger than the one found
+    evidence: float  # logarithm of how much likelier the data are where this source is off by a slip
+    owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
+    said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
+    place: tuple[float, ...] = ()  # m, where a mass is likeliest
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A source that contradicts the others."""
+
+    cause: Check  # the likeliest
+    rivals: tuple[Check, ...]  # other explanations that the data do not rule out, the likeliest first
+    cleared: tuple[str, ...]  # names of sources that contradict no more once the cause is allowed for
+    moved: float  # how far a constant then moves at most, in its stated standard deviations
+
+
+@dataclass(frozen=True)
 class Agreement:
-    """One campaign beside the others.
+    """One campaign beside the others."""
 
-    Attributes:
-        predictive_p: probability of frequencies further from the others' prediction than measured; None of a single campaign.
-        alone: (q,) coordinates' deviations of the material's parameters by this campaign alone.
-        alone_sd: (q,) their standard deviations.
-        z: (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing.
-    """
-
+    # probability of frequencies further from the others' prediction than measured; None of a single campaign
     predictive_p: float | None
-    alone: FloatArray
-    alone_sd: FloatArray
+    alone: FloatArray  # (q,) coordinates' deviations of the material's parameters by this campaign alone
+    alone_sd: FloatArray  # (q,) their standard deviations
+    # (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing
     z: FloatArray
 
 
@@ -111,16 +141,14 @@ class _Statement:
 
 @dataclass(frozen=True)
 class _Sources:
-    """All sources of an update, some of which may be allowed a slip."""
+    """All sources of an update, those apart that are allowed a slip."""
 
     elastic: ElasticResult
     problem: LinearProblem
     scatter: float
     statements: tuple[_Statement, ...]
-    campaigns: tuple[int, ...]
-    masses: tuple[int, ...]
-    count: float
-    may_scatter_more: bool = True
+    count: float = 1.0  # of independent checks
+    allowed: frozenset[str] = frozenset()  # names of those that are allowed a slip
 
     @classmethod
     def of(cls, elastic: ElasticResult) -> _Sources:
@@ -133,18 +161,8 @@ class _Sources:
         for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
             own = [coupon.batch == batch for coupon in layout.coupons]
             statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
-        bodies = tuple(range(len(elastic.rows)))
-        campaigns = bodies if len(bodies) > 1 else ()
-        found = cls(
-            elastic=elastic,
-            problem=elastic.problem,
-            scatter=layout.scatter,
-            statements=tuple(statements),
-            campaigns=campaigns,
-            masses=bodies,
-            count=1.0,
-        )
-        return replace(found, count=found.independent + 2 * len(campaigns) + len(bodies))
+        found, bodies = cls(elastic, elastic.problem, layout.scatter, tuple(statements)), len(elastic.rows)
+        return replace(found, count=found.independent + (3 * bodies if bodies > 1 else 1))
 
     @property
     def independent(self) -> float:
@@ -170,21 +188,21 @@ class _Sources:
     @cached_property
     def contradicting(self) -> list[Check]:
         """The checks that are too improbable to be chance."""
-        return [each for each in self.checks if each.p < FALSE_ALARMS / self.count]
+        return [check for check, _ in self.checks if check.p < FALSE_ALARMS / self.count]
 
     def explanations(self) -> list[tuple[Check, _Sources]]:
         """Which sources explain what contradicts, the likeliest first, each with all sources where it may be off by a slip;
         where none does, what contradicts most.
         """
         found, names = list[tuple[Check, _Sources]](), {each.name for each in self.contradicting}
-        for each in sorted(self.checks, key=lambda each: -each.evidence):
-            if each.evidence <= (found[0][0].evidence - RIVAL if found else 0.0):
+        for check, slipped in sorted(self.checks, key=lambda each: -each[0].evidence):
+            if check.evidence <= (found[0][0].evidence - RIVAL if found else 0.0):
                 break
-            allowed = self.allowing(each)
-            if names - {other.name for other in allowed.contradicting}:
-                found.append((each, allowed))
-        most = min(self.contradicting, key=lambda each: each.p)
-        return found or [(most, self.allowing(most))]
+            sources = slipped()
+            if names - {other.name for other in sources.contradicting}:
+                found.append((check, sources))
+        most, slipped = min(self.checks, key=lambda each: each[0].p)
+        return found or [(most, slipped())]
 
     @property
     def moved(self) -> float:
@@ -193,46 +211,31 @@ class _Sources:
         return float(np.max(np.abs(off) / np.sqrt(np.diag(self.elastic.mixture.total))[: off.size]))
 
     @cached_property
-    def checks(self) -> list[Check]:
-        """Each source that is not allowed a slip beside all others."""
-        of_campaigns = (*map(self._of_campaign, self.campaigns), *map(self._of_mass, self.masses))
-        return [*map(self._of_statement, self.statements), *of_campaigns, *self.of_scatter]
+    def checks(self) -> list[tuple[Check, Callable[[], _Sources]]]:
+        """Each source that is not allowed a slip beside all others, and the sources where it is."""
+        bodies = range(len(self.elastic.rows))
+        found = [self._of_statement(each) for each in self.statements if each.name not in self.allowed]
+        if len(bodies) > 1:
+            found += [self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed]
+        found += [self._of_mass(each) for each in bodies if self._mass_on(each) not in self.allowed]
+        scatters = self.elastic.layout.specimens_scatter and SCATTER not in self.allowed
+        return [*found, self._of_scatter()] if scatters else found
 
-    @cached_property
-    def beside_the_rest(self) -> dict[int, tuple[FloatArray, FloatArray, FloatArray]]:
-        """Each campaign's believed frequencies beside what the others predict: (m,) logarithms of weights over the discrepancy,
-        (m, n) ln f measured over predicted, and (m, n, n) its covariance.
-        """
-        return {
-            number: _beside_the_rest(self.problem, self.elastic.rows[number], self.scatter) for number in self.campaigns
-        }
-
-    @cached_property
-    def of_scatter(self) -> tuple[Check, ...]:
-        """That specimens scatter more than the prior's scale, where they may."""
-        if not (self.may_scatter_more and self.elastic.layout.specimens_scatter):
-            return ()
-        evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
-        return (Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),)),)
-
-    def allowing(self, check: Check) -> _Sources:
+    def _allowing(self, name: str, **changes: Any) -> _Sources:
         """The same where one source may be off by a slip."""
-        if check.kind == "scatter":
-            return replace(self, scatter=check.said[0].rest, may_scatter_more=False)
-        for number, at in enumerate(self.elastic.rows):
-            if check.name == self._named(number):
-                more = np.diag(np.where(_among(self.problem, at), ANYTHING**2, 0.0))
-                rest = tuple(other for other in self.campaigns if other != number)
-                return replace(self, problem=replace(self.problem, noise=self.problem.noise + more), campaigns=rest)
-            if check.name == self._mass_on(number):
-                noise = self.problem.noise + self.added_masses[number].covariance
-                others = tuple(other for other in self.masses if other != number)
-                return replace(self, problem=replace(self.problem, noise=noise), masses=others)
-        (source,) = (each for each in self.statements if each.name == check.name)
-        left = tuple(each for each in self.statements if each is not source)
-        return replace(self, problem=_loosened(self.problem, source, check.slip), statements=left)
+        return replace(self, allowed=self.allowed | {name}, **changes)
 
-    def _of_statement(self, source: _Statement) -> Check:
+    def _with_noise(self, name: str, more: FloatArray) -> Callable[[], _Sources]:
+        """The same by (n, n) more covariance of the frequencies."""
+        return lambda: self._allowing(name, problem=replace(self.problem, noise=self.problem.noise + more))
+
+    def _of_scatter(self) -> tuple[Check, Callable[[], _Sources]]:
+        """That specimens scatter more than the prior's scale."""
+        evidence, estimate = self.problem.evidence_of_scatter(self.scatter)
+        check = Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),))
+        return check, lambda: self._allowing(SCATTER, scatter=estimate)
+
+    def _of_statement(self, source: _Statement) -> tuple[Check, Callable[[], _Sources]]:
         (posterior, logs), A, own = self.posterior_with_logs, source.rows, np.diag(source.sds**2)
         mean = (self.problem.x + posterior.shift) @ A.T
         precision = np.linalg.inv(A @ posterior.covariance @ A.T)
@@ -250,15 +253,16 @@ class _Sources:
         layout = self.elastic.layout
         firmer = layout.unknowns[source.places[0]].name == CLAMP and rest[0] < source.values[0]
         if firmer or not layout.are_believable(elsewhere):
-            return Check(source.kind, source.name, 1.0, 0.0, source.owner)
+            return Check(source.kind, source.name, 1.0, 0.0, source.owner), lambda: self
         spread = np.sqrt(weight @ (np.diagonal(V, axis1=1, axis2=2) + (m - rest) ** 2))
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
         p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
-        return Check(source.kind, source.name, p, float(evidence), source.owner, said=said, slip=slip)
+        check = Check(source.kind, source.name, p, float(evidence), source.owner, said=said)
+        return check, lambda: self._allowing(source.name, problem=_loosened(self.problem, source, slip))
 
-    def _of_campaign(self, number: int) -> Check:
-        kept = self.problem.weights[self.elastic.rows[number]] > 0
-        logs, missed, V = self.beside_the_rest[number]
+    def _of_campaign(self, number: int) -> tuple[Check, Callable[[], _Sources]]:
+        name, at = self._named(number), self.elastic.rows[number]
+        kept, (logs, missed, V) = self.problem.weights[at] > 0, _beside_the_rest(self.problem, at, self.scatter)
         weight = np.exp(logs)
         other = self._by_material(number)[np.ix_(kept, kept)]
         along = scipy.linalg.eigh(other, np.einsum("m,mij->ij", weight, V))[1][:, -1]
@@ -269,19 +273,16 @@ class _Sources:
             for more in (0.0, other, ANYTHING**2 * np.eye(len(other)))
         )
         evidence = np.logaddexp(another, any_body) - np.log(2) - as_stated
-        return Check("campaign", self._named(number), float(p), float(evidence), self._named(number))
+        more = np.diag(np.where(_among(self.problem, at), ANYTHING**2, 0.0))
+        return Check("campaign", name, float(p), float(evidence), name), self._with_noise(name, more)
 
-    def _of_mass(self, number: int) -> Check:
-        found = self.added_masses[number]
+    def _of_mass(self, number: int) -> tuple[Check, Callable[[], _Sources]]:
+        sizes = [slip * UNSTATED_SENSOR for slip in SLIPS]
+        found = added_mass(self.elastic, number, self.problem, self.posterior_with_logs, sizes)
         said = (Said("mass", 0.0, UNSTATED_SENSOR, found.mean, found.sd),)
         p, name = float(np.exp(-max(found.evidence, 0.0))), self._mass_on(number)
-        return Check("mass", name, p, found.evidence, self._named(number), said=said, place=found.place)
-
-    @cached_property
-    def added_masses(self) -> dict[int, AddedMass]:
-        """What the frequencies say of a mass on each campaign's body."""
-        known, sizes = self.posterior_with_logs, [slip * UNSTATED_SENSOR for slip in SLIPS]
-        return {number: added_mass(self.elastic, number, self.problem, known, sizes) for number in self.masses}
+        check = Check("mass", name, p, found.evidence, self._named(number), said=said, place=found.place)
+        return check, self._with_noise(name, found.covariance)
 
     def _named(self, number: int) -> str:
         name = self.elastic.layout.campaigns[number].name
@@ -335,6 +336,9 @@ def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _beside_the_rest(problem: LinearProblem, at: slice, scatter: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A campaign's believed frequencies beside what the others predict: (m,) logarithms of weights over the discrepancy,
+    (m, n) ln f measured over predicted, and (m, n, n) its covariance.
+    """
     others, logs = problem.only(~_among(problem, at)).at_scatter(scatter)
     kept = problem.weights[at] > 0
     S, noise = problem.sensitivity[at][kept], problem.noise[at, at][np.ix_(kept, kept)]
@@ -351,11 +355,11 @@ def _beyond(weight: FloatArray, missed: FloatArray, covariance: FloatArray) -> f
 def _agreement(sources: _Sources, number: int) -> Agreement:
     elastic, problem = sources.elastic, sources.problem
     q = len(elastic.layout.shared)
-    p = None
-    if sources.campaigns:
-        logs, missed, V = sources.beside_the_rest[number]
+    p, at = None, elastic.rows[number]
+    if len(elastic.rows) > 1:
+        logs, missed, V = _beside_the_rest(problem, at, sources.scatter)
         p = _beyond(np.exp(logs), missed, V)
-    alone = problem.only(_among(problem, elastic.rows[number]))
+    alone = problem.only(_among(problem, at))
     step, covariance = alone.solve(elastic.discrepancy, elastic.scatter)
     variance, joint = np.diag(covariance)[:q], np.diag(elastic.inverse)[:q]
     apart = np.sqrt(np.maximum(variance - joint, 1e-12 * variance))

@@ -28,23 +28,14 @@ _COMMON_GAIN_SD = 0.05  # of the gain of all modes: calibrations, and the model'
 
 @dataclass(frozen=True)
 class DampingData:
-    """What stage 2 starts from; numbers of modes are among all of the model's, rigid-body modes first.
+    """What stage 2 starts from; numbers of modes are among all of the model's, rigid-body modes first."""
 
-    Attributes:
-        frfs: FRFs on the fitted lines.
-        elastic: stage 1's result.
-        modes: measured modes, an exponential window's rate subtracted from their damping.
-        weighting: of the residuals.
-        inputs: what the laboratory says of window and delay.
-        model: the updated elastic model between the measured dofs.
-    """
-
-    frfs: FrfSet
-    elastic: ElasticResult
-    modes: MeasuredModes
-    weighting: Weighting
-    inputs: Inputs
-    model: ModalFrfModel
+    frfs: FrfSet  # FRFs on the fitted lines
+    elastic: ElasticResult  # stage 1's result
+    modes: MeasuredModes  # measured modes, an exponential window's rate subtracted from their damping
+    weighting: Weighting  # of the residuals
+    inputs: Inputs  # what the laboratory says of window and delay
+    model: ModalFrfModel  # the updated elastic model between the measured dofs
 
     @cached_property
     def pairs(self) -> tuple[tuple[int, int], ...]:

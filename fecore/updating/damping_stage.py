@@ -52,32 +52,21 @@ _LARGE_TURN = 0.02  # rad, of a delay at the highest line: beyond, the data are 
 
 @dataclass(frozen=True)
 class DampingResult:
-    """A damping law from FRFs, with its spread.
+    """A damping law from FRFs, with its spread."""
 
-    Attributes:
-        fit: the fitted law, the best of all starts.
-        start: (p,) coefficients that the measured damping ratios give: the model before stage 2.
-        starts: how many starts were tried.
-        optima: coefficients of every different point that the starts converged to and that the data do not refute
-            against the best, which comes first.
-        reference: the same data fitted with a ratio of its own for every measured mode.
-        sources: by name of its source, (p, k) independent standard deviations of which the coefficients' error is made.
-        pulls: (p, e) change of the coefficients by one standard deviation of each of stage 1's excursions.
-        window: (p,) change of the coefficients by an exponential window of one standard deviation of its rate.
-        by_elastic: (p, q) derivative of the estimate by stage 1's parameters.
-        deviations: what is known of the scale of the relative deviations of damping ratios from the law.
-    """
-
-    fit: DampingFit
-    start: FloatArray
-    starts: int
+    fit: DampingFit  # the fitted law, the best of all starts
+    start: FloatArray  # (p,) coefficients that the measured damping ratios give: the model before stage 2
+    starts: int  # how many starts were tried
+    # coefficients of every different point that the starts converged to and that the data do not refute against the
+    # best, which comes first
     optima: tuple[FloatArray, ...]
-    reference: ReferenceFit
+    reference: ReferenceFit  # the same data fitted with a ratio of its own for every measured mode
+    # by name of its source, (p, k) independent standard deviations of which the coefficients' error is made
     sources: Mapping[str, FloatArray]
-    pulls: FloatArray
-    window: FloatArray
-    by_elastic: FloatArray
-    deviations: ScaleMixture
+    pulls: FloatArray  # (p, e) change of the coefficients by one standard deviation of each of stage 1's excursions
+    window: FloatArray  # (p,) change of the coefficients by an exponential window of one standard deviation of its rate
+    by_elastic: FloatArray  # (p, q) derivative of the estimate by stage 1's parameters
+    deviations: ScaleMixture  # what is known of the scale of the relative deviations of damping ratios from the law
 
     @property
     def discrepancy(self) -> float:
@@ -98,27 +87,20 @@ _OF_FRFS = ("measurement noise of FRFs", OF_LAW, "modes not measured")
 
 @dataclass(frozen=True)
 class ReferenceFit:
-    """A ratio of its own for every measured mode: the reference of every law.
+    """A ratio of its own for every measured mode: the reference of every law."""
 
-    Attributes:
-        misfit: with the noise variance: the measured one, or one from the residual of an unweighted modal fit. A delay between
-            the channels is taken out of its FRFs.
-        fit: the modal fit.
-        scale: what the misfit of one value is by noise alone, with the weighting of this stage, times how many lines are worth
-            one: an error of the model's shapes lasts over a resonance (`fecore.modal.error_model.memory`).
-        excess: mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the model's error.
-        ratios: damping ratios as measured where they were, else from the modal fit.
-        own_ratios: those of the modal fit.
-        delay: between the channels, as the FRFs show it, s.
-    """
-
+    # with the noise variance: the measured one, or one from the residual of an unweighted modal fit. A delay between
+    # the channels is taken out of its FRFs.
     misfit: FrfMisfit
-    fit: DampingFit
+    fit: DampingFit  # the modal fit
+    # what the misfit of one value is by noise alone, with the weighting of this stage, times how many lines are worth
+    # one: an error of the model's shapes lasts over a resonance (`fecore.modal.error_model.memory`)
     scale: float
+    # mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the model's error
     excess: float
-    ratios: MeasuredRatios
-    own_ratios: MeasuredRatios
-    delay: float
+    ratios: MeasuredRatios  # damping ratios as measured where they were, else from the modal fit
+    own_ratios: MeasuredRatios  # those of the modal fit
+    delay: float  # between the channels, as the FRFs show it, s
 
 
 def fit_reference(data: DampingData) -> ReferenceFit:

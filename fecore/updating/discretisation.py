@@ -40,17 +40,11 @@ AnyBody = TypeVar("AnyBody", bound=Body)
 
 @dataclass(frozen=True)
 class Discretisation:
-    """A mesh and what it misses.
+    """A mesh and what it misses."""
 
-    Attributes:
-        divisions: elements along the length and across the width.
-        error: (n,) estimated relative errors of the elastic natural frequencies in the band.
-        by_side: the largest of them by the size along the length, and by that across.
-    """
-
-    divisions: tuple[int, int]
-    error: FloatArray
-    by_side: FloatArray
+    divisions: tuple[int, int]  # elements along the length and across the width
+    error: FloatArray  # (n,) estimated relative errors of the elastic natural frequencies in the band
+    by_side: FloatArray  # the largest of them by the size along the length, and by that across
 
 
 def meshed(body: AnyBody, highest_hz: float) -> tuple[AnyBody, Discretisation | None]:

@@ -22,23 +22,17 @@ _SITES = 200  # nodes at which a mass is tried, at most
 
 @dataclass(frozen=True)
 class FrequencyEffects:
-    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a mode has no partner.
+    """Derivatives of the logarithms of n measured frequencies at the updated model; NaN where a mode has no partner."""
 
-    Attributes:
-        parameter: (n,) by name of a constant that was updated, the change of ln f by one prior standard deviation of it.
-        stiffness: (n,) by name of a stiffness θ, ∂ln f/∂ln θ.
-        support: (n,) by name of an input of the support, the change of ln f by one prior standard deviation of it.
-        sites: (P, 3) nodes at which a mass is tried, m.
-        mass: (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement φ, 1/kg.
-        frf_scale: median ratio of the measured FRFs' magnitudes to the model's; None without FRFs.
-    """
-
+    # (n,) by name of a constant that was updated, the change of ln f by one prior standard deviation of it
     parameter: dict[str, FloatArray]
-    stiffness: dict[str, FloatArray]
+    stiffness: dict[str, FloatArray]  # (n,) by name of a stiffness θ, ∂ln f/∂ln θ
+    # (n,) by name of an input of the support, the change of ln f by one prior standard deviation of it
     support: dict[str, FloatArray]
-    sites: FloatArray
+    sites: FloatArray  # (P, 3) nodes at which a mass is tried, m
+    # (n, P) change of ln f by a mass at each of them, -φ²/2 with the mass-normalised displacement φ, 1/kg
     mass: FloatArray
-    frf_scale: float | None
+    frf_scale: float | None  # median ratio of the measured FRFs' magnitudes to the model's; None without FRFs
 
 
 def frequency_effects(elastic: ElasticResult, prediction: Prediction | None) -> FrequencyEffects:

@@ -25,10 +25,9 @@ from fecore.errors import InputError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.belief import over_sets, weights_of
+from fecore.updating.belief import weights_of
 from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
-from fecore.updating.excursions import Excursion
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.forward import ForwardState
 from fecore.updating.layout import Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY, LinearProblem
@@ -46,27 +45,11 @@ class NoPartnersError(UpdatingError):
 
 
 class SwingingError(UpdatingError):
-    """The partners of modes change to and fro for ever.
+    """The partners of modes change to and fro for ever."""
 
-    Attributes:
-        torn: campaigns and measured modes whose partners change.
-        between: the partners in every campaign, each with the x that they were found at.
-    """
-
-    torn: tuple[tuple[int, int], ...] = ()
+    torn: tuple[tuple[int, int], ...] = ()  # campaigns and measured modes whose partners change
+    # the partners in every campaign, each with the x that they were found at
     between: tuple[tuple[tuple[Partners, ...], FloatArray], ...] = ()
-
-
-def update_elastic(
-    forward: ForwardModel,
-    modes: MeasuredModes,
-    progress: Callable[[float], None] = lambda _: None,
-    *,
-    use_shapes: bool = False,
-    seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
-) -> ElasticResult:
-    """`fit` of one campaign from the prior means of its model, whose first points are those of the modes' shapes."""
-    return fit(Layout.of_one(forward, modes, seek_excursions), progress, use_shapes=use_shapes)
 
 
 def fit(
@@ -259,19 +242,14 @@ class Misfit:
             scatter = float(np.sqrt(mixture.weight @ scatters**2))
         if late:
             return _Scales(spread, scatter, old.weights)
-        likeliest, weights = np.round(self.belief(point)), [np.ones(each.size) for each in old.weights]
+        belief = weights_of(problem, *prior_belief(self.layout, point.pairings), old.scatter)
+        likeliest, weights = np.round(belief), [np.ones(each.size) for each in old.weights]
         for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
             own[[row for row, _ in pairing.pairs]] = likeliest[at]
         return _Scales(spread, scatter, tuple(weights))
 
-    def belief(self, point: _Point) -> FloatArray:
-        """(n,) probability that each paired mode is one (`belief`)."""
-        return weights_of(point.problem, *prior_belief(self.layout, point.pairings), point.scales.scatter)
-
     def result(self, point: _Point, initial: _Point, history: tuple[ConvergenceStep, ...]) -> ElasticResult:
         """The result at the point of rest."""
-        campaigns = zip(self.layout.campaigns, point.states, strict=True)
-        given = point.problem.mixture(self.layout.scatter)[0]
         return ElasticResult(
             layout=self.layout,
             x=point.x,
@@ -282,9 +260,6 @@ class Misfit:
             problem=point.problem,
             discrepancy=point.scales.spread,
             scatter=point.scales.scatter,
-            given=given,
-            mixture=over_sets(point.problem, self.belief(point), self.layout.scatter, given),
-            excursions=tuple(campaign.seek_excursions(state) for campaign, state in campaigns),
             history=history,
             held=self.held,
             unlike=self.likest,

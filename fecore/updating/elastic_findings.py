@@ -9,8 +9,7 @@ from fecore.body.named import OfStructure
 from fecore.body.specimen import EDGE_ROUNDING
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
-from fecore.updating.conflicts import Check, Conflict
-from fecore.updating.contradictions import compare_sources
+from fecore.updating.contradictions import Check, Conflict, compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
 from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
 from fecore.updating.forward import ForwardModel

@@ -14,7 +14,8 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
-from fecore.updating.excursions import Excursion
+from fecore.updating.belief import over_sets, weights_of
+from fecore.updating.excursions import Excursion, excursions
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.mixing import Mixing, mixings
@@ -59,61 +60,39 @@ def prior_belief(layout: Layout, pairings: Sequence[Pairing]) -> tuple[FloatArra
 
 @dataclass(frozen=True)
 class Rival:
-    """Another pairing of the modes, at the best point that a start with it came to.
+    """Another pairing of the modes, at the best point that a start with it came to."""
 
-    Attributes:
-        other: the result there.
-        evidence: logarithm of how much more the chosen point is supported.
-    """
-
-    other: ElasticResult
-    evidence: float
+    other: ElasticResult  # the result there
+    evidence: float  # logarithm of how much more the chosen point is supported
 
 
 @dataclass(frozen=True)
 class ElasticResult:
-    """Updated elastic parameters, the laboratory's inputs among them, of one campaign or of several.
+    """Updated elastic parameters, the laboratory's inputs among them, of one campaign or of several."""
 
-    Attributes:
-        layout: the unknowns, and the campaigns that see them.
-        x: (X,) estimate, as deviations from the prior means in the coordinates in which the posterior is nearly Gaussian.
-        initial_states, states: each campaign's model at the prior means and at the estimate.
-        initial_pairings, pairings: measured to model modes of each, before and after.
-        problem: the linear problem at the estimate.
-        discrepancy: s, the estimated relative model error of a frequency.
-        scatter: τ, the estimated relative deviation of a specimen's modulus.
-        given: the posterior of x about the estimate, given the partners of the modes and which are real; discrepancy and
-            scatter included, excursions not.
-        mixture: the same over which of the modes are real (`belief`).
-        excursions: of each campaign, inputs that may be something, for what they do.
-        history: iterates, first to last.
-        starts: every start that was tried, this one among them; empty where there was no choice of starts.
-        rivals: the best point of each other pairing that a start came to, the likest first.
-        held: the partners that the fit held in each campaign; None where it paired the modes anew in every turn.
-        torn: campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means.
-        unlike: no measured mode was like any of the model's, so the likest were paired, for a comparison alone.
-        stretches: where the stiffness has changed, of a body in zones.
-    """
-
-    layout: Layout
+    layout: Layout  # the unknowns, and the campaigns that see them
+    # (X,) estimate, as deviations from the prior means in the coordinates in which the posterior is nearly Gaussian
     x: FloatArray
+    # initial_states, states: each campaign's model at the prior means and at the estimate
     initial_states: tuple[ForwardState, ...]
     states: tuple[ForwardState, ...]
+    # initial_pairings, pairings: measured to model modes of each, before and after
     initial_pairings: tuple[Pairing, ...]
     pairings: tuple[Pairing, ...]
-    problem: LinearProblem
-    discrepancy: float
-    scatter: float
-    given: Mixture
-    mixture: Mixture
-    excursions: tuple[tuple[Excursion, ...], ...]
-    history: tuple[ConvergenceStep, ...]
+    problem: LinearProblem  # the linear problem at the estimate
+    discrepancy: float  # s, the estimated relative model error of a frequency
+    scatter: float  # τ, the estimated relative deviation of a specimen's modulus
+    history: tuple[ConvergenceStep, ...]  # iterates, first to last
+    # every start that was tried, this one among them; empty where there was no choice of starts
     starts: tuple[StartHistory, ...] = ()
-    rivals: tuple[Rival, ...] = ()
+    rivals: tuple[Rival, ...] = ()  # the best point of each other pairing that a start came to, the likest first
+    # the partners that the fit held in each campaign; None where it paired the modes anew in every turn
     held: tuple[Partners, ...] | None = None
+    # campaigns and measured modes, from 0, whose partners changed to and fro in the fit from the prior means
     torn: tuple[tuple[int, int], ...] = ()
+    # no measured mode was like any of the model's, so the likest were paired, for a comparison alone
     unlike: bool = False
-    stretches: Stretches | None = None
+    stretches: Stretches | None = None  # where the stiffness has changed, of a body in zones
 
     @cached_property
     def inverse(self) -> FloatArray:
@@ -124,6 +103,25 @@ class ElasticResult:
     def gain(self) -> FloatArray:
         """(X, n) ∂x̂/∂ln f_measured."""
         return self.problem.gain(self.discrepancy, self.scatter)
+
+    @cached_property
+    def given(self) -> Mixture:
+        """The posterior of x about the estimate, given the partners of the modes and which are real, without excursions."""
+        return self.problem.mixture(self.layout.scatter)[0]
+
+    @cached_property
+    def mixture(self) -> Mixture:
+        """The same over which of the modes are real (`belief`)."""
+        if self.stretches is not None:
+            return self.given
+        belief = weights_of(self.problem, *prior_belief(self.layout, self.pairings), self.scatter)
+        return over_sets(self.problem, belief, self.layout.scatter, self.given)
+
+    @cached_property
+    def excursions(self) -> tuple[tuple[Excursion, ...], ...]:
+        """Of each campaign, inputs that may be something, for what they do."""
+        campaigns = zip(self.layout.campaigns, self.states, strict=True)
+        return tuple(excursions(state, c.inputs, c.fixed_points) for c, state in campaigns)
 
     @cached_property
     def sources(self) -> dict[str, FloatArray]:

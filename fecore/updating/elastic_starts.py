@@ -10,16 +10,6 @@ measured one beside its true partner. So the fit is also made with partners held
 results with a mode's other candidate in place of its partner. With shapes and without, two close modes may exchange their
 partners for ever: then the fit is made with each of the pairings that it went to and fro between held. Every pairing whose
 evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
-
-Where a body of sets has lost stiffness, stage 1 starts again too: the prior of the factors of sets expects nearly all of them
-to be 1. Damage sits in one place or two. A factor of its own for every place, each with the same wide prior, would spread one
-place's loss over its neighbours. So each factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural
-Comput. 4, 1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its prior variance,
-
-    γ = 1 - σ²/s²,     s² ← ξ²/γ,
-
-where γ is the share of what is known of the factor that the data supply. A factor that the data do not move is held ever more
-firmly at 1; one that they move keeps its room, up to the standard deviation that the recipe states.
 """
 
 from __future__ import annotations
@@ -31,8 +21,6 @@ from itertools import pairwise
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.body.constants import kind_of
-from fecore.body.structure import Structure
 from fecore.errors import UpdatingError
 from fecore.updating.belief import stray_cost
 from fecore.updating.elastic import NoPartnersError, SwingingError, fit
@@ -56,10 +44,6 @@ _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard devia
 _STARTS, _VERIFIED = 6, 2  # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _HELD = 6  # pairings that are held
 _PRICE_ALONE = 8.0  # in log evidence, of a measured mode without a partner, beside another pairing
-_ROUNDS = 8  # updates anew at most: standard deviations settle in three to five
-_LEAST = 0.003  # relative: a factor that is held more firmly is 1
-_KNOWN_AT_LEAST = 0.02  # of γ, so that one round changes a standard deviation by no more than sevenfold its share
-_SAME = 0.1  # relative change of every standard deviation that changes nothing
 
 Found = ElasticResult | UpdatingError
 
@@ -303,38 +287,3 @@ def even_draws(dimensions: int, count: int, seed: int) -> FloatArray:
 
     points: FloatArray = qmc.Sobol(dimensions, seed=seed).random(count)
     return points
-
-
-def sparse_factors(first: ElasticResult, refit: Callable[[Layout, ElasticResult], ElasticResult]) -> ElasticResult:
-    """The elastic update of one campaign with sparse factors of sets; as it is where none is updated.
-
-    Args:
-        first: the update with the recipe's priors.
-        refit: the update anew with other priors, from a former result.
-    """
-    prior = first.prior
-    factors = [c for c, name in enumerate(prior.names) if kind_of(name) == "factor"]
-    if not factors or not isinstance(prior.body, Structure):
-        return first
-    largest, result = prior.prior_sd[factors], first
-    for _ in range(_ROUNDS):
-        now = result.prior.xi_sd[factors]
-        known = np.clip(1 - _variance(result, factors) / now**2, _KNOWN_AT_LEAST, 1.0)
-        wanted = np.clip(np.sqrt(result.x[factors] ** 2 / known), _LEAST, largest)
-        if np.all(np.abs(np.log(wanted / now)) < _SAME):
-            break
-        sds = prior.prior_sd.copy()
-        sds[factors] = wanted
-        result = refit(first.layout.with_prior(replace(prior, prior_sd=sds)), result)
-    if result is first:
-        return first
-    starts = tuple(replace(start, chosen=False) for start in first.starts)
-    return replace(result, starts=starts, rivals=first.rivals, torn=first.torn)
-
-
-def _variance(result: ElasticResult, factors: list[int]) -> FloatArray:
-    """(z,) posterior variances of the factors' logarithms."""
-    variance: FloatArray = sum(
-        (np.sum(part[factors] ** 2, axis=1) for part in result.sources.values()), np.zeros(len(factors))
-    )
-    return variance

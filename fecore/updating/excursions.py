@@ -35,21 +35,14 @@ _SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference
 
 @dataclass(frozen=True)
 class Excursion:
-    """What one standard deviation of an input does.
+    """What one standard deviation of an input does."""
 
-    Attributes:
-        name: of the input.
-        shift: (n,) relative change of the model's elastic natural frequencies.
-        kind: `one-sided` and linear; `square`: as the square of a Gaussian; `both` sides alike.
-        stated: whether the laboratory stated the standard deviation.
-        amount: one standard deviation in words, with its unit.
-    """
-
-    name: str
-    shift: FloatArray
+    name: str  # of the input
+    shift: FloatArray  # (n,) relative change of the model's elastic natural frequencies
+    # `one-sided` and linear; `square`: as the square of a Gaussian; `both` sides alike
     kind: Literal["one-sided", "square", "both"]
-    stated: bool
-    amount: str
+    stated: bool  # whether the laboratory stated the standard deviation
+    amount: str  # one standard deviation in words, with its unit
 
     @property
     def rms(self) -> float:

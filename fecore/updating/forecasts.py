@@ -45,67 +45,39 @@ _LITTLE = 1e-3  # of a lively point's information, known beforehand so that the 
 
 @dataclass(frozen=True)
 class ForecastOrder:
-    """What is asked of a model.
+    """What is asked of a model."""
 
-    Attributes:
-        modes: how many of the lowest, where no band is stated.
-        highest_hz: of the band; None: by the number of modes.
-        places: (p, 3) points among which to choose, m; None: nodes of the mesh.
-        labels: of these, for errors.
-        axes: (p,) axis 1, 2 or 3 along which each of these moves or is hit; 0: that in which the modes move it most.
-        points: how many to measure at.
-        references: how many of them.
-        damping_ratio: of all modes; None: no FRFs.
-        spacing_hz: of the lines; None: four in the first mode's half-power width.
-    """
-
-    modes: int = 10
-    highest_hz: float | None = None
-    places: FloatArray | None = None
-    labels: Sequence[int] | None = None
+    modes: int = 10  # how many of the lowest, where no band is stated
+    highest_hz: float | None = None  # of the band; None: by the number of modes
+    places: FloatArray | None = None  # (p, 3) points among which to choose, m; None: nodes of the mesh
+    labels: Sequence[int] | None = None  # of these, for errors
+    # (p,) axis 1, 2 or 3 along which each of these moves or is hit; 0: that in which the modes move it most
     axes: IntArray | None = None
-    points: int = 12
-    references: int = 1
-    damping_ratio: float | None = None
-    spacing_hz: float | None = None
+    points: int = 12  # how many to measure at
+    references: int = 1  # how many of them
+    damping_ratio: float | None = None  # of all modes; None: no FRFs
+    spacing_hz: float | None = None  # of the lines; None: four in the first mode's half-power width
 
 
 @dataclass(frozen=True)
 class ModelForecast:
-    """What a model says.
+    """What a model says."""
 
-    Attributes:
-        mesh: the mesh that was solved.
-        rigid: number of rigid-body modes, which are not among the others.
-        frequency_hz: (n,) of the elastic modes.
-        kinds: of them, in words.
-        everywhere: (n, nodes, 3) mass-normalised shapes on the mesh.
-        numbers: (p,) of the chosen points, of the places or else of the nodes, from 0.
-        places: (p, 3) m.
-        axes: (p,) 1, 2 or 3.
-        shapes: (n, p) mass-normalised shapes at the points.
-        seen: (n, p) share of each mode's largest displacement there.
-        references: numbers of references among the points.
-        measured: numbers of points to measure at among the points.
-        mac: (n, n) between the modes at these.
-        lines_hz: (L,) of the FRFs.
-        frfs: (references × measured, L) accelerances, the measured points of one reference after another; m/s² per N.
-    """
-
-    mesh: Mesh
-    rigid: int
-    frequency_hz: FloatArray
-    kinds: tuple[str, ...]
-    everywhere: FloatArray
-    numbers: IntArray
-    places: FloatArray
-    axes: IntArray
-    shapes: FloatArray
-    seen: FloatArray
-    references: tuple[int, ...]
-    measured: tuple[int, ...]
-    mac: FloatArray
-    lines_hz: FloatArray
+    mesh: Mesh  # the mesh that was solved
+    rigid: int  # number of rigid-body modes, which are not among the others
+    frequency_hz: FloatArray  # (n,) of the elastic modes
+    kinds: tuple[str, ...]  # of them, in words
+    everywhere: FloatArray  # (n, nodes, 3) mass-normalised shapes on the mesh
+    numbers: IntArray  # (p,) of the chosen points, of the places or else of the nodes, from 0
+    places: FloatArray  # (p, 3) m
+    axes: IntArray  # (p,) 1, 2 or 3
+    shapes: FloatArray  # (n, p) mass-normalised shapes at the points
+    seen: FloatArray  # (n, p) share of each mode's largest displacement there
+    references: tuple[int, ...]  # numbers of references among the points
+    measured: tuple[int, ...]  # numbers of points to measure at among the points
+    mac: FloatArray  # (n, n) between the modes at these
+    lines_hz: FloatArray  # (L,) of the FRFs
+    # (references × measured, L) accelerances, the measured points of one reference after another; m/s² per N
     frfs: ComplexArray
 
 
@@ -214,21 +186,13 @@ class _Nominal:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Points among which to choose.
+    """Points among which to choose."""
 
-    Attributes:
-        numbers: (p,) of the nodes, or of the places that were named.
-        places: (p, 3) m.
-        axes: (p,) 1, 2 or 3.
-        observation: (p, dofs) displacement along these.
-        shares: (n, p) of each mode, by its largest displacement.
-    """
-
-    numbers: IntArray
-    places: FloatArray
-    axes: IntArray
-    observation: scipy.sparse.csr_array
-    shares: FloatArray
+    numbers: IntArray  # (p,) of the nodes, or of the places that were named
+    places: FloatArray  # (p, 3) m
+    axes: IntArray  # (p,) 1, 2 or 3
+    observation: scipy.sparse.csr_array  # (p, dofs) displacement along these
+    shares: FloatArray  # (n, p) of each mode, by its largest displacement
 
     @classmethod
     def of(cls, body: Body, shapes: FloatArray, order: ForecastOrder) -> _Rows:

@@ -36,30 +36,22 @@ _HELD_IN_SPACE = 1.05  # … and a basis of a body in space, which has many mode
 
 @dataclass(frozen=True)
 class ForwardModel:
-    """A specimen's modes at measured points, for any parameters.
+    """A specimen's modes at measured points, for any parameters."""
 
-    Attributes:
-        specimen: nominal specimen.
-        parametrisation: from θ to coefficients.
-        dofs: the r measured rows: a point and a direction each, without sign.
-        places: (r, 3) coordinates of their points, m; (r, 2) where z = 0.
-        count: how many modes to solve for.
-        held_hz: up to where a reduced basis meets the full model's frequencies; beyond, modes count for their tails.
-        reduced: solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time.
-        roving_mass: of a sensor that sits at the response point of each FRF, kg. The modes are those without it.
-        axes: (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows.
-        verified: check the reduced basis and let it grow; without, far from where it was made it is some per cent off.
-    """
-
-    specimen: Body
-    parametrisation: Parametrisation
-    dofs: tuple[Dof, ...]
-    places: FloatArray
-    count: int
+    specimen: Body  # nominal specimen
+    parametrisation: Parametrisation  # from θ to coefficients
+    dofs: tuple[Dof, ...]  # the r measured rows: a point and a direction each, without sign
+    places: FloatArray  # (r, 3) coordinates of their points, m; (r, 2) where z = 0
+    count: int  # how many modes to solve for
+    # solve on a reduced basis (frequencies within 1e-6 of the full model), or the full model each time
     reduced: bool = True
+    # of a sensor that sits at the response point of each FRF, kg. The modes are those without it.
     roving_mass: float = 0.0
+    # check the reduced basis and let it grow; without, far from where it was made it is some per cent off
     verified: bool = True
+    # (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
+    # up to where a reduced basis meets the full model's frequencies; beyond, modes count for their tails
     held_hz: float = np.inf
 
     def __post_init__(self) -> None:

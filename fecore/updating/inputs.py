@@ -37,36 +37,27 @@ from fecore.errors import InputError
 class Inputs:
     """Standard deviations of the inputs, SI: None is a careful laboratory's, 0 means exactly known.
 
-    Attributes:
-        length_sd, width_sd, thickness_sd, height_sd: m.
-        density_sd: kg/m³.
-        nu_xy_sd: of Poisson's ratio.
-        fibre_angle_sd: rad, about the stated angle.
-        ply_angle_sd: rad, of each ply of a stack about its stated angle, independent of the others'.
-        clamp_compliance_sd: of EI/kL of a clamped edge, k its rotational stiffness: the scale of a half-normal prior.
-        sensor_mass_sd: kg; where no sensor is stated, the scale of a half-normal prior.
-        delay_sd: of the delay between response and force channel, s.
-        window_rate: 1/τ of an exponential window exp(-t/τ) on the response, 1/s, or of both channels; 0 for none, None where
-            nobody said.
-        window_rate_sd: of a stated rate, 1/s; None where there may have been another window beside it.
-
     Raises:
         InputError: a value is negative or not finite, or the clamp is none.
     """
 
+    # length_sd, width_sd, thickness_sd, height_sd: m
     length_sd: float | None = None
     width_sd: float | None = None
     thickness_sd: float | None = None
     height_sd: float | None = None
-    density_sd: float | None = None
-    nu_xy_sd: float | None = None
-    fibre_angle_sd: float | None = None
-    ply_angle_sd: float | None = None
+    density_sd: float | None = None  # kg/m³
+    nu_xy_sd: float | None = None  # of Poisson's ratio
+    fibre_angle_sd: float | None = None  # rad, about the stated angle
+    ply_angle_sd: float | None = None  # rad, of each ply of a stack about its stated angle, independent of the others'
+    # of EI/kL of a clamped edge, k its rotational stiffness: the scale of a half-normal prior
     clamp_compliance_sd: float | None = None
-    sensor_mass_sd: float | None = None
-    delay_sd: float | None = None
+    sensor_mass_sd: float | None = None  # kg; where no sensor is stated, the scale of a half-normal prior
+    delay_sd: float | None = None  # of the delay between response and force channel, s
+    # 1/τ of an exponential window exp(-t/τ) on the response, 1/s, or of both channels; 0 for none, None where nobody
+    # said
     window_rate: float | None = None
-    window_rate_sd: float | None = 0.0
+    window_rate_sd: float | None = 0.0  # of a stated rate, 1/s; None where there may have been another window beside it
 
     def __post_init__(self) -> None:
         for field in fields(self):

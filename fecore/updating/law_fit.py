@@ -34,39 +34,26 @@ from fecore.updating.parameters import by_name
 
 @dataclass(frozen=True)
 class DampingFit:
-    """A law fitted to FRFs.
-
-    Attributes:
-        law: the law.
-        coefficients: (p,) estimate.
-        nuisance: the modes with a shift and a deviation.
-        shift: (s,) their relative frequency shifts δ_k.
-        eigenvalue: (m,) eigenvalues as fitted, λ_k (1 + δ_k)².
-        rate: (m,) damping rates as fitted, deviations and the window's rate included; law_rate: (m,) those of the law alone.
-        cost: misfit E of the data, weighted; objective: with the deviations' prior.
-        noise_covariance: (p, p) covariance of the coefficients by measurement noise alone.
-        response: (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it.
-        tie: (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of the others.
-        seen: (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the others.
-        normal: normal equations at the estimate.
-        history: (iterations, p) coefficients, first to last.
-    """
+    """A law fitted to FRFs."""
 
     law: DampingLaw
-    coefficients: FloatArray
-    nuisance: Nuisance
-    shift: FloatArray
-    eigenvalue: FloatArray
-    rate: FloatArray
-    law_rate: FloatArray
-    cost: float
-    objective: float
-    noise_covariance: FloatArray
+    coefficients: FloatArray  # (p,) estimate
+    nuisance: Nuisance  # the modes with a shift and a deviation
+    shift: FloatArray  # (s,) their relative frequency shifts δ_k
+    eigenvalue: FloatArray  # (m,) eigenvalues as fitted, λ_k (1 + δ_k)²
+    rate: FloatArray  # (m,) damping rates as fitted, deviations and the window's rate included
+    law_rate: FloatArray  # (m,) those of the law alone
+    cost: float  # misfit E of the data, weighted
+    objective: float  # the same with the deviations' prior
+    noise_covariance: FloatArray  # (p, p) covariance of the coefficients by measurement noise alone
+    # (p, 2m) derivative of the estimate by the misfit's gradient in (λ, c): how a wrong model moves it
     response: FloatArray
+    # (p, m) the same by the logarithm of the law's rate of each mode with a rate of its own, 0 of the others
     tie: FloatArray
+    # (p, m) the same by the logarithm of the rate known beside the misfit of each mode, 0 of the others
     seen: FloatArray
-    normal: NormalEquations
-    history: FloatArray
+    normal: NormalEquations  # normal equations at the estimate
+    history: FloatArray  # (iterations, p) coefficients, first to last
 
     def synthesise(self, model: ModalFrfModel, frequency_hz: FloatArray, quantity: Quantity) -> ComplexArray:
         """(N, L) FRFs of the elastic model between any dofs under the law, modes that the model leaves out included."""

@@ -32,29 +32,22 @@ _SUSPENSION_SD = 2.0  # prior standard deviation of the logarithm of a suspended
 
 @dataclass(frozen=True)
 class Nuisance:
-    """Modes that may lie off the model in frequency, and off the law in damping.
+    """Modes that may lie off the model in frequency, and off the law in damping."""
 
-    Attributes:
-        modes: (s,) their numbers among the model's.
-        first_shift: (s,) relative shifts to start from.
-        shift_sd: (s,) prior standard deviation of the shifts; infinite where they are free.
-        deviation_sd: (s,) prior standard deviation of ε; 0 where the law is taken as exact.
-        suspended: (r,) numbers of the modes that the law does not damp, with a rate of their own.
-        suspended_rate: (r,) about which these are expected, within a factor of some seven, 1/s.
-        window_rate: 2/τ of an exponential window on the data, which every mode's rate has on top, 1/s.
-        seen: (n,) numbers of the modes whose rate is known beside the misfit, from fits with residues of their own.
-        seen_rate: (n,) these rates, 1/s, without the window's; seen_sd: (n,) their standard deviations, relative.
-    """
-
-    modes: IntArray
-    first_shift: FloatArray
-    shift_sd: FloatArray
-    deviation_sd: FloatArray
+    modes: IntArray  # (s,) their numbers among the model's
+    first_shift: FloatArray  # (s,) relative shifts to start from
+    shift_sd: FloatArray  # (s,) prior standard deviation of the shifts; infinite where they are free
+    deviation_sd: FloatArray  # (s,) prior standard deviation of ε; 0 where the law is taken as exact
+    # (r,) numbers of the modes that the law does not damp, with a rate of their own
     suspended: IntArray = field(default_factory=lambda: np.arange(0))
+    # (r,) about which these are expected, within a factor of some seven, 1/s
     suspended_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
-    window_rate: float = 0.0
+    window_rate: float = 0.0  # 2/τ of an exponential window on the data, which every mode's rate has on top, 1/s
+    # (n,) numbers of the modes whose rate is known beside the misfit, from fits with residues of their own
     seen: IntArray = field(default_factory=lambda: np.arange(0))
+    # (n,) these rates, 1/s, without the window's
     seen_rate: FloatArray = field(default_factory=lambda: np.zeros(0))
+    # (n,) their standard deviations, relative
     seen_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod

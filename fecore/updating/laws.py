@@ -129,28 +129,20 @@ def laws_of(recipe: Recipe, modal: ModalDamping, body: Body) -> tuple[DampingLaw
 
 @dataclass(frozen=True)
 class RankedLaw:
-    """One law, ranked.
-
-    Attributes:
-        law: the law.
-        coefficients: (p,) nearest to the modal damping ratios.
-        covariance: (p, p) of the coefficients, the law's discrepancy included; noise_covariance: without it.
-        bic: Bayesian information criterion; infinite where the law would damp a mode negatively, and where the modes cannot
-            distinguish a law's mechanisms or make one of them feed energy in.
-        chi_squared: misfit of the ratios.
-        missed: (n,) relative miss of each ratio.
-        named: number and relative miss of each mode that it misses by more than three standard deviations.
-        strain: (n, q) shares of the modes' strain energy, close ones mixed as suits the law; None where it looks at none.
-    """
+    """One law, ranked."""
 
     law: DampingLaw
-    coefficients: FloatArray
-    covariance: FloatArray
-    noise_covariance: FloatArray
+    coefficients: FloatArray  # (p,) nearest to the modal damping ratios
+    covariance: FloatArray  # (p, p) of the coefficients, the law's discrepancy included
+    noise_covariance: FloatArray  # (p, p) without it
+    # Bayesian information criterion; infinite where the law would damp a mode negatively, and where the modes cannot
+    # distinguish a law's mechanisms or make one of them feed energy in
     bic: float
-    chi_squared: float
-    missed: FloatArray
+    chi_squared: float  # misfit of the ratios
+    missed: FloatArray  # (n,) relative miss of each ratio
+    # number and relative miss of each mode that it misses by more than three standard deviations
     named: tuple[tuple[int, float], ...]
+    # (n, q) shares of the modes' strain energy, close ones mixed as suits the law; None where it looks at none
     strain: FloatArray | None
 
     @property

@@ -14,7 +14,7 @@ campaign is the same problem with P = 1.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -26,8 +26,8 @@ from fecore.body.structure import OWN_SD, CommonPrior
 from fecore.body.supports import CLAMP
 from fecore.errors import InputError
 from fecore.modes import MeasuredModes
-from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.inputs import Inputs
 from fecore.updating.pairing import has_shapes
 from fecore.updating.parameters import Parametrisation, by_name
 from fecore.updating.posterior import prior_of_scatter
@@ -81,21 +81,14 @@ class Unknown:
 
 @dataclass(frozen=True)
 class CampaignModel:
-    """A campaign as a fit sees it.
+    """A campaign as a fit sees it."""
 
-    Attributes:
-        name: of the campaign; empty where there is one.
-        forward: its model; the first points are those of the modes' shapes, in their order.
-        modes: measured modes; without shapes they are paired by frequency.
-        pick: (p, X) matrix P.
-        seek_excursions: what inputs may do that are believed to be nothing, at the updated model.
-    """
-
-    name: str
-    forward: ForwardModel
-    modes: MeasuredModes
-    pick: FloatArray
-    seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: ()
+    name: str  # of the campaign; empty where there is one
+    forward: ForwardModel  # its model; the first points are those of the modes' shapes, in their order
+    modes: MeasuredModes  # measured modes; without shapes they are paired by frequency
+    pick: FloatArray  # (p, X) matrix P
+    inputs: Inputs = field(default_factory=Inputs.exact)  # how well the laboratory knows what it hands in
+    fixed_points: tuple[int, ...] = ()  # at which a sensor stood through the test, if its mass was not stated
 
     @property
     def prior(self) -> Parametrisation:
@@ -145,53 +138,36 @@ class Coupon:
     """What static tests of a batch say of one of the material's constants.
 
     Where specimens scatter a batch is of one more specimen, of which its own mean is known better: σ/√(n + 1).
-
-    Attributes:
-        name: of the constant.
-        mean: SI.
-        standard_deviation: σ, with which the mean says what one more piece is (`fecore.coupons.batch.prior`), SI.
-        batch: name of the batch.
-        pieces: n; 0 where σ is that of the mean itself.
     """
 
-    name: str
-    mean: float
-    standard_deviation: float
-    batch: str = "coupons"
-    pieces: int = 0
+    name: str  # of the constant
+    mean: float  # SI
+    standard_deviation: float  # σ, with which the mean says what one more piece is (`fecore.coupons.batch.prior`), SI
+    batch: str = "coupons"  # name of the batch
+    pieces: int = 0  # n; 0 where σ is that of the mean itself
 
 
 @dataclass(frozen=True)
 class Layout:
-    """All unknowns, and the campaigns that see them.
+    """All unknowns, and the campaigns that see them."""
 
-    Attributes:
-        campaigns: models whose parametrisations have the shared parameters first and the same.
-        unknowns: entries of x, those that all campaigns share first.
-        common: constants, among the shared ones, of sets that are made of one material.
-        scatter: prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs, else of a constant
-            between sets of one material; 0 where nothing scatters.
-        coupons: what static tests say of the shared parameters.
-    """
-
-    campaigns: tuple[CampaignModel, ...]
-    unknowns: tuple[Unknown, ...]
-    common: tuple[CommonPrior, ...] = ()
+    campaigns: tuple[CampaignModel, ...]  # models whose parametrisations have the shared parameters first and the same
+    unknowns: tuple[Unknown, ...]  # entries of x, those that all campaigns share first
+    common: tuple[CommonPrior, ...] = ()  # constants, among the shared ones, of sets that are made of one material
+    # prior scale of the scatter τ: of a modulus between specimens where some unknowns are theirs, else of a constant
+    # between sets of one material; 0 where nothing scatters
     scatter: float = 0.0
-    coupons: tuple[Coupon, ...] = ()
+    coupons: tuple[Coupon, ...] = ()  # what static tests say of the shared parameters
 
     @classmethod
     def of_one(
-        cls,
-        forward: ForwardModel,
-        modes: MeasuredModes,
-        seek_excursions: Callable[[ForwardState], tuple[Excursion, ...]] = lambda _: (),
+        cls, forward: ForwardModel, modes: MeasuredModes, inputs: Inputs | None = None, fixed: tuple[int, ...] = ()
     ) -> Layout:
         """The unknowns of one campaign: its parameters and inputs."""
         prior = forward.parametrisation
         owners = [None if name in prior.reported else "" for name in prior.names]
         unknowns = tuple(Unknown(*each) for each in zip(prior.names, owners, map(float, prior.xi_sd), strict=True))
-        campaigns = (CampaignModel("", forward, modes, np.eye(len(prior.names)), seek_excursions),)
+        campaigns = (CampaignModel("", forward, modes, np.eye(len(prior.names)), inputs or Inputs.exact(), fixed),)
         return cls(campaigns, unknowns, prior.common, OWN_SD if prior.common else 0.0)
 
     @property
@@ -314,12 +290,11 @@ class Layout:
         return rows, np.array(values), np.array(sds)
 
     def unverified(self) -> Layout:
-        """The same on bases as they are now and without excursions, for a search that is verified afterwards."""
-        loose = [replace(c, forward=c.forward.unverified(), seek_excursions=lambda _: ()) for c in self.campaigns]
-        return replace(self, campaigns=tuple(loose))
+        """The same on bases as they are now, for a search that is verified afterwards."""
+        return replace(self, campaigns=tuple(replace(c, forward=c.forward.unverified()) for c in self.campaigns))
 
     def with_prior(self, prior: Parametrisation, **of_model: Any) -> Layout:
         """The layout of one campaign with other parameters and their body, its model changed in these attributes."""
         (only,) = self.campaigns
         forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **of_model)
-        return Layout.of_one(forward, only.modes, only.seek_excursions)
+        return Layout.of_one(forward, only.modes, only.inputs, only.fixed_points)

@@ -31,21 +31,14 @@ TYPED_RATIO_SD = 0.02
 
 @dataclass(frozen=True)
 class MeasuredRatios:
-    """Damping ratios of the paired modes that the law has to explain.
+    """Damping ratios of the paired modes that the law has to explain."""
 
-    Attributes:
-        omega: (n,) circular frequencies, rad/s.
-        ratio: (n,) damping ratios.
-        relative_covariance: (n, n) covariance of their noise, relative.
-        strain: (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model.
-        mixings: close modes that may have other shares than these.
-    """
-
-    omega: FloatArray
-    ratio: FloatArray
-    relative_covariance: FloatArray
+    omega: FloatArray  # (n,) circular frequencies, rad/s
+    ratio: FloatArray  # (n,) damping ratios
+    relative_covariance: FloatArray  # (n, n) covariance of their noise, relative
+    # (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model
     strain: FloatArray | None = None
-    mixings: tuple[Mixing, ...] = ()
+    mixings: tuple[Mixing, ...] = ()  # close modes that may have other shares than these
 
     @classmethod
     def stacked(cls, parts: Sequence[MeasuredRatios]) -> MeasuredRatios:
@@ -160,15 +153,10 @@ def disagreement(
 
 @dataclass(frozen=True)
 class ScaleMixture:
-    """What is known of the scale s of deviations about a law: weights on a grid.
+    """What is known of the scale s of deviations about a law: weights on a grid."""
 
-    Attributes:
-        weight: (m,) posterior probabilities.
-        scale: (m,) s.
-    """
-
-    weight: FloatArray
-    scale: FloatArray
+    weight: FloatArray  # (m,) posterior probabilities
+    scale: FloatArray  # (m,) s
 
     @property
     def rms(self) -> float:

@@ -29,23 +29,18 @@ _FEWEST_TO_HOLD_OUT = 16  # FRFs of which some are held out
 
 @dataclass(frozen=True)
 class Measurement:
-    """What was measured on a specimen.
+    """What was measured on a specimen."""
 
-    Attributes:
-        frfs: FRFs in SI; None where modes alone were measured.
-        points: coordinates (x, y, z) in m of each grid point, in the specimen's frame.
-        modes: measured modes; None to identify them from the FRFs. Shapes are found from the FRFs where they have none.
-        roving_mass: of a sensor that sat at the response point of each FRF in turn, kg; 0 where none did. One that stood
-            still is a `PointMass` of the specimen.
-        inputs: how well the laboratory knows what else it hands in.
-        axes: (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows of unit vectors.
-    """
-
-    frfs: FrfSet | None
+    frfs: FrfSet | None  # FRFs in SI; None where modes alone were measured
+    # coordinates (x, y, z) in m of each grid point, in the specimen's frame
     points: Mapping[int, tuple[float, float, float]]
+    # measured modes; None to identify them from the FRFs. Shapes are found from the FRFs where they have none.
     modes: MeasuredModes | None = None
+    # of a sensor that sat at the response point of each FRF in turn, kg; 0 where none did. One that stood still is a
+    # `PointMass` of the specimen.
     roving_mass: float = 0.0
-    inputs: Inputs = field(default_factory=Inputs)
+    inputs: Inputs = field(default_factory=Inputs)  # how well the laboratory knows what else it hands in
+    # (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows of unit vectors
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -57,26 +52,17 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A measurement ready for updating.
+    """A measurement ready for updating."""
 
-    Attributes:
-        frfs: all usable FRFs; None where there are none.
-        fitted: those that the fits see; fitted_rows: their rows among all.
-        held: those that are held out, or None.
-        held_rows: their places among `frfs`.
-        modes: measured modes, with shapes where the data give them; None where none were asked for.
-        identification: how the modes were found; None where they were handed in.
-        warnings: what a user must know.
-    """
-
-    frfs: FrfSet | None = None
-    fitted: FrfSet | None = None
-    fitted_rows: list[int] = field(default_factory=list)
-    held: FrfSet | None = None
-    held_rows: list[int] = field(default_factory=list)
+    frfs: FrfSet | None = None  # all usable FRFs; None where there are none
+    fitted: FrfSet | None = None  # those that the fits see
+    fitted_rows: list[int] = field(default_factory=list)  # their rows among all
+    held: FrfSet | None = None  # those that are held out, or None
+    held_rows: list[int] = field(default_factory=list)  # their places among `frfs`
+    # measured modes, with shapes where the data give them; None where none were asked for
     modes: MeasuredModes | None = None
-    identification: Identification | None = None
-    warnings: tuple[str, ...] = ()
+    identification: Identification | None = None  # how the modes were found; None where they were handed in
+    warnings: tuple[str, ...] = ()  # what a user must know
 
 
 def prepare(

@@ -27,41 +27,27 @@ Weighting = Literal["linear", "relative", "log", "noise"]
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point, gains minimised out.
+    """Normal equations of the misfit by u = (λ_1 … λ_m, c_1 … c_m) at one point, gains minimised out."""
 
-    Attributes:
-        cost: misfit E, with the gains' prior.
-        gradient, hessian: (2m,) and (2m, 2m).
-        reduction: (b, 2m) how u moves with the gains it draws along: it reduces what `FrfJacobian` gives.
-    """
-
-    cost: float
+    cost: float  # misfit E, with the gains' prior
+    # gradient, hessian: (2m,) and (2m, 2m)
     gradient: FloatArray
     hessian: FloatArray
-    reduction: FloatArray
+    reduction: FloatArray  # (b, 2m) how u moves with the gains it draws along: it reduces what `FrfJacobian` gives
 
 
 @dataclass(frozen=True)
 class FrfMisfit:
-    """Measured FRFs, the model's residues, and the weighting between them.
+    """Measured FRFs, the model's residues, and the weighting between them."""
 
-    Attributes:
-        frfs: measured FRFs in the fitted band.
-        model: the elastic model's part of the synthesis.
-        weighting: name of the residual.
-        variance: (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate.
-        gain_sd: (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has.
-        common_gain_sd: the same of what the gains have in common: calibration, and the model's mass.
-        delay_sd: prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none.
-    """
-
-    frfs: FrfSet
-    model: ModalFrfModel
-    weighting: Weighting
-    variance: FloatArray
+    frfs: FrfSet  # measured FRFs in the fitted band
+    model: ModalFrfModel  # the elastic model's part of the synthesis
+    weighting: Weighting  # name of the residual
+    variance: FloatArray  # (N, L) noise variance E|n|², for `noise` weights and for the covariance of the estimate
+    # (m,) prior standard deviation of the modes' gains, 0 where a mode has none; None where none has
     gain_sd: FloatArray | None = None
-    common_gain_sd: float = 0.0
-    delay_sd: float = 0.0
+    common_gain_sd: float = 0.0  # the same of what the gains have in common: calibration, and the model's mass
+    delay_sd: float = 0.0  # prior standard deviation of a delay d between the channels, s: H e^(-iωd); 0 for none
 
     def __post_init__(self) -> None:
         if self.weighting not in get_args(Weighting):
@@ -196,19 +182,14 @@ class FrfMisfit:
 class FrfJacobian:
     """Derivatives of the FRFs at one point by v = (λ, c, g of the gained modes, d of the delay): A_ik d_k, or under a roving
     mass (A_ik g_i + B_ik h_i) d_k; and -iωH for the delay.
-
-    Attributes:
-        misfit: whose FRFs they are.
-        eigenvalue, rate: (m,) where.
-        factors: (N, L) g and h (`ModalFrfModel.load_factors`), or None.
-        predicted: (N, L) the FRFs there.
     """
 
-    misfit: FrfMisfit
+    misfit: FrfMisfit  # whose FRFs they are
+    # eigenvalue, rate: (m,) where
     eigenvalue: FloatArray
     rate: FloatArray
-    factors: tuple[ComplexArray, ComplexArray] | None
-    predicted: ComplexArray
+    factors: tuple[ComplexArray, ComplexArray] | None  # (N, L) g and h (`ModalFrfModel.load_factors`), or None
+    predicted: ComplexArray  # (N, L) the FRFs there
 
     @cached_property
     def denominator(self) -> ComplexArray:
@@ -257,29 +238,38 @@ class FrfJacobian:
         return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.frfs.omega, gains])
 
     def _modal_hessian(self, weight: FloatArray) -> FloatArray:
-        """(2m + g, 2m + g) the same without the delay. All is made of the sums
-
-        S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, since all else is a power of ω.
-        """
-        d, coupling, n = self.by_eigenvalue, self._coupling(weight), self.misfit.gained
-        powers = self.misfit.frfs.omega ** np.arange(5 if n.size else 3)[:, None]
-        S = np.zeros((len(powers), len(d), len(d)), dtype=complex)
-        first = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1))
-        for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
-            lines = d[k:] * coupling[first[k] : first[k + 1]]
-            S[:, k, k:] = 2 * (lines @ (d[k].conj() * powers).T).T
-            S[:, k:, k] = S[:, k, k:].conj()
-        crossed = -S[1].imag  # Re iω z
-        plain = np.block([[S[0].real, crossed], [crossed.T, S[2].real]])
+        """(2m + g, 2m + g) the same without the delay, from sums over lines: all else is a power of ω."""
+        n, (c, lam) = self.misfit.gained, (self.rate[:, None], self.eigenvalue[:, None])
+        S = self._sums(self._coupling(weight), 5 if n.size else 3)
+        plain = np.block([[S[0], -S[1]], [S[1], S[2]]])
         if not n.size:
             return plain
-        c, lam = self.rate[:, None], self.eigenvalue[:, None]
-        by_eigenvalue = -(lam * S[0] - S[2] - 1j * c * S[1]).real
-        by_rate = -(1j * (lam * S[1] - S[3]) + c * S[2]).real
-        both = lam * lam.T * S[0] - (lam + lam.T) * S[2] + S[4] + c * c.T * S[2]
-        both = (both + 1j * (c.T * (lam * S[1] - S[3]) - c * (lam.T * S[1] - S[3]))).real
+        turned = lam * S[1] - S[3]
+        by_eigenvalue = -(lam * S[0] - S[2] + c * S[1])
+        by_rate = turned - c * S[2]
+        both = lam * lam.T * S[0] - (lam + lam.T) * S[2] + S[4] + c * c.T * S[2] - (c.T * turned + c * turned.T)
         mixed = np.hstack([by_eigenvalue, by_rate])[n]
         return np.block([[plain, mixed.T], [mixed, both[np.ix_(n, n)]]])
+
+    def _sums(self, coupling: FloatArray | ComplexArray, count: int) -> FloatArray:
+        """(p, m, m) S_p = 2 Σ_l ω^p d_k* d_j Σ_i w_i A_ik A_ij, of an even p the real part, of an odd one the imaginary.
+
+        They are symmetric or skew; the rest of each is not needed.
+        """
+        d, number = self.by_eigenvalue, np.arange(count)
+        powers = 2 * (1j ** (number % 2))[:, None] * self.misfit.frfs.omega ** number[:, None]  # Im x*y = Re (ix)*y
+        S, parts = np.zeros((count, len(d), len(d))), (d.real.copy(), d.imag.copy())
+        first, sign = np.searchsorted(self.misfit.pairs[0], np.arange(len(d) + 1)), (-1.0) ** number[:, None]
+        for k in range(len(d)):  # one by one, so that what is summed stays in the processor's cache
+            own, lines = coupling[first[k] : first[k + 1]], d[k] * powers
+            if np.iscomplexobj(own):
+                whole = d[k:] * own
+                real, imaginary = whole.real, whole.imag
+            else:  # two products of real numbers take half the time of one of complex ones
+                real, imaginary = (part[k:] * own.real for part in parts)
+            S[:, k, k:] = lines.real @ real.T + lines.imag @ imaginary.T
+            S[:, k:, k] = sign * S[:, k, k:]
+        return S
 
     def _coupling(self, weight: FloatArray) -> FloatArray | ComplexArray:
         """(pairs, L) Σ_i w_i (A_ik g_i + B_ik h_i)* (A_ij g_i + B_ij h_i)."""

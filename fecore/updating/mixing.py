@@ -32,17 +32,11 @@ _SINES = np.linspace(-1, 1, 41)  # of 2α
 
 @dataclass(frozen=True)
 class Mixing:
-    """Two modes that may be mixed.
+    """Two modes that may be mixed."""
 
-    Attributes:
-        rows: of the measured modes, one or both.
-        change: (a, rows, q) changes of their shares of strain energy, by angle.
-        cost: (a,) of each angle: -2 ln p, 0 of the model's own shapes.
-    """
-
-    rows: tuple[int, ...]
-    change: FloatArray
-    cost: FloatArray
+    rows: tuple[int, ...]  # of the measured modes, one or both
+    change: FloatArray  # (a, rows, q) changes of their shares of strain energy, by angle
+    cost: FloatArray  # (a,) of each angle: -2 ln p, 0 of the model's own shapes
 
 
 def mixings(

@@ -41,21 +41,13 @@ _FARTHEST = np.log(1000.0)  # from its prior mean, in either direction: no param
 
 @dataclass(frozen=True)
 class Parameter:
-    """One constant in a recipe.
+    """One constant in a recipe."""
 
-    Attributes:
-        name: one of the specimen's constants, or of its springs.
-        prior_mean: SI; the specimen's nominal value where None.
-        prior_sd: SI; 30 % of the mean where None. Of a tied constant, how far it may be off its tie.
-        fixed: keep the constant at its prior mean.
-        tied_to: name of a parameter that this constant follows in the ratio of the nominal values.
-    """
-
-    name: str
-    prior_mean: float | None = None
-    prior_sd: float | None = None
-    fixed: bool = False
-    tied_to: str | None = None
+    name: str  # one of the specimen's constants, or of its springs
+    prior_mean: float | None = None  # SI; the specimen's nominal value where None
+    prior_sd: float | None = None  # SI; 30 % of the mean where None. Of a tied constant, how far it may be off its tie.
+    fixed: bool = False  # keep the constant at its prior mean
+    tied_to: str | None = None  # name of a parameter that this constant follows in the ratio of the nominal values
 
 
 DEFAULT_PARAMETERS = (
@@ -79,27 +71,20 @@ PLY_PARAMETERS = (
 
 @dataclass(frozen=True)
 class Parametrisation:
-    """Free parameters θ and the linear map from them to all constants.
+    """Free parameters θ and the linear map from them to all constants."""
 
-    Attributes:
-        body: the specimen.
-        names: the p free parameters; the last `inputs` of them are nuisances: the laboratory's inputs, with their errors.
-        prior_mean, prior_sd: (p,) SI.
-        base: (c + s,) constants and springs at θ = 0: the fixed ones.
-        spread: (c + s, p) their derivative by θ; a tied constant has its ratio there.
-        ties: of each tied constant, how far it may be off its tie: standard deviation over its prior mean.
-        common: constants that share a prior; `prior_sd` is that of each alone.
-    """
-
-    body: Body
+    body: Body  # the specimen
+    # the p free parameters; the last `inputs` of them are nuisances: the laboratory's inputs, with their errors
     names: tuple[str, ...]
+    # prior_mean, prior_sd: (p,) SI
     prior_mean: FloatArray
     prior_sd: FloatArray
-    base: FloatArray
-    spread: FloatArray
+    base: FloatArray  # (c + s,) constants and springs at θ = 0: the fixed ones
+    spread: FloatArray  # (c + s, p) their derivative by θ; a tied constant has its ratio there
     inputs: int = 0
+    # of each tied constant, how far it may be off its tie: standard deviation over its prior mean
     ties: Mapping[str, float] = field(default_factory=dict)
-    common: tuple[CommonPrior, ...] = ()
+    common: tuple[CommonPrior, ...] = ()  # constants that share a prior; `prior_sd` is that of each alone
 
     @property
     def reported(self) -> tuple[str, ...]:
@@ -208,15 +193,10 @@ class Parametrisation:
 
 @dataclass(frozen=True)
 class Coefficients:
-    """Coefficients of an affine model and their derivatives by the parameters.
+    """Coefficients of an affine model and their derivatives by the parameters."""
 
-    Attributes:
-        parametrisation: from θ to coefficients.
-        theta: (p,) θ.
-    """
-
-    parametrisation: Parametrisation
-    theta: FloatArray
+    parametrisation: Parametrisation  # from θ to coefficients
+    theta: FloatArray  # (p,) θ
 
     @cached_property
     def stiffness(self) -> FloatArray:

@@ -6,8 +6,7 @@ The one entry point of updating, for a notebook as for the service.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,11 +19,10 @@ from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
-from fecore.updating.elastic import fit
 from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.elastic_starts import sparse_factors, update_from_several_starts
-from fecore.updating.excursions import excursions, fixed_points
+from fecore.updating.elastic_starts import update_from_several_starts
+from fecore.updating.excursions import fixed_points
 from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -39,7 +37,7 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
-from fecore.updating.zones import with_stretches
+from fecore.updating.zones import with_sparse_factors, with_stretches
 
 Progress = Callable[[str, float], None]
 """Called with the stage in words and the share of the whole job that is done; raise from it to cancel."""
@@ -78,9 +76,11 @@ def update(
     forward = _forward(replace(parametrisation, body=body), measurement, data)
     progress(_ELASTIC, 0.4)
     elastic, modes = _elastic(forward, data, recipe, inputs, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
-    damping = _damping(
-        data, elastic, modes, recipe, inputs, lambda share: progress("updating the damping", 0.6 + 0.1 * share)
-    )
+
+    def shown(share: float) -> None:
+        progress("updating the damping", 0.6 + 0.1 * share)
+
+    damping = _Damping(data, elastic, modes, recipe, inputs, shown).outcome()
     sampled = None
     if damping.result is not None and recipe.posterior == "mcmc":
         sampled = sample_posterior(
@@ -170,80 +170,133 @@ def _elastic(
 ) -> tuple[ElasticResult, MeasuredModes]:
     """The elastic constants and the modes that they were judged by: stage 1, or the joint fit of the FRFs."""
     fixed = () if data.frfs is None else fixed_points(*data.frfs.points)
-    seek = partial(excursions, inputs=inputs, fixed_points=fixed)
     if data.modes is not None:
-        layout = Layout.of_one(forward, data.modes, seek)
+        layout = Layout.of_one(forward, data.modes, inputs, fixed)
         elastic = update_from_several_starts(layout, progress, use_shapes=recipe.use_shapes, seed=recipe.seed)
         if elastic.unlike:
             return elastic, data.modes
-
-        def refit(other: Layout, former: ElasticResult) -> ElasticResult:
-            return fit(other, use_shapes=recipe.use_shapes, start=former.x, held=former.held)
-
-        return with_stretches(sparse_factors(elastic, refit), recipe), data.modes
+        return with_stretches(with_sparse_factors(elastic, recipe), recipe), data.modes
     assert data.fitted is not None, "without modes there are FRFs"
     frfs = data.fitted if recipe.band_hz is None else data.fitted.band(*recipe.band_hz)
     frfs = _inside(frfs, (0.0, np.inf), recipe)
     # There every mode deviates from the law as far as it must, so `modal` is one common ratio to deviate from.
     middle = float(np.sqrt(frfs.omega[0] * frfs.omega[-1]))
     law = laws_of(recipe, ModalDamping((middle,)), forward.specimen)[0]
-    joint = update_jointly(forward, frfs, law, recipe.seed, progress, seek)
+    joint = update_jointly(forward, frfs, law, recipe.seed, progress, inputs, fixed)
     return joint.elastic, _unwindowed(joint.modes, inputs)
 
 
-def _damping(
-    data: Prepared,
-    elastic: ElasticResult,
-    modes: MeasuredModes,
-    recipe: Recipe,
-    inputs: Inputs,
-    progress: Callable[[float], None],
-) -> DampingOutcome:
+@dataclass(frozen=True)
+class _Damping:
     """Stage 2: from the FRFs, or from typed damping ratios alone where there are none."""
-    if data.fitted is None:
-        return _damping_of_ratios(elastic, modes, recipe)
-    band = _band(recipe, data.fitted, elastic)
-    first: FecoreError | None = None
-    before: list[Finding] = []
-    for tried in _bands(band, elastic):
-        said: list[Finding] = []
-        try:
-            done = _damping_of_frfs(
-                data.fitted, tried, elastic, modes, recipe, inputs=inputs, progress=progress, said=said
-            )
-        except FecoreError as error:
-            if first is None:
-                if isinstance(error, InputError):
-                    raise
-                first, before = error, said
-            if not _was_sought(first):
-                break
-        else:
-            if first is not None:
-                said.append(found("damping_narrowed", low=tried[0], high=tried[1], text=_message(first)))
-            return replace(done, findings=tuple(said))
-    assert first is not None, "the whole band is tried"
-    return _without_fit(elastic, modes, recipe, band, first, before)
 
+    data: Prepared
+    elastic: ElasticResult
+    modes: MeasuredModes
+    recipe: Recipe
+    inputs: Inputs
+    progress: Callable[[float], None]
 
-def _without_fit(
-    elastic: ElasticResult,
-    modes: MeasuredModes,
-    recipe: Recipe,
-    band: tuple[float, float],
-    error: FecoreError,
-    said: list[Finding],
-) -> DampingOutcome:
-    """Where no fit to FRFs ends: laws from the modes' damping ratios, if a fit was sought; else why there is no damping."""
-    message, hopeless = _message(error), elastic.misfit > HOPELESS_MISS
-    if _was_sought(error) and not hopeless:
-        done = _damping_of_ratios(elastic, modes, recipe)
-        if done.ranking is not None:
-            findings = (*said, *done.findings, found("damping_of_ratios", text=message))
-            why = f"from the modes' damping ratios, since {message}"
-            return replace(done, message=why, band=band, findings=findings)
-    failed = found("damping_failed", level="do_not_use" if hopeless else None, text=message)
-    return DampingOutcome("failed", message, band, findings=(*said, failed))
+    def outcome(self) -> DampingOutcome:
+        """The laws of the whole band, or of the widest that a fit converges in."""
+        if self.data.fitted is None:
+            return self._of_ratios()
+        band = self._band(self.data.fitted)
+        first: FecoreError | None = None
+        before: list[Finding] = []
+        for tried in self._bands(band):
+            said: list[Finding] = []
+            try:
+                done = self._of_frfs(self.data.fitted, tried, said)
+            except FecoreError as error:
+                if first is None:
+                    if isinstance(error, InputError):
+                        raise
+                    first, before = error, said
+                if not _was_sought(first):
+                    break
+            else:
+                if first is not None:
+                    said.append(found("damping_narrowed", low=tried[0], high=tried[1], text=_message(first)))
+                return replace(done, findings=tuple(said))
+        assert first is not None, "the whole band is tried"
+        return self._without_fit(band, first, before)
+
+    def _without_fit(self, band: tuple[float, float], error: FecoreError, said: list[Finding]) -> DampingOutcome:
+        """Where no fit to FRFs ends: laws from the modes' damping ratios, if a fit was sought; else why there is no damping."""
+        message, hopeless = _message(error), self.elastic.misfit > HOPELESS_MISS
+        if _was_sought(error) and not hopeless:
+            done = self._of_ratios()
+            if done.ranking is not None:
+                findings = (*said, *done.findings, found("damping_of_ratios", text=message))
+                why = f"from the modes' damping ratios, since {message}"
+                return replace(done, message=why, band=band, findings=findings)
+        failed = found("damping_failed", level="do_not_use" if hopeless else None, text=message)
+        return DampingOutcome("failed", message, band, findings=(*said, failed))
+
+    def _of_frfs(self, frfs: FrfSet, band: tuple[float, float], said: list[Finding]) -> DampingOutcome:
+        """Laws fitted to the FRFs of a band; what is worth saying goes to `said`, also where the fit fails.
+
+        Raises:
+            UpdatingError: a fit did not converge.
+        """
+        inside = _inside(frfs, band, self.recipe)
+        stage = damping_data(inside, self.elastic, self.modes, self.recipe.weighting, self.inputs)
+        asked = self._laws(stage.modal_law)
+        laws = identifiable_laws(len(stage.rows), asked) or asked  # where there is none, the fit says so
+        stage, odd = examine(stage)
+        said += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
+        reference = fit_reference(stage)
+        ranking = rank_laws(reference.ratios, stage.rows, laws)
+        result = fit_damping(stage, reference, laws[0], self.progress, ranking.laws[0].strain)
+        said += unstated_window(result, self.inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
+        return DampingOutcome("succeeded", "", band, ranking, result)
+
+    def _of_ratios(self) -> DampingOutcome:
+        """Laws from the damping ratios of the paired modes, without FRFs."""
+        rows, ratios = paired_ratios(self.elastic, 0, self.modes)
+        if not rows:
+            return DampingOutcome("skipped", "there are no FRFs, and no paired mode has a damping ratio")
+        asked = self._laws(ModalDamping(tuple(np.sort(ratios.omega))))
+        laws = identifiable_laws(len(rows), asked)
+        if not laws:
+            return DampingOutcome("skipped", f"{len(rows)} damping ratios cannot fix any of the laws asked for")
+        message = "from the modes' damping ratios: there are no FRFs"
+        findings = tuple(_unasked(asked[0], laws[0], len(rows)))
+        return DampingOutcome("succeeded", message, ranking=rank_laws(ratios, rows, laws), findings=findings)
+
+    def _laws(self, modal: ModalDamping) -> tuple[DampingLaw, ...]:
+        return laws_of(self.recipe, modal, self.elastic.prior.body)
+
+    def _band(self, frfs: FrfSet) -> tuple[float, float]:
+        """Lines for stage 2. By default they end half-way to the first model mode above the paired ones.
+
+        A mode that was not measured carries no frequency shift, so its misfit would be taken for damping.
+        """
+        low, high = float(frfs.frequency_hz[0]), float(frfs.frequency_hz[-1])
+        if self.recipe.band_hz is not None:
+            low, high = self.recipe.band_hz
+            if not 0 <= low < high:
+                raise InputError("band_hz", f"is ({low:g}, {high:g}), expected 0 ≤ low < high")
+            return low, high
+        frequencies = self.elastic.updated.frequency_hz
+        last = max(column for _, column in self.elastic.pairing.pairs)
+        if last + 1 < frequencies.size:
+            high = min(high, float(np.sqrt(frequencies[last] * frequencies[last + 1])))
+        return low, high
+
+    def _bands(self, band: tuple[float, float]) -> Iterator[tuple[float, float]]:
+        """The band of stage 2, and, for a fit that does not converge, narrower ones: without the highest of its modes, two,
+        three ... while two are left, and without the lowest.
+        """
+        yield band
+        columns = [column for _, column in self.elastic.pairing.pairs]
+        frequencies = np.sort(self.elastic.updated.frequency_hz[columns])
+        inside = frequencies[(frequencies > band[0]) & (frequencies < band[1])]
+        between = np.sqrt(inside[:-1] * inside[1:])
+        yield from ((band[0], float(high)) for high in between[:0:-1])
+        if between.size > 1:
+            yield float(between[0]), band[1]
 
 
 def _was_sought(error: FecoreError) -> bool:
@@ -253,62 +306,6 @@ def _was_sought(error: FecoreError) -> bool:
 
 def _message(error: FecoreError) -> str:
     return error.message if isinstance(error, UpdatingError) else str(error)
-
-
-def _bands(band: tuple[float, float], elastic: ElasticResult) -> Iterator[tuple[float, float]]:
-    """The band of stage 2, and, for a fit that does not converge, narrower ones: without the highest of its modes, two,
-    three ... while two are left, and without the lowest.
-    """
-    yield band
-    frequencies = np.sort(elastic.updated.frequency_hz[[column for _, column in elastic.pairing.pairs]])
-    inside = frequencies[(frequencies > band[0]) & (frequencies < band[1])]
-    between = np.sqrt(inside[:-1] * inside[1:])
-    yield from ((band[0], float(high)) for high in between[:0:-1])
-    if between.size > 1:
-        yield float(between[0]), band[1]
-
-
-def _damping_of_frfs(
-    frfs: FrfSet,
-    band: tuple[float, float],
-    elastic: ElasticResult,
-    modes: MeasuredModes,
-    recipe: Recipe,
-    *,
-    inputs: Inputs,
-    progress: Callable[[float], None],
-    said: list[Finding],
-) -> DampingOutcome:
-    """Laws fitted to the FRFs of a band; what is worth saying goes to `said`, also where the fit fails.
-
-    Raises:
-        UpdatingError: a fit did not converge.
-    """
-    inside = _inside(frfs, band, recipe)
-    stage = damping_data(inside, elastic, modes, recipe.weighting, inputs)
-    asked = laws_of(recipe, stage.modal_law, elastic.updated.forward.specimen)
-    laws = identifiable_laws(len(stage.rows), asked) or asked  # where there is none, the fit says so
-    stage, odd = examine(stage)
-    said += [*_unasked(asked[0], laws[0], len(stage.rows)), *odd]
-    reference = fit_reference(stage)
-    ranking = rank_laws(reference.ratios, stage.rows, laws)
-    result = fit_damping(stage, reference, laws[0], progress, ranking.laws[0].strain)
-    said += unstated_window(result, inputs, 1 / float(np.median(np.diff(inside.frequency_hz))))
-    return DampingOutcome("succeeded", "", band, ranking, result)
-
-
-def _damping_of_ratios(elastic: ElasticResult, modes: MeasuredModes, recipe: Recipe) -> DampingOutcome:
-    """Laws from the damping ratios of the paired modes, without FRFs."""
-    rows, ratios = paired_ratios(elastic, 0, modes)
-    if not rows:
-        return DampingOutcome("skipped", "there are no FRFs, and no paired mode has a damping ratio")
-    asked = laws_of(recipe, ModalDamping(tuple(np.sort(ratios.omega))), elastic.updated.forward.specimen)
-    laws = identifiable_laws(len(rows), asked)
-    if not laws:
-        return DampingOutcome("skipped", f"{len(rows)} damping ratios cannot fix any of the laws asked for")
-    message = "from the modes' damping ratios: there are no FRFs"
-    findings = tuple(_unasked(asked[0], laws[0], len(rows)))
-    return DampingOutcome("succeeded", message, ranking=rank_laws(ratios, rows, laws), findings=findings)
 
 
 def _unasked(asked: DampingLaw, law: DampingLaw, modes: int) -> list[Finding]:
@@ -337,24 +334,6 @@ def _forward(parametrisation: Parametrisation, measurement: Measurement, data: P
         roving_mass=measurement.roving_mass,
         axes=measurement.axes,
     )
-
-
-def _band(recipe: Recipe, frfs: FrfSet, elastic: ElasticResult) -> tuple[float, float]:
-    """Lines for stage 2. By default they end half-way to the first model mode above the paired ones.
-
-    A mode that was not measured carries no frequency shift, so its misfit would be taken for damping.
-    """
-    low, high = float(frfs.frequency_hz[0]), float(frfs.frequency_hz[-1])
-    if recipe.band_hz is not None:
-        low, high = recipe.band_hz
-        if not 0 <= low < high:
-            raise InputError("band_hz", f"is ({low:g}, {high:g}), expected 0 ≤ low < high")
-        return low, high
-    frequencies = elastic.updated.frequency_hz
-    last = max(column for _, column in elastic.pairing.pairs)
-    if last + 1 < frequencies.size:
-        high = min(high, float(np.sqrt(frequencies[last] * frequencies[last + 1])))
-    return low, high
 
 
 def _inside(frfs: FrfSet, band: tuple[float, float], recipe: Recipe) -> FrfSet:

@@ -48,36 +48,22 @@ _ROUNDS = 5  # of exchanges
 
 @dataclass(frozen=True)
 class PlannedTest:
-    """A test that could be made.
+    """A test that could be made."""
 
-    Attributes:
-        name: in the plan.
-        body: as it would stand, added masses included.
-        highest_hz: of the band.
-        points: (x, y), or (x, y, z) on a body in space, in m of the points that can be hit.
-        axes: directions at points by their numbers, as rows, where the third, along which they are hit, is not z.
-        sensor: number of the point, among these, where the sensor would stand.
-        sensor_mass: kg; it loads the body.
-        noise: standard deviation of an FRF's noise, as a share of the root mean square of the FRF at the sensor.
-        damping_ratio: of all modes, as expected.
-        lines_hz: spacing of the lines.
-        specimen: name of the specimen; tests and campaigns of one specimen share its dimensions.
-        inputs: how well the laboratory will know what it hands in.
-        hit: numbers of the points that may be hit; None: all.
-    """
-
-    name: str
-    body: OrientedSpecimen | Structure
-    highest_hz: float
-    points: tuple[tuple[float, ...], ...]
-    sensor: int
-    sensor_mass: float = 0.0
+    name: str  # in the plan
+    body: OrientedSpecimen | Structure  # as it would stand, added masses included
+    highest_hz: float  # of the band
+    points: tuple[tuple[float, ...], ...]  # (x, y), or (x, y, z) on a body in space, in m of the points that can be hit
+    sensor: int  # number of the point, among these, where the sensor would stand
+    sensor_mass: float = 0.0  # kg; it loads the body
+    # standard deviation of an FRF's noise, as a share of the root mean square of the FRF at the sensor
     noise: float = 0.02
-    damping_ratio: float = 0.01
-    lines_hz: float = 0.5
-    specimen: str = "specimen"
-    inputs: Inputs = field(default_factory=Inputs)
-    hit: tuple[int, ...] | None = None
+    damping_ratio: float = 0.01  # of all modes, as expected
+    lines_hz: float = 0.5  # spacing of the lines
+    specimen: str = "specimen"  # name of the specimen; tests and campaigns of one specimen share its dimensions
+    inputs: Inputs = field(default_factory=Inputs)  # how well the laboratory will know what it hands in
+    hit: tuple[int, ...] | None = None  # numbers of the points that may be hit; None: all
+    # directions at points by their numbers, as rows, where the third, along which they are hit, is not z
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -91,19 +77,12 @@ class PlannedTest:
 
 @dataclass(frozen=True)
 class PlannedCoupons:
-    """Coupons that could be tested: pieces of the material, of which the body is one more.
+    """Coupons that could be tested: pieces of the material, of which the body is one more."""
 
-    Attributes:
-        name: in the plan.
-        constants: names of the parameters that they give.
-        relative_sd: with which they will say what one more piece's are (`fecore.coupons.batch.prior`).
-        pieces: that are tested.
-    """
-
-    name: str
-    constants: tuple[str, ...]
-    relative_sd: float
-    pieces: int
+    name: str  # in the plan
+    constants: tuple[str, ...]  # names of the parameters that they give
+    relative_sd: float  # with which they will say what one more piece's are (`fecore.coupons.batch.prior`)
+    pieces: int  # that are tested
 
     def tested(self, theta: Mapping[str, float]) -> tuple[Coupon, ...]:
         """What they will say where the parameters are these, SI."""
@@ -113,23 +92,15 @@ class PlannedCoupons:
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a test would bring.
+    """What a test would bring."""
 
-    Attributes:
-        name: of the test.
-        information: expected, about the material or the parameter asked for, nats.
-        standard_deviations: expected afterwards, by parameter, SI.
-        frequencies_hz: of the modes that it would see.
-        points: numbers of the points to hit, in the order of what they add; all that can be hit where no number was asked for.
-        share: of the information of hitting every point that these points keep.
-    """
-
-    name: str
-    information: float
-    standard_deviations: dict[str, float]
-    frequencies_hz: FloatArray
+    name: str  # of the test
+    information: float  # expected, about the material or the parameter asked for, nats
+    standard_deviations: dict[str, float]  # expected afterwards, by parameter, SI
+    frequencies_hz: FloatArray  # of the modes that it would see
+    # numbers of the points to hit, in the order of what they add; all that can be hit where no number was asked for
     points: tuple[int, ...]
-    share: float
+    share: float  # of the information of hitting every point that these points keep
 
 
 @dataclass(frozen=True)
@@ -164,6 +135,11 @@ def plan_tests(
     """
     if not tests:
         raise InputError("tests", "is empty, expected at least one that could be made")
+    reported = parametrise(tests[0].body, parameters).reported
+    named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
+    for field_name, names in {"about": (about,) if about else (), **named}.items():
+        if unknown := set(names).difference(reported):
+            raise InputError(field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(reported)}")
     campaigns = as_updated(campaigns)
     fitted = fit(lay_out(campaigns, parameters, SCATTER)) if campaigns else None
     theta = {} if fitted is None else by_name(fitted.layout.shared, fitted.layout.material(fitted.x))
@@ -174,35 +150,24 @@ def plan_tests(
     now = lay_out(campaigns or [simulated[0].campaign], parameters, SCATTER)
     known = _Known(tuple(campaigns), tuple(parameters), fitted, now)
     prior = simulated[0].prior
-    slope = prior.slope(_at(prior, theta))[: len(prior.reported)]
-    named = {f"coupons.{number}": each.constants for number, each in enumerate(coupons)}
-    for field_name, names in {"about": (about,) if about else (), **named}.items():
-        if unknown := set(names) - set(prior.reported):
-            raise InputError(
-                field_name, f"names {', '.join(sorted(unknown))}; expected some of {', '.join(prior.reported)}"
-            )
+    slope = prior.slope(_at(prior, theta))[: len(reported)]
     found = [_forecast(each, known, slope, count=count, about=about) for each in simulated]
     found += [_forecast_coupons(each, known, simulated[0], slope, about) for each in coupons]
     return Plan(
-        by_name(prior.reported, known.standard_deviations(now) * slope),
+        by_name(reported, known.standard_deviations(now) * slope),
         tuple(sorted(found, key=lambda each: -each.information)),
     )
 
 
 @dataclass(frozen=True)
 class _Known:
-    """What the campaigns so far say, as the update states it whose data they are: of one specimen nothing of a scatter.
+    """What the campaigns so far say, as the update states it whose data they are: of one specimen nothing of a scatter."""
 
-    Attributes:
-        campaigns, parameters: as they came in.
-        fitted: their update; None where there are none.
-        now: the unknowns of an update of them, or of one test.
-    """
-
+    # campaigns, parameters: as they came in
     campaigns: tuple[Campaign, ...]
     parameters: tuple[Parameter, ...]
-    fitted: ElasticResult | None
-    now: Layout
+    fitted: ElasticResult | None  # their update; None where there are none
+    now: Layout  # the unknowns of an update of them, or of one test
 
     @property
     def discrepancy(self) -> float:
@@ -284,7 +249,9 @@ class _Simulated:
         state = forward.solve(_at(prior, theta))
         hz = state.frequency_hz[state.frequency_hz < test.highest_hz]
         if not hz.size:
-            raise InputError("highest_hz", f"of {test.name} is {test.highest_hz:g}, below the first mode of its model")
+            raise InputError(
+                "highest_hz", f"is {test.highest_hz:g} Hz, below the first mode of the model of {test.name}"
+            )
         campaign = Campaign(
             test.name, test.specimen, body, MeasuredModes(hz, np.full(hz.size, np.nan)), inputs=test.inputs
         )

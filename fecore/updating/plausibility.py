@@ -56,25 +56,16 @@ _MOST = 5  # FRFs or modes named in one sentence
 
 @dataclass(frozen=True)
 class Likeness:
-    """Measured FRFs beside the model's.
+    """Measured FRFs beside the model's."""
 
-    Attributes:
-        height: (N,) s.
-        likeness: (N,) c.
-        loud: (N,) FRFs with enough energy to be judged.
-        labels: N names, response first.
-        unmeasured_hz: (u,) frequencies of the model's modes that were not measured.
-        expected: (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio of energies.
-        lowest_hz: of the measured modes.
-    """
-
-    height: FloatArray
-    likeness: FloatArray
-    loud: BoolArray
-    labels: tuple[str, ...]
-    unmeasured_hz: FloatArray
+    height: FloatArray  # (N,) s
+    likeness: FloatArray  # (N,) c
+    loud: BoolArray  # (N,) FRFs with enough energy to be judged
+    labels: tuple[str, ...]  # N names, response first
+    unmeasured_hz: FloatArray  # (u,) frequencies of the model's modes that were not measured
+    # (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio of energies
     expected: FloatArray
-    lowest_hz: float
+    lowest_hz: float  # of the measured modes
 
     @classmethod
     def of(cls, data: DampingData, quantity: Quantity | None = None) -> Likeness:

@@ -49,20 +49,14 @@ _IN_NULL = 0.1  # share of a parameter's unit vector in the space of such direct
 
 @dataclass(frozen=True)
 class Identifiability:
-    """What the data say of one parameter.
+    """What the data say of one parameter."""
 
-    Attributes:
-        name: the parameter.
-        identifiable: whether the data, rather than the prior, supply most of what is known of it, and no direction that the
-            data do not see moves it.
-        information: 1 - (posterior sd / prior sd)², from 0 (nothing learnt) to 1.
-        confounded_with: other parameters and inputs that move with it in such a direction.
-    """
-
-    name: str
+    name: str  # the parameter
+    # whether the data, rather than the prior, supply most of what is known of it, and no direction that the data do not
+    # see moves it
     identifiable: bool
-    information: float
-    confounded_with: tuple[str, ...] = ()
+    information: float  # 1 - (posterior sd / prior sd)², from 0 (nothing learnt) to 1
+    confounded_with: tuple[str, ...] = ()  # other parameters and inputs that move with it in such a direction
 
 
 def identifiability(
@@ -131,19 +125,12 @@ def discrepancy(relative_residual: FloatArray, fitted: float, prior: float) -> f
 
 @dataclass(frozen=True)
 class Mixture:
-    """A mixture of Gaussians about an estimate.
+    """A mixture of Gaussians about an estimate."""
 
-    Attributes:
-        weight: (m,) of each.
-        shift: (m, p) of its mean from the estimate.
-        covariance: (m, p, p).
-        scale: (m,) the discrepancy s that each belongs to.
-    """
-
-    weight: FloatArray
-    shift: FloatArray
-    covariance: FloatArray
-    scale: FloatArray
+    weight: FloatArray  # (m,) of each
+    shift: FloatArray  # (m, p) of its mean from the estimate
+    covariance: FloatArray  # (m, p, p)
+    scale: FloatArray  # (m,) the discrepancy s that each belongs to
 
     @property
     def total(self) -> FloatArray:
@@ -182,27 +169,18 @@ class Mixture:
 
 @dataclass(frozen=True)
 class LinearProblem:
-    """Stage 1's problem at an estimate, linear in the step from it.
+    """Stage 1's problem at an estimate, linear in the step from it."""
 
-    Attributes:
-        residual: (n,) ln f_measured - ln f.
-        noise: (n, n) covariance of ln f_measured, and of what the model is known to miss.
-        sensitivity: (n, X) derivative of ln f by x.
-        x: (X,) the estimate; the prior's mean is 0.
-        prior: precision P (X, X) for a scatter.
-        others: by name, (X, X) information of what is no frequency: coupons, mode shapes.
-        other_descent, other_cost: their descent (X,) and misfit.
-        weight: (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes √w W_s √w.
-    """
-
-    residual: FloatArray
-    noise: FloatArray
-    sensitivity: FloatArray
-    x: FloatArray
-    prior: Callable[[float], FloatArray]
-    others: Mapping[str, FloatArray]
+    residual: FloatArray  # (n,) ln f_measured - ln f
+    noise: FloatArray  # (n, n) covariance of ln f_measured, and of what the model is known to miss
+    sensitivity: FloatArray  # (n, X) derivative of ln f by x
+    x: FloatArray  # (X,) the estimate; the prior's mean is 0
+    prior: Callable[[float], FloatArray]  # precision P (X, X) for a scatter
+    others: Mapping[str, FloatArray]  # by name, (X, X) information of what is no frequency: coupons, mode shapes
+    # other_descent, other_cost: their descent (X,) and misfit
     other_descent: FloatArray
     other_cost: float = 0.0
+    # (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes √w W_s √w
     weight: FloatArray | float = 1.0
 
     def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:

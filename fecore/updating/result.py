@@ -17,19 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that a user must know.
+    """Something that a user must know."""
 
-    Attributes:
-        text: in words: what was found and what to do.
-        level: what it means for the use of the result; None where it means nothing for it.
-        weight: within a level, more comes first.
-        kind: id of its row in `fecore.updating.findings`.
-    """
-
-    text: str
+    text: str  # in words: what was found and what to do
+    # what it means for the use of the result; None where it means nothing for it
     level: Literal["with_care", "do_not_use"] | None = None
-    weight: float = 0.0
-    kind: str = ""
+    weight: float = 0.0  # within a level, more comes first
+    kind: str = ""  # id of its row in `fecore.updating.findings`
 
 
 @dataclass(frozen=True)
@@ -43,82 +37,55 @@ class Verdict:
 
 @dataclass(frozen=True)
 class StageOutcome:
-    """How a stage ended; stages fail alone.
+    """How a stage ended; stages fail alone."""
 
-    Attributes:
-        stage: `elastic` or `damping`.
-        status: `succeeded`; `failed`; `skipped` where there was nothing for it to work on.
-        message: why, where it did not succeed.
-    """
-
-    stage: Literal["elastic", "damping"]
+    stage: Literal["elastic", "damping"]  # `elastic` or `damping`
+    # `succeeded`; `failed`; `skipped` where there was nothing for it to work on
     status: Literal["succeeded", "failed", "skipped"]
-    message: str = ""
+    message: str = ""  # why, where it did not succeed
 
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """One source's part in the uncertainty of a parameter.
+    """One source's part in the uncertainty of a parameter."""
 
-    Attributes:
-        source: its name: noise, discrepancy, a prior, or an input of the laboratory.
-        standard_deviation: that it alone would give, in the parameter's unit.
-        share: of the parameter's variance.
-        provenance: where the source's own standard deviation comes from.
-    """
-
-    source: str
-    standard_deviation: float
-    share: float
-    provenance: str
+    source: str  # its name: noise, discrepancy, a prior, or an input of the laboratory
+    standard_deviation: float  # that it alone would give, in the parameter's unit
+    share: float  # of the parameter's variance
+    provenance: str  # where the source's own standard deviation comes from
 
 
 @dataclass(frozen=True)
 class Comparable:
-    """A parameter for the comparison of tests of one body, which share the errors of the laboratory's inputs.
+    """A parameter for the comparison of tests of one body, which share the errors of the laboratory's inputs."""
 
-    Attributes:
-        estimate: with every input held at what the laboratory stated.
-        standard_deviation: of it, under measurement noise alone.
-    """
-
-    estimate: float
-    standard_deviation: float
+    estimate: float  # with every input held at what the laboratory stated
+    standard_deviation: float  # of it, under measurement noise alone
 
 
 @dataclass(frozen=True)
 class ParameterEstimate:
-    """One updated parameter.
+    """One updated parameter."""
 
-    Attributes:
-        name, unit: such as Ex in Pa, a0 in 1/s.
-        initial: value of the model before; None for damping, which starts from the measured ratios.
-        estimate: value after.
-        standard_deviation: root mean square error, the model's discrepancy and the inputs' errors included.
-        noise_standard_deviation: under measurement noise alone.
-        interval_95: 95 % interval, everything included; not about the estimate's middle where it is not.
-        identifiable: whether the data supply more than half of what is known of it; of a tied one, of what it is tied to.
-        prior_mean, prior_sd: None where the parameter had no prior.
-        comparable: what to compare with another test of the same body.
-        budget: what its variance is made of, the largest first.
-        confounded_with: parameters with which it moves in a direction that the data do not see.
-        tied_to: the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate and interval
-            hold where the ratio does. None where it is its own.
-    """
-
+    # name, unit: such as Ex in Pa, a0 in 1/s
     name: str
     unit: str
-    initial: float | None
-    estimate: float
-    standard_deviation: float
-    noise_standard_deviation: float
+    initial: float | None  # value of the model before; None for damping, which starts from the measured ratios
+    estimate: float  # value after
+    standard_deviation: float  # root mean square error, the model's discrepancy and the inputs' errors included
+    noise_standard_deviation: float  # under measurement noise alone
+    # 95 % interval, everything included; not about the estimate's middle where it is not
     interval_95: tuple[float, float]
+    # whether the data supply more than half of what is known of it; of a tied one, of what it is tied to
     identifiable: bool
+    # prior_mean, prior_sd: None where the parameter had no prior
     prior_mean: float | None
     prior_sd: float | None
-    comparable: Comparable
-    budget: tuple[BudgetEntry, ...] = ()
-    confounded_with: tuple[str, ...] = ()
+    comparable: Comparable  # what to compare with another test of the same body
+    budget: tuple[BudgetEntry, ...] = ()  # what its variance is made of, the largest first
+    confounded_with: tuple[str, ...] = ()  # parameters with which it moves in a direction that the data do not see
+    # the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate and interval hold
+    # where the ratio does. None where it is its own.
     tied_to: str | None = None
 
 
@@ -156,72 +123,49 @@ class FrfCorrelation:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Validation on data that no fit has seen.
+    """Validation on data that no fit has seen."""
 
-    Attributes:
-        points: points of held-out FRFs; empty for a held-out band of the fitted FRFs.
-        band_hz: lines compared, Hz.
-        agreement: measured against predicted.
-        coverage_95: share of real and imaginary parts that lie in their 95 % prediction intervals.
-    """
-
-    points: tuple[int, ...]
-    band_hz: tuple[float, float]
-    agreement: FrfCorrelation
-    coverage_95: float
+    points: tuple[int, ...]  # points of held-out FRFs; empty for a held-out band of the fitted FRFs
+    band_hz: tuple[float, float]  # lines compared, Hz
+    agreement: FrfCorrelation  # measured against predicted
+    coverage_95: float  # share of real and imaginary parts that lie in their 95 % prediction intervals
 
 
 @dataclass(frozen=True)
 class Correlation:
-    """Agreement before and after.
+    """Agreement before and after."""
 
-    Attributes:
-        initial, updated: over the fitted FRFs and band; the initial model has the damping that the measured ratios give.
-            None without FRFs or without damping.
-        held_out_frfs: over FRFs kept from the fit, or None; held_out_band: over lines kept from it, or None.
-        mac_matrix: (measured, model) MAC of the updated model, or None without shapes.
-    """
-
+    # initial, updated: over the fitted FRFs and band; the initial model has the damping that the measured ratios give.
+    # None without FRFs or without damping.
     initial: FrfCorrelation | None
     updated: FrfCorrelation | None
-    held_out_frfs: HeldOut | None
-    held_out_band: HeldOut | None
-    mac_matrix: FloatArray | None
+    held_out_frfs: HeldOut | None  # over FRFs kept from the fit, or None
+    held_out_band: HeldOut | None  # over lines kept from it, or None
+    mac_matrix: FloatArray | None  # (measured, model) MAC of the updated model, or None without shapes
 
 
 @dataclass(frozen=True)
 class LawFit:
-    """One damping law, ranked.
+    """One damping law, ranked."""
 
-    Attributes:
-        name: of the law.
-        coefficients, standard_deviations: by name, SI, the law's discrepancy included; of an update of one campaign the first
-            law's are from the FRFs, where there are any, the others' from the modal damping ratios.
-        bic: Bayesian information criterion on the damping ratios; infinite where the law cannot be had.
-        preferred: whether it has the least of all.
-    """
-
-    name: str
+    name: str  # of the law
+    # coefficients, standard_deviations: by name, SI, the law's discrepancy included; of an update of one campaign the
+    # first law's are from the FRFs, where there are any, the others' from the modal damping ratios
     coefficients: dict[str, float]
     standard_deviations: dict[str, float]
-    bic: float
-    preferred: bool
+    bic: float  # Bayesian information criterion on the damping ratios; infinite where the law cannot be had
+    preferred: bool  # whether it has the least of all
 
 
 @dataclass(frozen=True)
 class DampingModelFit(LawFit):
-    """A law of the recipe.
+    """A law of the recipe."""
 
-    Attributes:
-        missed: (n,) relative miss of the ratio of each paired mode that the law damps.
-        curve: (2, m) frequencies in Hz over the range of the measured modes, and the law's damping ratios there: of a law of
-            frequency a curve, of a law by mechanism the model's modes.
-        by_mechanism: whether it is one by mechanism.
-    """
-
-    missed: FloatArray
+    missed: FloatArray  # (n,) relative miss of the ratio of each paired mode that the law damps
+    # (2, m) frequencies in Hz over the range of the measured modes, and the law's damping ratios there: of a law of
+    # frequency a curve, of a law by mechanism the model's modes
     curve: FloatArray
-    by_mechanism: bool
+    by_mechanism: bool  # whether it is one by mechanism
 
 
 @dataclass(frozen=True)
@@ -233,12 +177,7 @@ class CommonLaw(LawFit):
 
 @dataclass(frozen=True)
 class Prediction:
-    """Measured and predicted FRFs on all lines, for figures and export: (N, L) each.
-
-    Attributes:
-        spread: (N, L) standard deviations of the updated ln|H|, and of its phase in radians.
-        fitted, held: rows of the FRFs that were fitted, and of those that were held out.
-    """
+    """Measured and predicted FRFs on all lines, for figures and export: (N, L) each."""
 
     frequency_hz: FloatArray
     responses: tuple[Dof, ...]
@@ -246,35 +185,29 @@ class Prediction:
     measured: ComplexArray
     initial: ComplexArray
     updated: ComplexArray
+    # (N, L) standard deviations of the updated ln|H|, and of its phase in radians
     spread: tuple[FloatArray, FloatArray]
+    # fitted, held: rows of the FRFs that were fitted, and of those that were held out
     fitted: tuple[int, ...]
     held: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class ModeShapes:
-    """Shapes at the measured dofs, measured beside those of the updated model.
+    """Shapes at the measured dofs, measured beside those of the updated model."""
 
-    Attributes:
-        points: (P,) labels of the dofs' points; those of the measured shapes come first.
-        places: (P, 3) their coordinates, m.
-        measured: (n, p) complex shapes of the measured modes at the first p points; (n, 0) where they have none.
-        updated: (m, P) real shapes of the model.
-        frequency_hz, kinds, shares: (m,) of the model's modes; shares are `motion` and `energy`, as of `ModeComparison`.
-        pairs: number of a measured mode and of its model mode, both from 0.
-        directions: (P, 3) unit vectors along which the points' shapes are.
-        mesh, everywhere: of the model, and (m, nodes, 3) its shapes at the mesh's nodes.
-    """
-
-    points: tuple[int, ...]
-    places: FloatArray
+    points: tuple[int, ...]  # (P,) labels of the dofs' points; those of the measured shapes come first
+    places: FloatArray  # (P, 3) their coordinates, m
+    # (n, p) complex shapes of the measured modes at the first p points; (n, 0) where they have none
     measured: ComplexArray
-    updated: FloatArray
+    updated: FloatArray  # (m, P) real shapes of the model
+    # frequency_hz, kinds, shares: (m,) of the model's modes; shares are `motion` and `energy`, as of `ModeComparison`
     frequency_hz: FloatArray
     kinds: tuple[str, ...]
     shares: tuple[Mapping[str, Mapping[str, float]], ...]
-    pairs: tuple[tuple[int, int], ...]
-    directions: FloatArray
+    pairs: tuple[tuple[int, int], ...]  # number of a measured mode and of its model mode, both from 0
+    directions: FloatArray  # (P, 3) unit vectors along which the points' shapes are
+    # mesh, everywhere: of the model, and (m, nodes, 3) its shapes at the mesh's nodes
     mesh: Mesh
     everywhere: FloatArray
 
@@ -301,31 +234,21 @@ class Partner:
 
 @dataclass(frozen=True)
 class RivalPairing:
-    """Other partners at the best point that a start of stage 1 came to with them.
+    """Other partners at the best point that a start of stage 1 came to with them."""
 
-    Attributes:
-        partners: of the measured modes.
-        parameters: at that point, by name, SI.
-        log_evidence: logarithm of how much more the chosen pairing is supported.
-    """
-
-    partners: tuple[Partner, ...]
-    parameters: dict[str, float]
-    log_evidence: float
+    partners: tuple[Partner, ...]  # of the measured modes
+    parameters: dict[str, float]  # at that point, by name, SI
+    log_evidence: float  # logarithm of how much more the chosen pairing is supported
 
 
 @dataclass(frozen=True)
 class PairingSummary:
-    """Which mode is which.
+    """Which mode is which."""
 
-    Attributes:
-        by: what decided: `shapes` (MAC), or `order` where fewer than three dofs, or none, say nothing of shapes.
-        partners: of the measured modes; one that is not named has none.
-        rival: the next best pairing that was found; None where there was no other, or none was looked for.
-    """
-
+    # what decided: `shapes` (MAC), or `order` where fewer than three dofs, or none, say nothing of shapes
     by: Literal["shapes", "order"]
-    partners: tuple[Partner, ...]
+    partners: tuple[Partner, ...]  # of the measured modes; one that is not named has none
+    # the next best pairing that was found; None where there was no other, or none was looked for
     rival: RivalPairing | None
 
 
@@ -340,23 +263,16 @@ class ConvergenceStep:
 
 @dataclass(frozen=True)
 class PosteriorSummary:
-    """How the posterior was had.
+    """How the posterior was had."""
 
-    Attributes:
-        method: "laplace" or "mcmc".
-        effective_samples, autocorrelation_time, acceptance: of the elastic and the damping chain; empty for Laplace.
-        samples: (n, p) thinned samples of `names`, or None.
-        names: of the free constants, and of the first law's coefficients where they were fitted.
-        correlation: (p, p) of these.
-    """
-
-    method: str
+    method: str  # "laplace" or "mcmc"
+    # effective_samples, autocorrelation_time, acceptance: of the elastic and the damping chain; empty for Laplace
     effective_samples: tuple[float, ...] = ()
     autocorrelation_time: tuple[float, ...] = ()
     acceptance: tuple[float, ...] = ()
-    names: tuple[str, ...] = ()
-    samples: FloatArray | None = None
-    correlation: FloatArray | None = None
+    names: tuple[str, ...] = ()  # of the free constants, and of the first law's coefficients where they were fitted
+    samples: FloatArray | None = None  # (n, p) thinned samples of `names`, or None
+    correlation: FloatArray | None = None  # (p, p) of these
 
 
 @dataclass(frozen=True)

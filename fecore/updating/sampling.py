@@ -62,36 +62,22 @@ LogProbability = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class Chain:
-    """Converged samples.
+    """Converged samples."""
 
-    Attributes:
-        samples: (n, p) after burn-in, thinned to about half an autocorrelation time.
-        autocorrelation_time: (p,) integrated, in steps.
-        effective_samples: (p,) number of independent samples that the chain is worth.
-        acceptance: mean acceptance fraction.
-    """
-
-    samples: FloatArray
-    autocorrelation_time: FloatArray
-    effective_samples: FloatArray
-    acceptance: float
+    samples: FloatArray  # (n, p) after burn-in, thinned to about half an autocorrelation time
+    autocorrelation_time: FloatArray  # (p,) integrated, in steps
+    effective_samples: FloatArray  # (p,) number of independent samples that the chain is worth
+    acceptance: float  # mean acceptance fraction
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Samples of all parameters, and what the chains were like.
+    """Samples of all parameters, and what the chains were like."""
 
-    Attributes:
-        xi: (n, q) samples of stage 1's coordinates, excursions apart.
-        damping: (n, p) samples of the law's coefficients, excursions apart.
-        everything: (n, q + p) samples of θ and the coefficients, excursions included.
-        chains: the elastic one and that of the coefficients.
-    """
-
-    xi: FloatArray
-    damping: FloatArray
-    everything: FloatArray
-    chains: tuple[Chain, Chain]
+    xi: FloatArray  # (n, q) samples of stage 1's coordinates, excursions apart
+    damping: FloatArray  # (n, p) samples of the law's coefficients, excursions apart
+    everything: FloatArray  # (n, q + p) samples of θ and the coefficients, excursions included
+    chains: tuple[Chain, Chain]  # the elastic one and that of the coefficients
 
 
 def sample_posterior(

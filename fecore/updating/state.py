@@ -38,24 +38,16 @@ _SHARE_STEP = 1e-5  # relative, of differences of the parts of the section's coe
 
 @dataclass(frozen=True)
 class ForwardState:
-    """The solved model at one θ. Mode indices count the elastic modes only, unless a name says `all`.
+    """The solved model at one θ. Mode indices count the elastic modes only, unless a name says `all`."""
 
-    Attributes:
-        coefficients: the model's coefficients and their derivatives there.
-        modes: all modes, rigid ones first; their shapes are over the dofs, or over the basis.
-        stiffness, mass: matrices that the coefficients multiply, over the dofs or over the basis.
-        basis: (dofs, r) reduced basis, or None for the full model.
-        forward: the model.
-        theta: (p,) parameters.
-    """
-
-    coefficients: Coefficients
-    modes: NormalModes
+    coefficients: Coefficients  # the model's coefficients and their derivatives there
+    modes: NormalModes  # all modes, rigid ones first; their shapes are over the dofs, or over the basis
+    # stiffness, mass: matrices that the coefficients multiply, over the dofs or over the basis
     stiffness: list[Matrix]
     mass: list[Matrix]
-    basis: FloatArray | None
-    forward: ForwardModel
-    theta: FloatArray
+    basis: FloatArray | None  # (dofs, r) reduced basis, or None for the full model
+    forward: ForwardModel  # the model
+    theta: FloatArray  # (p,) parameters
 
     @property
     def frequency_hz(self) -> FloatArray:

@@ -35,17 +35,11 @@ _STIFFEST = -0.9  # least change of a compliance, over its prior mean
 
 @dataclass(frozen=True)
 class Stretches:
-    """Which parts of a body have another stiffness, as far as its modes show.
+    """Which parts of a body have another stiffness, as far as its modes show."""
 
-    Attributes:
-        lines: (F + 1,) x of the lines between parts, m.
-        change: (m, F) changes of compliance of the parts, by partition; 0 outside its stretches.
-        mixture: the posterior of the reported unknowns about their estimate, one Gaussian a partition.
-    """
-
-    lines: FloatArray
-    change: FloatArray
-    mixture: Mixture
+    lines: FloatArray  # (F + 1,) x of the lines between parts, m
+    change: FloatArray  # (m, F) changes of compliance of the parts, by partition; 0 outside its stretches
+    mixture: Mixture  # the posterior of the reported unknowns about their estimate, one Gaussian a partition
 
     @property
     def probability(self) -> float:
@@ -69,15 +63,10 @@ class Stretches:
 
 @dataclass(frozen=True)
 class Compliance:
-    """Which of some unknowns are factors of stiffness, and their changes of compliance.
+    """Which of some unknowns are factors of stiffness, and their changes of compliance."""
 
-    Attributes:
-        factors: (X,) whether an unknown is the logarithm of a factor over its prior mean.
-        nominal: (X,) prior means.
-    """
-
-    factors: BoolArray
-    nominal: FloatArray
+    factors: BoolArray  # (X,) whether an unknown is the logarithm of a factor over its prior mean
+    nominal: FloatArray  # (X,) prior means
 
     def of(self, x: FloatArray) -> FloatArray:
         """(…, X) unknowns with changes of compliance in the places of factors."""

@@ -49,22 +49,14 @@ _FEWEST_LINES = 10  # of a held-out band that is worth comparing
 
 @dataclass(frozen=True)
 class DampingOutcome:
-    """How stage 2 ended.
+    """How stage 2 ended."""
 
-    Attributes:
-        status: of the stage; message: why, where it did not succeed, or succeeded without FRFs.
-        band: lines that it saw, Hz; None without FRFs.
-        ranking: of the laws; None where no measured mode has a damping.
-        result: the fitted law; None where there was nothing for it, or it failed.
-        findings: what a user must know.
-    """
-
-    status: Literal["succeeded", "failed", "skipped"]
-    message: str = ""
-    band: tuple[float, float] | None = None
-    ranking: LawRanking | None = None
-    result: DampingResult | None = None
-    findings: tuple[Finding, ...] = ()
+    status: Literal["succeeded", "failed", "skipped"]  # of the stage
+    message: str = ""  # why, where it did not succeed, or succeeded without FRFs
+    band: tuple[float, float] | None = None  # lines that it saw, Hz; None without FRFs
+    ranking: LawRanking | None = None  # of the laws; None where no measured mode has a damping
+    result: DampingResult | None = None  # the fitted law; None where there was nothing for it, or it failed
+    findings: tuple[Finding, ...] = ()  # what a user must know
 
 
 @dataclass(frozen=True)

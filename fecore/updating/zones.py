@@ -1,9 +1,19 @@
-"""Factors of a body's zones, whatever the lines between them: stretches of another stiffness may begin and end anywhere.
+"""Where the stiffness of a body has changed: in few of its sets, or in stretches of a strip that begin and end anywhere.
 
 One factor for the whole of a zone fits the modes of a body that is damaged between the lines by changes of zones in which
 nothing is. So each zone is divided into parts, and the posterior is that over all stretches of parts (`stretches`), linearised
 at its own mean until that rests. Of a zone its mean is reported, 1/s = (1/L) ∫ dx/s(x), of which modes know more than of how
 long and how deep a stretch is. The model of the result has the mean changes of all parts; a zone's factor scales its own.
+
+Where a body of sets has lost stiffness, stage 1 is made anew: the prior of the factors of sets expects nearly all of them
+to be 1. Damage sits in one place or two. A factor of its own for every place, each with the same wide prior, would spread one
+place's loss over its neighbours. So each factor's prior standard deviation is itself estimated, by the evidence (MacKay, Neural
+Comput. 4, 1992; Tipping, J. Mach. Learn. Res. 1, 2001): with ξ = ln of the factor, σ² its posterior and s² its prior variance,
+
+    γ = 1 - σ²/s²,     s² ← ξ²/γ,
+
+where γ is the share of what is known of the factor that the data supply. A factor that the data do not move is held ever more
+firmly at 1; one that they move keeps its room, up to the standard deviation that the recipe states.
 """
 
 from __future__ import annotations
@@ -15,7 +25,8 @@ import numpy as np
 from fecore.arrays import FloatArray, IntArray
 from fecore.body.constants import kind_of
 from fecore.body.specimen import LayeredSpecimen, Specimen, divided
-from fecore.updating.elastic import Misfit
+from fecore.body.structure import Structure
+from fecore.updating.elastic import Misfit, fit
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.recipe import Recipe
@@ -24,6 +35,8 @@ from fecore.updating.stretches import Compliance, Partitions, Stretches
 _PARTS, _FEWEST = 30, 3  # of a body, about; of a zone, at least
 _ROUNDS, _RESTS = 8, 0.2  # linearisations at most; posterior standard deviations that their point may still move
 _LEAST = 0.003  # relative: a factor that is held more firmly is 1
+_KNOWN_AT_LEAST = 0.02  # of γ, so that one round changes a standard deviation by no more than sevenfold its share
+_SAME = 0.1  # relative change of every standard deviation that changes nothing
 
 
 def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
@@ -33,7 +46,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         first: the update with one factor for the whole of each zone.
         recipe: of the update.
     """
-    prior, only = first.prior, first.only
+    prior = first.prior
     zones = np.array([kind_of(name) == "zone" for name in prior.names])
     if not zones.any():
         return first
@@ -56,37 +69,61 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     layout = first.layout.with_prior(replace(prior, body=body, prior_sd=np.where(zones, known, prior.prior_sd)))
     misfit, states = replace(misfit, layout=layout), layout.solved(at)
     pairings = misfit.pair(states)
-    problem = misfit.linear(at, states, pairings, first.weights)
-    given = problem.mixture(0.0)[0]
     return replace(
         first,
         layout=layout,
         x=at,
         states=states,
         pairings=pairings,
-        problem=problem,
-        given=given,
-        mixture=given,
-        excursions=(only.seek_excursions(states[0]),),
+        problem=misfit.linear(at, states, pairings, first.weights),
         stretches=Stretches(parts.lines, partitions.change, mixture),
     )
 
 
+def with_sparse_factors(first: ElasticResult, recipe: Recipe) -> ElasticResult:
+    """The elastic update of one campaign with sparse factors of sets; as it is where none is updated.
+
+    Args:
+        first: the update with the recipe's priors.
+        recipe: of the update.
+    """
+    prior = first.prior
+    factors = [c for c, name in enumerate(prior.names) if kind_of(name) == "factor"]
+    if not factors or not isinstance(prior.body, Structure):
+        return first
+    largest, result = prior.prior_sd[factors], first
+    for _ in range(_ROUNDS):
+        now = result.prior.xi_sd[factors]
+        known = np.clip(1 - _variance(result, factors) / now**2, _KNOWN_AT_LEAST, 1.0)
+        wanted = np.clip(np.sqrt(result.x[factors] ** 2 / known), _LEAST, largest)
+        if np.all(np.abs(np.log(wanted / now)) < _SAME):
+            break
+        sds = prior.prior_sd.copy()
+        sds[factors] = wanted
+        layout = first.layout.with_prior(replace(prior, prior_sd=sds))
+        result = fit(layout, use_shapes=recipe.use_shapes, start=result.x, held=result.held)
+    if result is first:
+        return first
+    starts = tuple(replace(start, chosen=False) for start in first.starts)
+    return replace(result, starts=starts, rivals=first.rivals, torn=first.torn)
+
+
+def _variance(result: ElasticResult, factors: list[int]) -> FloatArray:
+    """(z,) posterior variances of the factors' logarithms."""
+    variance: FloatArray = sum(
+        (np.sum(part[factors] ** 2, axis=1) for part in result.sources.values()), np.zeros(len(factors))
+    )
+    return variance
+
+
 @dataclass(frozen=True)
 class _Parts:
-    """The unknowns of an update with those of each zone's parts in the place of its factor.
+    """The unknowns of an update with those of each zone's parts in the place of its factor."""
 
-    Attributes:
-        prior: the parameters with parts.
-        number: (X,) of each, the part that it is the factor of, from 0; -1 of another.
-        column: (X,) its place among the parameters with zones.
-        lines: (F + 1,) x of the lines between parts, m.
-    """
-
-    prior: Parametrisation
-    number: IntArray
-    column: IntArray
-    lines: FloatArray
+    prior: Parametrisation  # the parameters with parts
+    number: IntArray  # (X,) of each, the part that it is the factor of, from 0; -1 of another
+    column: IntArray  # (X,) its place among the parameters with zones
+    lines: FloatArray  # (F + 1,) x of the lines between parts, m
 
     @classmethod
     def of(cls, coarse: Parametrisation, recipe: Recipe) -> _Parts:

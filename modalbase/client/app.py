@@ -10,8 +10,7 @@ from typing import Annotated
 
 import typer
 
-from modalbase.client.archives import import_archive
-from modalbase.client.exporting import cards, export, figure, report
+from modalbase.client.exporting import cards, export, figure, import_archive, report
 from modalbase.client.inventory import campaigns, coupons, projects, structures
 from modalbase.client.measuring import frfs, hits, import_files, modes, points
 from modalbase.client.models import model

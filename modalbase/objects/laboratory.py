@@ -15,8 +15,8 @@ from modalbase.client.results import parameter_cells
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.found import Found
 from modalbase.objects.jobs import Result, UpdateJob, update_jobs
-from modalbase.objects.monitors import Alarm, Monitor
 from modalbase.objects.projects import Project, Structure
+from modalbase.objects.structures import Alarm, Monitor
 from modalbase.objects.thing import Access, Table, found_or_made
 
 TOGETHER = 8

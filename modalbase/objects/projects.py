@@ -10,11 +10,8 @@ from modalbase.client.files import MESH_FORMATS, save_file, send_file
 from modalbase.client.finding import PROJECT, STRUCTURE
 from modalbase.objects.archives import Imported, import_archive
 from modalbase.objects.campaigns import Campaign
-from modalbase.objects.coupons import CouponBatch
-from modalbase.objects.forecasts import Forecast
 from modalbase.objects.jobs import UpdateJob, update_jobs
-from modalbase.objects.models import Model
-from modalbase.objects.monitors import Monitor
+from modalbase.objects.structures import CouponBatch, Forecast, Model, Monitor
 from modalbase.objects.thing import Editable, Table
 
 GEOMETRY = ("length_m", "width_m", "thickness_m")

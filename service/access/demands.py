@@ -11,11 +11,11 @@ from typing import Annotated, Any, Literal
 
 import jsonschema_rs
 from pydantic import AfterValidator, Field, JsonValue
-from pydantic_core import PydanticCustomError
 from sqlalchemy.orm import Session
 
 from service.access.tables import Project
-from service.errors import MOST_FAULTS, Fault, Invalid
+from service.errors import MOST_FAULTS, Fault, Invalid, pointer
+from service.web.bodies import wrong
 
 Demanding = Literal["structure", "campaign", "frfs", "result"]
 """What a project can demand something of."""
@@ -28,18 +28,14 @@ _REFERENCES = {"$ref", "$dynamicRef", "$recursiveRef", "$schema", "$id", "$vocab
 def _schema(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
     """Refuse what is no JSON Schema of draft 2020-12, is too long, or refers to another."""
     if (size := len(json.dumps(value))) > LONGEST:
-        raise PydanticCustomError(
-            "long", "has {size} characters as JSON, at most {most} are read", {"size": size, "most": LONGEST}
-        )
+        raise wrong(f"has {size} characters as JSON, at most {LONGEST} are read")
     if found := sorted(_keys(value) & _REFERENCES):
-        raise PydanticCustomError(
-            "reference", "has {key}; a schema must stand alone, without references", {"key": found[0]}
-        )
+        raise wrong(f"has {found[0]}; a schema must stand alone, without references")
     try:
         _validator(value)
     except (jsonschema_rs.ValidationError, ValueError) as error:
         why = getattr(error, "message", str(error))[:300]
-        raise PydanticCustomError("schema", "is no JSON Schema: {why}", {"why": why}) from None
+        raise wrong(f"is no JSON Schema: {why}") from None
     return value
 
 
@@ -93,4 +89,4 @@ def require_demanded(session: Session, project_id: Any, kind: Demanding, documen
 def _pointer(error: jsonschema_rs.ValidationError) -> str:
     """Where a fault is; of a member that is missing, where it would be."""
     path = [*error.instance_path, *([missing] if (missing := getattr(error.kind, "property", None)) else [])]
-    return "".join("/" + str(step).replace("~", "~0").replace("/", "~1") for step in path)
+    return pointer(path)

@@ -4,6 +4,7 @@ brought back, traced to their project.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from functools import cache
 from itertools import pairwise
@@ -201,6 +202,32 @@ class Lookup(Generic[Row]):
         except NotFound as error:
             raise Invalid(pointer, str(error)) from None
 
+    def row(self, session: Session, key: UUID, *, lock: bool = False) -> Row:
+        """The row of a key that is known to be one, whoever asks."""
+        return session.get_one(self.table, key, with_for_update=lock or None)
+
+    def rows(self, session: Session, keys: Iterable[UUID]) -> dict[UUID, Row]:
+        """Rows by key, whoever asks; keys of none are left out."""
+        table: Any = self.table
+        return {row.id: row for row in session.scalars(select(table).where(table.id.in_(set(keys))))}
+
+    def all(self, session: Session, **among: Iterable[UUID]) -> Sequence[Row]:
+        """The rows that name one of some keys in a column, such as `campaign_id`, oldest first, whoever asks; deleted ones are
+        left out.
+        """
+        table: Any = self.table
+        query = select(table).where(*(getattr(table, column).in_(set(keys)) for column, keys in among.items()))
+        there = query.where(table.deleted_at.is_(None)) if hasattr(table, "deleted_at") else query
+        return session.scalars(there.order_by(table.id)).all()
+
+    def add(self, session: Session, user: User, row: Row, **noted: Any) -> Row:
+        """Store a new row, with what the database gives it, and note it in the audit trail."""
+        session.add(row)
+        session.flush()
+        session.refresh(row)
+        self.note(session, user, row, "create", **noted)
+        return row
+
     def project_of(self, session: Session, row: Row) -> UUID:
         """The project that a row belongs to."""
         key: UUID = getattr(row, self.owner_key)
@@ -209,9 +236,10 @@ class Lookup(Generic[Row]):
         return self.owner.project_of(session, session.get_one(self.owner.table, key))
 
     def note(self, session: Session, user: User, row: Any, act: str, **detail: Any) -> None:
-        """Record in the audit trail what was done with a row, such as `change` or `create`."""
+        """Record in the audit trail what was done with a row, such as `change`; or with a part of it, as `grid_points.put`."""
         name = self.kind.replace(" ", "_")
-        audit(session, user, f"{name}.{act}", name, row.id, self.project_of(session, row), **detail)
+        action = act if "." in act else f"{name}.{act}"
+        audit(session, user, action, name, row.id, self.project_of(session, row), **detail)
 
     def hide(self, session: Session, user: User, row: Row) -> None:
         """Delete a locked row so that nothing is lost: it is hidden with the moment, and can be brought back."""

@@ -1,6 +1,7 @@
-"""Routes of a noun of the contract: list under what it belongs to, get, change, delete, restore. Each noun says which it has.
+"""Routes of a noun of the contract: make and list under what it belongs to, get, change, delete, restore. Each noun says which
+it has.
 
-What a noun does in a way of its own, such as its making, is a function in its room. A function here is given the name by
+What a noun does in a way of its own is a function in its room. A function here is given the name by
 which the client calls it, and a text for the documentation.
 """
 
@@ -113,6 +114,51 @@ class NounRoutes(Generic[Row, Out]):
         newest_first = self.newest_first if newest_first is None else newest_first
         return paged(session, query, cursor, limit, shown, newest_first=newest_first, weight=self._weight)
 
+    def creating(
+        self,
+        name: str,
+        text: str,
+        model: type[BaseModel],
+        create: Callable[[Session, User, UUID, Any], Row],
+        *,
+        tagged: bool = False,
+        measured: bool = False,
+        status: int = 201,
+    ) -> None:
+        """Add `POST /{owners}/{owner_id}/{address}`, whose answer names the address of the new row.
+
+        Args:
+            name: of the operation.
+            text: for the documentation.
+            model: of the body.
+            create: (session, user, key of the owner, body) -> the row that it stores.
+            tagged: whether the answer has an ETag too.
+            measured: whether the body has numbers whose unit may be mistaken, so that unusual ones must be confirmed.
+            status: of the answer.
+        """
+        owner = Path(alias=self._find.owner_key)
+
+        def post(session: SessionDep, user: CurrentUser, response: Response, body: Any, owner_id: UUID = owner) -> Any:
+            shown = self.made(session, create(session, user, owner_id, body), response)
+            if tagged:
+                response.headers["ETag"] = etag_of(shown)
+            return shown
+
+        def post_measured(
+            session: SessionDep,
+            user: CurrentUser,
+            response: Response,
+            body: Any,
+            owner_id: UUID = owner,
+            confirm: Confirm = False,
+        ) -> Any:
+            require_usual(body, confirm)
+            return post(session, user, response, body, owner_id)
+
+        chosen = post_measured if measured else post
+        chosen.__annotations__["body"] = model
+        self._add(name, text, chosen, self._below_owner(), methods=["POST"], status_code=status)
+
     def listing(self, name: str, text: str, rows: int = 100, owners: str | None = None, *, hides: bool = False) -> None:
         """Add `GET /{owners}/{owner_id}/{address}`.
 
@@ -123,8 +169,7 @@ class NounRoutes(Generic[Row, Out]):
             owners: as the path has them; default: by the key's name.
             hides: whether rows can be deleted, so that the list is of the others, or with `deleted` of them.
         """
-        owner_key = self._find.owner_key
-        owners, owner = owners or f"{owner_key.removesuffix('_id')}s", Path(alias=owner_key)
+        owner = Path(alias=self._find.owner_key)
         gone = Query(False, description=f"list deleted {self._address}, which can be restored, instead")
 
         def get_page(
@@ -142,7 +187,7 @@ class NounRoutes(Generic[Row, Out]):
         ) -> Any:
             return self.page(session, user, owner_id, cursor, limit, deleted=deleted)
 
-        path = f"/{owners}/{{{owner_key}}}/{self._address}"
+        path = self._below_owner(owners)
         self._add(name, text, get_either if hides else get_page, path, response_model=Page[self._model])  # type: ignore[name-defined]
 
     def getting(self, name: str, text: str, *, tagged: bool = False) -> None:
@@ -213,6 +258,10 @@ class NounRoutes(Generic[Row, Out]):
             return self.tagged(session, row, response)
 
         self._add(name, text, restore, f"{self._path}/restore", methods=["POST"])
+
+    def _below_owner(self, owners: str | None = None) -> str:
+        owner_key = self._find.owner_key
+        return f"/{owners or owner_key.removesuffix('_id') + 's'}/{{{owner_key}}}/{self._address}"
 
     def _add(self, name: str, text: str, route: Callable[..., Any], path: str | None = None, **given: Any) -> None:
         route.__name__, route.__doc__ = name, text

@@ -26,7 +26,7 @@ from service.settings import Settings
 from service.show.guide.routes import router as guide
 from service.show.pages import PREFIX as PAGES
 from service.show.pages import PageErrors, add_pages
-from service.show.pages.assets import router as assets
+from service.show.pages.look import files as assets
 from service.web.middleware import KnownHosts, RequestMiddleware
 from service.web.openapi import RESPONSES, add_documentation, describe_problems
 from service.web.problems import add_problem_handlers

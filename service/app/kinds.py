@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from service.jobs.kinds import JobKind
 from service.monitoring.judgements import JUDGE
-from service.store.forecasts.operations import FORECAST
-from service.store.imports.operations import IMPORT
-from service.store.modes.identifications import IDENTIFY
-from service.store.records.processings import PROCESS
-from service.store.structures.models import MODEL
-from service.store.updating.operations import JOINT_UPDATE, UPDATE
+from service.store.forecasts.operations import FORECASTS
+from service.store.imports.operations import IMPORTS
+from service.store.modes.operations import IDENTIFICATIONS
+from service.store.records.processings import PROCESSINGS
+from service.store.structures.models import MODELS
+from service.store.updating.operations import JOINT_UPDATES, UPDATES
 
-KINDS: tuple[JobKind, ...] = (IMPORT, MODEL, PROCESS, IDENTIFY, FORECAST, UPDATE, JOINT_UPDATE, JUDGE)
+_NOUNS = (IMPORTS, MODELS, PROCESSINGS, IDENTIFICATIONS, FORECASTS, UPDATES, JOINT_UPDATES)
+KINDS: tuple[JobKind, ...] = (*(noun.kind for noun in _NOUNS), JUDGE)
 """Every kind of job that a worker can run."""

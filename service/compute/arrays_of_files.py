@@ -10,7 +10,7 @@ import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
@@ -159,18 +159,26 @@ def _mapped_frfs(
 
 
 def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
-    shapes, proposed = _shapes(variables), propose(variables)
-    if inputs.mapping is None:
-        proposed = proposed_recording(variables) or proposed
-        if not inputs.dry_run:
-            raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {proposed}")
-        yield Found(form, "hits", shapes, proposed, notes=notes)
-        return
-    mapping = _faults_as(_dotted, lambda: read_mapping(inputs.mapping))
-    blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping))
-    counted = mapping.hit is None
-    yield Found(form, "hits", shapes, proposed, blocks=len(blocks), counted=counted, notes=notes)
+    found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run)
+    recording = proposed_recording(variables) if inputs.mapping is None else None
+    yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
     yield from blocks
+
+
+def hits_of(variables: Variables, stated: Any, *, dry_run: bool) -> tuple[Found, list[TimeBlock]]:
+    """What arrays of hits are, and the time blocks that a mapping makes of them; none in a dry run without one.
+
+    Raises:
+        Invalid: the mapping is missing or does not fit; each fault with its pointer.
+    """
+    found = Found("npz", "hits", _shapes(variables), propose(variables))
+    if stated is None:
+        if not dry_run:
+            raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {found.mapping}")
+        return found, []
+    mapping = _faults_as(_dotted, lambda: read_mapping(stated))
+    blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping))
+    return replace(found, blocks=len(blocks), counted=mapping.hit is None), blocks
 
 
 def _quantity(inputs: ReadingInputs, form: Format) -> Quantity:

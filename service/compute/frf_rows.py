@@ -22,21 +22,8 @@ from service.errors import Invalid
 MOST_FRFS = 10_000  # of one body: each is a row of the answer
 
 COLUMNS = (
-    *(
-        "label",
-        *DOFS,
-        "quantity",
-        "averages",
-        "start_hz",
-        "end_hz",
-        "step_hz",
-        "axis",
-        "dtype",
-        "lines",
-        "data",
-        "sha256",
-    ),
-    *("coherence", "coherence_dtype", "coherence_sha256"),
+    *("label", *DOFS, "quantity", "averages", "start_hz", "end_hz", "step_hz", "axis"),
+    *("dtype", "lines", "data", "sha256", "coherence", "coherence_dtype", "coherence_sha256"),
 )
 """What a row says of an FRF."""
 

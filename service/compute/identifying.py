@@ -82,18 +82,11 @@ def _rows(found: Found) -> list[dict[str, Any]]:
 
 
 def _stabilisation(diagram: Stabilisation) -> dict[str, Any]:
-    return {
-        "order": diagram.order.tolist(),
-        "frequency_hz": diagram.frequency_hz.tolist(),
-        "damping_ratio": diagram.damping_ratio.tolist(),
-        "frequency_stable": diagram.frequency_stable.tolist(),
-        "damping_stable": diagram.damping_stable.tolist(),
-        "indicator": {
-            "frequency_hz": diagram.line_hz.tolist(),
-            "rms": diagram.indicator.tolist(),
-            "cmif": diagram.cmif.tolist(),
-        },
+    poles = {name: values.tolist() for name, values in vars(diagram).items()}
+    lines = {
+        name: poles.pop(own) for name, own in (("frequency_hz", "line_hz"), ("rms", "indicator"), ("cmif", "cmif"))
     }
+    return {**poles, "indicator": lines}
 
 
 def _number(values: FloatArray | None, k: int) -> float | None:

@@ -6,7 +6,7 @@ import json
 import os
 import pickle
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -155,19 +155,18 @@ def _frfs(found: Averages, ids: dict[Any, dict[str, str]]) -> list[dict[str, Any
 
 
 def _document(found: Findings, frfs: list[dict[str, Any]], left_out: Sequence[str]) -> dict[str, Any]:
-    windows, delay = found.processing.windows, found.delay
+    windows = found.processing.windows
     return {
         "processing": {
             "estimator": found.processing.estimator,
-            "windows": windows and {"force_length_s": windows.force_length_s, "rate_per_s": windows.rate_per_s},
+            "windows": windows and asdict(windows),
             "band_hz": found.processing.band_hz,
             "delay_s": found.processing.delay_s,
             "false_discovery": found.processing.false_discovery,
         },
-        "force_coupling": found.coupling
-        and {"amplitude_per_s": found.coupling.amplitude_per_s, "rate_per_s": found.coupling.rate_per_s},
+        "force_coupling": found.coupling and asdict(found.coupling),
         "window_rate_per_s": found.rate_per_s,
-        "delay": delay and {"seconds": delay.seconds, "sd": delay.sd, "peaks": delay.peaks},
+        "delay": found.delay and asdict(found.delay),
         "excited_hz": found.excited_hz,
         "warnings": [*left_out, *found.warnings],
         "hits": [describe_verdict(verdict) for verdict in found.verdicts],

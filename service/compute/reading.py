@@ -13,25 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from fecore.errors import InputError
 from fecore.frf import Quantity, size_fault
+from modalbase.formats import uff
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import Format, recognise
 from modalbase.formats.records import TimeBlock, Variables, described
-from modalbase.formats.uff import (
-    COHERENCE,
-    Content,
-    DatasetReport,
-    Element,
-    Frf,
-    Function,
-    GridPoint,
-    Limits,
-    ModeShape,
-    PowerSpectrum,
-    TimeResponse,
-    TraceLine,
-    UffError,
-    read_file,
-)
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
 from service.compute.arrays_of_files import Found, Kind, read_arrays
@@ -48,7 +33,15 @@ REPORT_SECONDS = 0.5
 
 
 Kept = (
-    Found | list[GridPoint] | EncodedFrf | Function | TimeResponse | TimeBlock | ModeShape | TraceLine | DatasetReport
+    Found
+    | list[uff.GridPoint]
+    | EncodedFrf
+    | uff.Function
+    | uff.TimeResponse
+    | TimeBlock
+    | uff.ModeShape
+    | uff.TraceLine
+    | uff.DatasetReport
 )
 """What goes to the database; of functions that are not FRFs, ordinary coherences and time blocks."""
 
@@ -88,52 +81,52 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
     size = inputs.path.stat().st_size
     report_at = 0.0
     try:
-        items = read_file(inputs.path, Limits(quantity=inputs.quantity))
+        items = uff.read_file(inputs.path, uff.Limits(quantity=inputs.quantity))
         yield Found("uff")
-        points: list[GridPoint] = []
+        points: list[uff.GridPoint] = []
         unused: tuple[Outcome, str] | None = None
         spectra = Spectra()
         channels: Variables | None = {}
         for item in items:
-            if isinstance(item, GridPoint) and len(points) < POINTS_AT_ONCE:
+            if isinstance(item, uff.GridPoint) and len(points) < POINTS_AT_ONCE:
                 points.append(item)
                 continue
             if points:
                 yield points
                 points = []
-            if isinstance(item, PowerSpectrum):
+            if isinstance(item, uff.PowerSpectrum):
                 spectra.take(item)
-            elif isinstance(item, DatasetReport) and spectra.holds(item):
+            elif isinstance(item, uff.DatasetReport) and spectra.holds(item):
                 continue
-            elif isinstance(item, DatasetReport):
+            elif isinstance(item, uff.DatasetReport):
                 if time.monotonic() >= report_at:  # each report is a commit, which waits for all that is being stored
                     report("reading datasets", min(1.0, item.offset / size))
                     report_at = time.monotonic() + REPORT_SECONDS
                 left_out = unused if item.outcome == "read" else None
                 yield item if left_out is None else replace(item, outcome=left_out[0], reason=left_out[1])
                 unused = None
-            elif isinstance(item, GridPoint):
+            elif isinstance(item, uff.GridPoint):
                 points.append(item)
             elif (reason := _why_unused(item)) is not None:
-                unused = ("refused" if isinstance(item, Frf) else "ignored", reason)
-            elif isinstance(item, Frf):
+                unused = ("refused" if isinstance(item, uff.Frf) else "ignored", reason)
+            elif isinstance(item, uff.Frf):
                 spectra.note(item)
                 yield _encoded(item)
-            elif isinstance(item, Function | TimeResponse | ModeShape | TraceLine):
-                channels = _with_channel(channels, item) if isinstance(item, TimeResponse) else channels
+            elif isinstance(item, uff.Function | uff.TimeResponse | uff.ModeShape | uff.TraceLine):
+                channels = _with_channel(channels, item) if isinstance(item, uff.TimeResponse) else channels
                 yield item
         for found in spectra.finish():
-            yield _encoded(found) if isinstance(found, Frf) else found
+            yield _encoded(found) if isinstance(found, uff.Frf) else found
         if channels and (proposed := proposed_recording(channels)) is not None:
             if not inputs.dry_run:
                 why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"
                 raise Invalid("/mapping/recording", why)
             yield Found("uff", "hits", {name: described(array) for name, array in channels.items()}, proposed)
-    except UffError as error:
+    except uff.UffError as error:
         raise InputError("file", f"{error.reason} (byte {error.offset})") from error
 
 
-def _with_channel(channels: Variables | None, block: TimeResponse) -> Variables | None:
+def _with_channel(channels: Variables | None, block: uff.TimeResponse) -> Variables | None:
     """What may be the channels of a recording, with one more; None once one, or the hammer, has a second block."""
     if channels is None:
         return None
@@ -144,7 +137,7 @@ def _with_channel(channels: Variables | None, block: TimeResponse) -> Variables 
     return channels if sum(name.startswith("force") for name in channels) < 2 else None
 
 
-def _encoded(frf: Frf) -> EncodedFrf:
+def _encoded(frf: uff.Frf) -> EncodedFrf:
     lines = frf.frequency
     even = lines.values is None and lines.count > 1
     return EncodedFrf(
@@ -160,12 +153,12 @@ def _encoded(frf: Frf) -> EncodedFrf:
     )
 
 
-def _why_unused(item: Content) -> str | None:
+def _why_unused(item: uff.Content) -> str | None:
     """Why a content that could be read is not stored; None where it is, or where it only serves to read the rest."""
-    if isinstance(item, Frf):
+    if isinstance(item, uff.Frf):
         return size_fault(item.values)
-    if isinstance(item, Function) and item.function_type != COHERENCE:
+    if isinstance(item, uff.Function) and item.function_type != uff.COHERENCE:
         return f"is a {item.name}; of functions, FRFs, coherences, time blocks and power spectra of force and motion are stored"
-    if isinstance(item, Element):
+    if isinstance(item, uff.Element):
         return "holds elements of the drawing; they stay in the original file"
     return None

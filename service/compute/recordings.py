@@ -26,10 +26,11 @@ from modalbase.formats.records import (
     read_mapping,
     read_variables,
 )
+from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT
-from modalbase.formats.records.recording import Arrays, Recording, Wav, read_recording, read_wav_head
+from modalbase.formats.records.recording import Arrays, Recording, read_recording
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
-from modalbase.formats.records.variables import SAMPLE_RATE, Variables
+from modalbase.formats.records.wav import Wav, read_wav_head
 from modalbase.formats.uff import Limits, TimeResponse, UffError, read_file
 
 Place = tuple[int, int]
@@ -38,19 +39,12 @@ _MOST_NAMED = 60
 
 @dataclass(frozen=True)
 class Channels:
-    """The channels of a recording that a mapping names, the force first, and where each hit was.
+    """The channels of a recording that a mapping names, the force first, and where each hit was."""
 
-    Attributes:
-        file: the recording.
-        sample_rate_hz: samples a second.
-        mapped: channels of the mapping.
-        stated: the order of the hits; where it is empty, all are at the force's point.
-    """
-
-    file: Wav | Tdms | Arrays
-    sample_rate_hz: float
-    mapped: tuple[ChannelMapping, ...]
-    stated: Recording
+    file: Wav | Tdms | Arrays  # the recording
+    sample_rate_hz: float  # samples a second
+    mapped: tuple[ChannelMapping, ...]  # channels of the mapping
+    stated: Recording  # the order of the hits; where it is empty, all are at the force's point
 
     @property
     def names(self) -> list[str]:

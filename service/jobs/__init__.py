@@ -2,12 +2,11 @@
 
 What a feature needs of it::
 
-    from service.jobs.kinds import JobKind
     from service.jobs.resource import JobNoun
     from service.jobs.routes import JobRoutes
 
-    IDENTIFY = JobKind("identification", load=load, compute=find_modes, store=store)    # listed in service.app.kinds.KINDS
-    IDENTIFICATIONS = JobNoun(IDENTIFY, identification_for, "identifications")          # its table: key = jobs.id
+    # its table has the key jobs.id; its kind is listed in service.app.kinds.KINDS
+    IDENTIFICATIONS = JobNoun("identifications", identification_for, load, find_modes, store)
 
     row = IDENTIFICATIONS.start(session, user, Identification(campaign_id=campaign.id)) # in the request's transaction
 

@@ -14,14 +14,13 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
 from fecore.errors import FecoreError, InputError
 from service.errors import Invalid, ServiceError
-from service.jobs.kinds import Report
+from service.jobs.kinds import Compute
 
 PR_SET_PDEATHSIG = 1
 REPORT_SECONDS = 0.05
@@ -48,37 +47,24 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class Item:
-    """The computation yielded something to store.
+    """The computation yielded something to store."""
 
-    Attributes:
-        value: what.
-        size: bytes that it took on its way through the channel; set where it arrives.
-    """
-
-    value: Any
-    size: int = 0
+    value: Any  # what
+    size: int = 0  # bytes that it took on its way through the channel; set where it arrives
 
 
 @dataclass(frozen=True)
 class Failure:
-    """Why a job failed, as kept in `jobs.error`.
+    """Why a job failed, as kept in `jobs.error`."""
 
-    Attributes:
-        reason: `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its workers died)
-            or `internal`; `cancelled` and `drained` are no failures of the job.
-        type: name of the error.
-        detail: what the user reads.
-        field: the faulty field, where there is one.
-        extra: further JSON values that the error carries as `details`, such as the best iterate.
-        trace: stack trace of an internal error, for the log; not stored.
-    """
-
+    # `refused` (the input or the data do not allow it), `memory`, `time`, `crash`, `lost` (its workers died) or
+    # `internal`; `cancelled` and `drained` are no failures of the job
     reason: str
-    type: str
-    detail: str
-    field: str | None = None
-    extra: dict[str, Any] | None = None
-    trace: str | None = None
+    type: str  # name of the error
+    detail: str  # what the user reads
+    field: str | None = None  # the faulty field, where there is one
+    extra: dict[str, Any] | None = None  # JSON values that the error carries as `details`, such as the best iterate
+    trace: str | None = None  # stack trace of an internal error, for the log; not stored
 
     def shown(self) -> dict[str, Any]:
         """What clients read of it."""
@@ -97,7 +83,6 @@ class Done:
 
 
 Message = Progress | Checkpoint | Item | Failure | Done
-Compute = Callable[[Any, Report], Iterator[Any]]
 
 
 def storable(text: str) -> str:
@@ -124,21 +109,13 @@ def failure_of(error: BaseException) -> Failure:
 
 @dataclass(frozen=True)
 class Order:
-    """What a child is to do.
+    """What a child is to do."""
 
-    Attributes:
-        compute: the kind's computation.
-        inputs: what the kind's `load` gave.
-        restored: the checkpoint of an earlier attempt.
-        memory_bytes: memory beyond that of an idle child.
-        niceness: how far it gives way to other processes.
-    """
-
-    compute: Compute
-    inputs: Any
-    restored: bytes | None
-    memory_bytes: int
-    niceness: int = NICENESS
+    compute: Compute  # the kind's computation
+    inputs: Any  # what the kind's `load` gave
+    restored: bytes | None  # the checkpoint of an earlier attempt
+    memory_bytes: int  # memory beyond that of an idle child
+    niceness: int = NICENESS  # how far it gives way to other processes
 
 
 def run_child(channel: Connection, lifeline: Connection, order: Order) -> None:

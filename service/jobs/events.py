@@ -66,17 +66,11 @@ def shown(job: Job) -> Shown:
 
 @dataclass
 class _Watched:
-    """A job that streams watch.
+    """A job that streams watch."""
 
-    Attributes:
-        state: the last one that was seen; None where the job is gone.
-        changed: set when that has changed, and then replaced.
-        streams: how many watch it.
-    """
-
-    state: Shown | None
-    changed: asyncio.Event = field(default_factory=asyncio.Event)
-    streams: int = 0
+    state: Shown | None  # the last one that was seen; None where the job is gone
+    changed: asyncio.Event = field(default_factory=asyncio.Event)  # set when that has changed, and then replaced
+    streams: int = 0  # how many watch it
 
     def wake(self) -> None:
         """Have the streams look at the state."""

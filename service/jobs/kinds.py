@@ -50,6 +50,8 @@ class Report(Protocol):
         """
 
 
+Compute = Callable[[Any, Report], Iterator[Any]]
+
 CORE_LIBRARIES = tuple(f"scipy.{part}" for part in ("fft", "linalg", "ndimage", "optimize", "sparse.linalg", "special"))
 """What of scipy the core uses: it loads each part when it first uses it."""
 
@@ -82,7 +84,7 @@ class JobKind:
 
     name: str
     load: Callable[[Session, UUID, Path], Any]
-    compute: Callable[[Any, Report], Iterator[Any]]
+    compute: Compute
     store: Callable[[Session, UUID, Iterator[Any]], None]
     queue: str = JOBS
     max_attempts: int = 3

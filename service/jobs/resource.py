@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from datetime import datetime
+from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar
 from uuid import UUID
 
@@ -14,12 +14,13 @@ from sqlalchemy.orm import Session
 from service.access import Lookup, User
 from service.db.base import Base
 from service.errors import Conflict
-from service.jobs.kinds import JobKind
+from service.jobs.kinds import Compute, JobKind
 from service.jobs.queue import enqueue, request_cancel, retry
 from service.jobs.tables import Job
 from service.web import StrictModel
 
 Row = TypeVar("Row", bound=Base)
+Found = TypeVar("Found")
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 ENDED = ("succeeded", "failed", "cancelled")
@@ -46,7 +47,6 @@ def job_state(job: Job) -> dict[str, Any]:
     return {name: job.state if name == "status" else getattr(job, name) for name in JobOut.model_fields}
 
 
-@dataclass(frozen=True)
 class JobNoun(Generic[Row]):
     """Operations on the rows of one noun, each in the caller's transaction.
 
@@ -56,9 +56,35 @@ class JobNoun(Generic[Row]):
         address: where the API has one, such as `update-jobs`.
     """
 
-    kind: JobKind
-    find: Lookup[Row]
-    address: str
+    def __init__(
+        self,
+        address: str,
+        find: Lookup[Row],
+        load: Callable[[Session, Row, Path], Any],
+        compute: Compute,
+        store: Callable[[Session, Row, Iterator[Any]], None],
+        kind: str = "",
+        **limits: Any,
+    ) -> None:
+        """State a noun; `load` and `store` are those of its `JobKind`, given the row in place of its key.
+
+        Args:
+            address: of the noun.
+            find: its rows.
+            load: what the computation needs.
+            compute: the computation.
+            store: what becomes of it.
+            kind: name of the kind; default: what a person calls a row.
+            limits: others of `JobKind`.
+        """
+        self.address, self.find = address, find
+        self.kind = JobKind(
+            kind or find.kind.replace(" ", "_"),
+            load=lambda session, key, workspace: load(session, find.row(session, key), workspace),
+            compute=compute,
+            store=lambda session, key, items: store(session, find.row(session, key), items),
+            **limits,
+        )
 
     def start(
         self, session: Session, user: User, row: Row, *, priority: int = 0, queue: str | None = None, **noted: Any
@@ -99,11 +125,17 @@ class JobNoun(Generic[Row]):
         """The job of a row, as it is now."""
         return session.get_one(Job, row.id, populate_existing=True)
 
-    def no_result(self, session: Session, row: Row) -> Conflict:
-        """The error that says why a row has no result, yet or ever."""
+    def result(self, session: Session, row: Row, found: Found | None) -> Found:
+        """What was found of a row's result.
+
+        Raises:
+            Conflict: nothing, as it has none, yet or ever; the message says why.
+        """
+        if found is not None:
+            return found
         job = self.job_of(session, row)
         why = f": {job.message or 'see its error'}" if job.state in ENDED else "; it is not done yet"
-        return Conflict(f"{self.find.kind} {job.id} has no result: it is {job.state}{why}")
+        raise Conflict(f"{self.find.kind} {job.id} has no result: it is {job.state}{why}")
 
     def _act(self, session: Session, user: User, key: UUID, act: str, do: Callable[[Session, UUID], Job]) -> Row:
         row = self.find(session, user, key, "editor")

@@ -160,7 +160,7 @@ def run_by_hand(session: Session, user: User, monitor: Monitor, campaign_id: UUI
 
 
 def _check_campaign(session: Session, monitor: Monitor, campaign_id: UUID) -> None:
-    campaign = next(iter(campaigns_of(session, [campaign_id])), None)
+    campaign = campaigns_of(session, [campaign_id]).get(campaign_id)
     if campaign is None or campaign.deleted_at is not None or campaign.structure_id != monitor.structure_id:
         raise Invalid("/campaign", f"{campaign_id} is no campaign of this monitor's structure")
     if campaign.performed_at is None:

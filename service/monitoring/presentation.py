@@ -75,9 +75,11 @@ def _last_judgement(session: Session, series: MonitorSeries) -> dict[str, Any] |
 
 def _campaigns(session: Session, series: MonitorSeries) -> list[dict[str, Any]]:
     runs = latest_runs(session, series)
-    rows = campaigns_of(session, runs)
     shown = []
-    for row in sorted(rows, key=lambda r: (r.performed_at is None, r.performed_at or r.created_at, r.id)):
+    for row in sorted(
+        campaigns_of(session, runs).values(),
+        key=lambda r: (r.performed_at is None, r.performed_at or r.created_at, r.id),
+    ):
         run = runs[row.id]
         of_run = _members(run, "revision", "state", "message", "update_job_id", "software")
         of_campaign = _members(row, "name", "performed_at", "temperature_c", "humidity_percent")

@@ -12,7 +12,6 @@ from uuid import UUID
 
 from croniter import croniter
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
 from fecore.body.constants import kind_of
 from fecore.errors import InputError
@@ -20,7 +19,7 @@ from fecore.trend import Chart, Watch
 from service.errors import Invalid
 from service.store.campaigns.schemas import Boundary
 from service.store.updating.schemas import RecipeIn
-from service.web import Name, StrictModel, Text, Time, example, not_null
+from service.web import Name, StrictModel, Text, Time, example, not_null, wrong
 
 Direction = Literal["fall", "rise", "both"]
 State = Literal["no data", "normal", "pending", "alarm", "acknowledged"]
@@ -126,9 +125,9 @@ class MonitorIn(StrictModel):
         names = [p.name for p in parameters or ()]
         for name in names:
             if not any(kind.fullmatch(name) for kind in (CONSTANT, OF_A_MODE, COEFFICIENT)):
-                raise PydanticCustomError("unknown", "{name} is no parameter that a result has", {"name": name})
+                raise wrong(f"{name} is no parameter that a result has")
             if names.count(name) > 1:
-                raise PydanticCustomError("twice", "{name} is there twice", {"name": name})
+                raise wrong(f"{name} is there twice")
         return parameters
 
     @field_validator("mail_to")
@@ -136,23 +135,23 @@ class MonitorIn(StrictModel):
     def _mail(cls, addresses: list[str]) -> list[str]:
         for address in addresses:
             if not MAIL.fullmatch(address):
-                raise PydanticCustomError("mail", "{address} is no mail address", {"address": address})
+                raise wrong(f"{address} is no mail address")
         return addresses
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if (self.runs_on == "schedule") != (self.schedule is not None):
-            raise PydanticCustomError("schedule", "a schedule belongs to runs_on `schedule`, and that to a schedule")
+            raise wrong("a schedule belongs to runs_on `schedule`, and that to a schedule")
         if self.schedule is not None and (len(self.schedule.split()) != 5 or not croniter.is_valid(self.schedule)):
-            raise PydanticCustomError("schedule", "schedule is not five cron fields, such as `0 3 * * 1`")
+            raise wrong("schedule is not five cron fields, such as `0 3 * * 1`")
         if len(set(self.covariates)) < len(self.covariates):
-            raise PydanticCustomError("twice", "a covariate is there twice")
+            raise wrong("a covariate is there twice")
         if self.baseline.campaigns < 4 + len(self.covariates):
-            raise PydanticCustomError("baseline", "baseline has too few campaigns: at least 4 and one a covariate")
+            raise wrong("baseline has too few campaigns: at least 4 and one a covariate")
         try:
             self.to_watch(self.parameters or [WatchedIn(name=name, direction=None) for name in USUAL_COEFFICIENTS])
         except InputError as error:
-            raise PydanticCustomError("watch", "{why}", {"why": str(error)}) from None
+            raise wrong(str(error)) from None
         return self
 
     def watched(self, updated: Sequence[str]) -> list[WatchedIn]:
@@ -247,7 +246,7 @@ class RunsIn(StrictModel):
     @model_validator(mode="after")
     def _one_wish(self) -> Self:
         if self.rerun and self.campaign is not None:
-            raise PydanticCustomError("rerun", "a rerun is of the whole series; leave campaign out")
+            raise wrong("a rerun is of the whole series; leave campaign out")
         return self
 
 

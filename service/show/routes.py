@@ -19,21 +19,24 @@ from service.monitoring.routes import Version
 from service.monitoring.runs import monitor_for
 from service.show.figures.answers import RESPONSES, Asked, FigureName, require_figure
 from service.show.figures.coupon import coupon_figure
-from service.show.figures.hits import hits_figure
+from service.show.figures.frfs import hits_figure
 from service.show.figures.marks import Figure
-from service.show.figures.series import series_figure
-from service.show.figures.stabilisation import stabilisation_figure
-from service.show.figures.trend import MOST_RESULTS, results_figure, trend_figure
-from service.show.hits import Chosen, point_blocks, point_shown
-from service.show.measured import likeness_figure, measured_frf_figure, measured_shapes_figure
+from service.show.figures.modes import stabilisation_figure
+from service.show.figures.trend import MOST_RESULTS, results_figure, series_figure, trend_figure
+from service.show.measured import (
+    Chosen,
+    likeness_figure,
+    measured_frf_figure,
+    measured_shapes_figure,
+    point_blocks,
+    point_shown,
+)
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.curves import curve_of, series_of
 from service.store.coupons.operations import coupon_for
 from service.store.frfs.data import Cut
-from service.store.frfs.operations import FrfFilter, first_frf
-from service.store.frfs.routes import Hertz
-from service.store.modes.identifications import IDENTIFICATIONS, identification_for
-from service.store.modes.operations import mode_set_for
+from service.store.frfs.routes import FrfFilter, Hertz
+from service.store.modes.operations import IDENTIFICATIONS, identification_for, mode_set_for
 from service.store.records.routes import Whole
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, Wanted, bounded
@@ -67,7 +70,7 @@ def get_campaign_figure(
     campaign = campaign_for(session, user, campaign_id)
     require_figure(name, "frf", "hits")
     if name == "frf":
-        frf = first_frf(session, campaign.id, FrfFilter(point=point, direction=direction, reference=reference))
+        (frf,) = FrfFilter(point=point, direction=direction, reference=reference).rows(session, campaign.id, 1)
         cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
         return asked.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
     blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
@@ -86,9 +89,7 @@ def get_identification_figure(
     """The figure `stabilisation` of an identification; 409 while it has found nothing, or where it failed."""
     row = identification_for(session, user, identification_id)
     require_figure(name, "stabilisation")
-    if row.document is None:
-        raise IDENTIFICATIONS.no_result(session, row)
-    found = up_to_date(row.document)
+    found = up_to_date(IDENTIFICATIONS.result(session, row, row.document))
     return asked.answer(lambda: stabilisation_figure(found), name, str(row.id))  # what it found never changes
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null, shown_as
+from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null, shown_as, wrong
 
 if TYPE_CHECKING:
     from service.web.parameters import IF_MATCH, Confirm, Cursor, Limit, etag_of, paged, require_match, require_usual
@@ -33,6 +33,7 @@ __all__ = [
     "require_match",
     "require_usual",
     "shown_as",
+    "wrong",
 ]
 
 _LATER = {

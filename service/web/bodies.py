@@ -34,10 +34,15 @@ Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"\S"), AfterV
 """A name given by a person: 1 to 200 characters, not all of them blank, storable."""
 
 
+def wrong(why: str) -> PydanticCustomError:
+    """What a validator raises to say in its own words what is wrong with a value, where a `ValueError` would add to them."""
+    return PydanticCustomError("wrong", "{why}", {"why": why})
+
+
 def _written_out(value: object) -> object:
     """Refuse the numbers that pydantic takes for seconds since 1970: 20260302 would be a day of that year."""
     if isinstance(value, int | float) or (isinstance(value, str) and not re.match(r"\s*\d{4}-", value)):
-        raise PydanticCustomError("time", "Input should be a time with its zone, such as 2026-03-02T09:30:00Z")
+        raise wrong("Input should be a time with its zone, such as 2026-03-02T09:30:00Z")
     return value
 
 
@@ -84,7 +89,7 @@ def _has_check(schema: dict[str, Any]) -> bool:
 
 def _number(value: object, info: ValidationInfo) -> object:
     if isinstance(value, str | bool) and info.mode in ("python", "json"):  # in the cells of a table all is text
-        raise PydanticCustomError("not_a_number", "Input should be a number")
+        raise wrong("Input should be a number")
     return value
 
 
@@ -106,15 +111,14 @@ class StrictModel(BaseModel):
 def _short(value: dict[str, JsonValue]) -> dict[str, JsonValue]:
     """Refuse more than a page: every list shows it."""
     if (size := len(json.dumps(value))) > MOST_DETAILS:
-        raise PydanticCustomError(
-            "long", "has {size} characters as JSON, at most {most} are kept", {"size": size, "most": MOST_DETAILS}
-        )
+        raise wrong(f"has {size} characters as JSON, at most {MOST_DETAILS} are kept")
     return value
 
 
-def _once(value: list[str]) -> list[str]:
+def once(value: list[str]) -> list[str]:
+    """Refuse a list that has one of its texts twice."""
     if twice := sorted({one for one in value if value.count(one) > 1}):
-        raise PydanticCustomError("twice", "has {tag} twice", {"tag": twice[0]})
+        raise wrong(f"has {twice[0]} twice")
     return value
 
 
@@ -123,7 +127,7 @@ Details = Annotated[
     dict[str, JsonValue], AfterValidator(_short), Field(description=f"at most {MOST_DETAILS} characters as JSON")
 ]
 Tag = Annotated[str, Field(max_length=100, pattern=r"^[^\s,]([^,\x00-\x1f]*[^\s,])?$")]
-Tags = Annotated[list[Tag], AfterValidator(_once), Field(max_length=50, description="words to find it by, no commas")]
+Tags = Annotated[list[Tag], AfterValidator(once), Field(max_length=50, description="words to find it by, no commas")]
 Meta = Annotated[
     dict[str, JsonValue],
     AfterValidator(_short),
@@ -138,7 +142,7 @@ def not_null(*fields: str) -> Any:
 
 def _not_null(value: object) -> object:
     if value is None:
-        raise PydanticCustomError("null", "cannot be null; leave it out to keep it")
+        raise wrong("cannot be null; leave it out to keep it")
     return value
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 import hashlib
 import re
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from pydantic import BaseModel
 from starlette.responses import HTMLResponse
 
 from service.web.middleware import NOTHING
+from service.web.routing import Later
 from service.web.terms import OPEN, TAGS, TERMS
 
 Node = dict[str, Any]
@@ -197,6 +198,44 @@ def schema_of(model: type[BaseModel]) -> dict[str, Any]:
         return [inline(item) for item in node] if isinstance(node, list) else node
 
     return dict(inline(whole))
+
+
+def reads(content: Mapping[str, Any], **more: Any) -> Later:
+    """What a route says to OpenAPI that reads its body itself.
+
+    Args:
+        content: media type to schema, in which a model stands for its own.
+        more: what else the route says.
+    """
+
+    def filled(node: Any) -> Any:
+        if isinstance(node, type):
+            return schema_of(node)
+        if isinstance(node, dict):
+            return {key: filled(value) for key, value in node.items()}
+        return [filled(item) for item in node] if isinstance(node, list) else node
+
+    def made() -> dict[str, Any]:
+        by_type = {kind: {"schema": filled(schema)} for kind, schema in content.items()}
+        return {**more, "requestBody": {"required": True, "content": by_type}}
+
+    return Later(made)
+
+
+TEXT, BINARY = {"type": "string"}, {"type": "string", "format": "binary"}
+UPLOAD = {
+    "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
+        "type": "object",
+        "required": ["file"],
+        "properties": {
+            "file": {**BINARY, "description": "the file, with its name"},
+            "mapping": {**TEXT, "description": "which variable is what, as JSON"},
+            "sections": {**TEXT, "description": "of a mesh: what each set is, as JSON"},
+        },
+    },
+    "application/octet-stream": BINARY,
+}
+"""Both forms in which a file may be uploaded, as `reads` takes them."""
 
 
 def describe_problems(app: FastAPI) -> None:

@@ -265,19 +265,3 @@ def _copy(source: IO[bytes], spool: IO[bytes]) -> tuple[int, bytes]:
 
 UploadDep = Annotated[Upload, Depends(_received)]
 """The body as a file. No transaction is open while it is received."""
-
-UPLOAD_CONTENT = {
-    "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
-        "schema": {
-            "type": "object",
-            "required": ["file"],
-            "properties": {
-                "file": {"type": "string", "format": "binary", "description": "the file, with its name"},
-                "mapping": {"type": "string", "description": "which variable is what, as JSON"},
-                "sections": {"type": "string", "description": "of a mesh: what each set is, as JSON"},
-            },
-        }
-    },
-    "application/octet-stream": {"schema": {"type": "string", "format": "binary"}},
-}
-"""Both forms in which a file may be uploaded, for the API's description."""

@@ -93,7 +93,7 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: edges(end="glued"), "supports.end: is 'glued', expected free, clamped, simply_supported,"),
     (lambda: PointMass(np.nan, 0.0, 0.004), "point_mass: a mass of 0.004 kg has no place; expected finite x and y in m"),
     (lambda: PointMass(0.1, 0.0, -0.004), "point_mass.mass: is -0.004, expected a mass in kg that is not negative"),
-    (lambda: plate(*MESH, (), [PointMass(0.7, 0.0, 0.004)]).model, "points[0]: (0.7, 0, 0) m lies 200 mm off the specimen,"),
+    (lambda: plate(*MESH, (), [PointMass(0.7, 0.0, 0.004)]).model, "added_masses: (0.7, 0, 0) m lies 200 mm off the specimen,"),
     (lambda: Spring("k", 0.0, 3, edge="end"), "spring.stiffness: of k is 0.0, expected positive; leave out a spring of"),
     (lambda: Spring("k", 1.0, 3), "spring: k needs a place: either an edge or a point"),
     (lambda: plate(*MESH, of_boundary("cantilever"), springs=[Spring("k", 1.0, 3, edge="start")]).model,
@@ -174,6 +174,6 @@ BODIES: list[tuple[Callable[[], object], str]] = [
      "coupons.0: Ey is not updated; expected one of Ex"),
     (lambda: plan_tests([replace(TEST, sensor=33)]), "sensor: is point 33, expected one of the 2 points"),
     (lambda: plan_tests([replace(TEST, noise=0.0)]), "noise: is 0.0, expected a positive number"),
-    (lambda: plan_tests([replace(TEST, highest_hz=1.0)]), "tests.0.highest_hz: of s is 1, below the first mode of its model"),
+    (lambda: plan_tests([replace(TEST, highest_hz=1.0)]), "tests.0.highest_hz: is 1 Hz, below the first mode of the model"),
 ]
 # fmt: on

@@ -26,13 +26,13 @@ from fecore.signal.windows import Windows, remove_window
 from fecore.trend.baseline import fit_baseline
 from fecore.trend.change import ChangePoint, rate_since_onset
 from fecore.trend.series import Series
-from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.plans import plan_tests
 from fecore.updating.recipe import Recipe
+from tests.support.fits import update_elastic
 from tests.support.plates import PAPER
 
 LINES = np.arange(4.0)

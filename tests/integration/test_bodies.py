@@ -280,8 +280,25 @@ def test_a_plan_says_which_test_or_coupons_would_find_a_wall_s_constant(api: htt
         assert item["information_nats"] == pytest.approx(
             np.log(plan["known_sd"]["web.E2"] / item["expected_sd"]["web.E2"]), rel=0.1
         )
-    wrong = ok(api.post(f"structures/{structure}/plans", json={"about": "rib.E1"}), 422)
-    assert "flange.E1" in wrong["detail"]
+    for wrong, pointer, words in (
+        ({"about": "rib.E1"}, "/about", "flange.E1"),
+        (
+            {"coupons": [{"constants": ["Ey"], "sets": ["rib"]}]},
+            "/coupons/0/sets",
+            "name rib; the sets of this body: flange",
+        ),
+        ({"tests": [{**plain, "points_m": [[0.1, 0.2, 0.3]]}]}, "/tests/0/points_m/0", "off the specimen"),
+        (
+            {"tests": [{**plain, "added_masses": [{"x_m": 9, "y_m": 0, "mass_kg": 1}]}]},
+            "/tests/0/added_masses",
+            "off the",
+        ),
+        ({"tests": [{**plain, "highest_hz": 1}]}, "/tests/0/highest_hz", "is 1 Hz, below the first mode"),
+        ({"tests": [{**plain, "damping_ratio": 1e-300}]}, "/tests/0/damping_ratio", "expected at least 1e-6"),
+    ):
+        error = ok(api.post(f"structures/{structure}/plans", json=wrong), 422)["errors"][0]
+        assert error["pointer"] == pointer
+        assert words in error["detail"]
 
 
 def test_the_open_i_profile_from_its_file(api: httpx.Client, project: str) -> None:

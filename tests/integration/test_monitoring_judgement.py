@@ -32,11 +32,11 @@ from service.monitoring.tables import Alarm, AlarmEvent, MonitorJudgement, Monit
 from service.settings import Settings
 from service.show.figures.paper import draw, render
 from service.show.figures.screen import screen
-from service.show.figures.series import series_figure
+from service.show.figures.trend import series_figure
 from service.store.campaigns.operations import create_campaign
 from service.store.campaigns.schemas import CampaignIn
 from service.store.frfs.operations import Frf
-from service.store.imports.operations import IMPORT, Import
+from service.store.imports.operations import IMPORTS, Import
 from service.store.storage.originals import Original
 from service.store.structures.operations import Structure, create_structure
 from service.store.structures.schemas import StructureIn
@@ -302,7 +302,7 @@ def test_a_campaign_settles_before_it_counts_as_complete(world: World) -> None:
     assert [complete(later) for later in (0, 29, 31)] == [False, False, True]
     session.add(Original(sha256=b"1", size=1))
     session.flush()
-    job = enqueue(session, kind=IMPORT, project_id=session.get_one(Structure, monitor.structure_id).project_id)
+    job = enqueue(session, kind=IMPORTS.kind, project_id=session.get_one(Structure, monitor.structure_id).project_id)
     session.add(Import(id=job.id, campaign_id=campaign.id, filename="", sha256=b"1", dry_run=False))
     session.flush()
     assert not complete(31)

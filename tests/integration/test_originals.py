@@ -18,7 +18,7 @@ from service.compute.spectra import Axis, encode
 from service.db.engine import Sessions
 from service.errors import Damaged, PayloadTooLarge
 from service.store.imports import intake
-from service.store.imports.operations import IMPORT, Import
+from service.store.imports.operations import IMPORTS, Import
 from service.store.storage.originals import (
     CHUNK_BYTES,
     READ_BYTES,
@@ -41,7 +41,7 @@ def stored(engine: Engine, sessions: Sessions) -> Iterator[Callable[[list[Kept]]
         session.execute(update(Original).values(size=1000))
 
         def store(items: list[Kept]) -> Import:
-            IMPORT.store(session, key, iter(items))
+            IMPORTS.kind.store(session, key, iter(items))
             return session.get_one(Import, key)
 
         yield store

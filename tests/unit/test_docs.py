@@ -12,7 +12,7 @@ import pytest
 
 from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
 from service.settings import MIB, Settings
-from service.show.guide.markdown import render
+from service.show.guide.contents import render
 from service.store.search.nouns import NOUNS
 from service.store.updating.result_schemas import ResultOut
 from service.store.updating.schemas import HoldOutIn, ParameterIn, RecipeIn

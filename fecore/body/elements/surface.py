@@ -26,29 +26,17 @@ _ALONG_NORMAL = 0.05  # sine of the angle between axis 1 and the normal below wh
 
 @dataclass(frozen=True)
 class Surface:
-    """The geometry of e elements at p natural points.
+    """The geometry of e elements at p natural points."""
 
-    Attributes:
-        N: (p, n) shape functions.
-        by: (e, p, 2, n) their derivatives along e₁ and e₂.
-        natural: (p, 2, n) their derivatives by the natural coordinates.
-        tangents: (e, p, 2, 3) base vectors ∂x₀/∂ξ, ∂x₀/∂η.
-        inverse: (e, p, 2, 2) derivatives along the axes from those by natural coordinates.
-        axes: (e, p, 2, 3) e₁ and e₂.
-        normal: (e, p, 3) n.
-        area: (e, p) area of the surface by that of the natural coordinates.
-        directors: (e, n, 3) d at the nodes.
-    """
-
-    N: FloatArray
-    by: FloatArray
-    natural: FloatArray
-    tangents: FloatArray
-    inverse: FloatArray
-    axes: FloatArray
-    normal: FloatArray
-    area: FloatArray
-    directors: FloatArray
+    N: FloatArray  # (p, n) shape functions
+    by: FloatArray  # (e, p, 2, n) their derivatives along e₁ and e₂
+    natural: FloatArray  # (p, 2, n) their derivatives by the natural coordinates
+    tangents: FloatArray  # (e, p, 2, 3) base vectors ∂x₀/∂ξ, ∂x₀/∂η
+    inverse: FloatArray  # (e, p, 2, 2) derivatives along the axes from those by natural coordinates
+    axes: FloatArray  # (e, p, 2, 3) e₁ and e₂
+    normal: FloatArray  # (e, p, 3) n
+    area: FloatArray  # (e, p) area of the surface by that of the natural coordinates
+    directors: FloatArray  # (e, n, 3) d at the nodes
 
     @classmethod
     def at(cls, x: FloatArray, N: FloatArray, natural: FloatArray, directors: FloatArray, axis: FloatArray) -> Surface:

@@ -20,7 +20,8 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
-from modalbase.formats.records.variables import Variables, is_named, read_variables, variable
+from modalbase.formats.records.arrays import Variables, is_named, variable
+from modalbase.formats.records.variables import read_variables
 from modalbase.formats.types import FloatArray, Quantity
 
 _SPECTRA = ("cross", "spec", "psd", "csd")

@@ -21,8 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.machine_csv.numbers import is_number, number_reader
-from modalbase.formats.machine_csv.units import FACTORS, Quantity, factor, plain
+from modalbase.formats.machine_csv.cells import FACTORS, Quantity, factor, is_number, number_reader, plain
 from modalbase.formats.types import FloatArray
 
 _DELIMITERS = ("\t", ";", ",")

@@ -1,9 +1,9 @@
 """Finite element models that users send: a deck, matrices or a mesh to one neutral model, and a deck back with its updates.
 
 model      what a deck says, whoever wrote it
-measures   areas, normals, and whether elements fold over
+losses     what is lost of a deck
 shapes     cross sections of beams from their walls
-check      what a model must satisfy before it is solved
+check      areas, normals, and what a model must satisfy before it is solved
 units      units by name, guessed and checked
 files      a deck and what it includes, as lines
 changes    what updated numbers change

@@ -2,11 +2,12 @@
 in SI.
 """
 
+from modalbase.formats.records.arrays import Variables, described
 from modalbase.formats.records.blocks import TimeBlock
 from modalbase.formats.records.mapping import ChannelMapping, Mapping, blocks_of, read_mapping
 from modalbase.formats.records.proposing import propose, propose_recording
 from modalbase.formats.records.sep005 import Place, records_from_sep005, records_to_sep005
-from modalbase.formats.records.variables import SUFFIXES, Variables, described, read_variables
+from modalbase.formats.records.variables import SUFFIXES, read_variables
 
 __all__ = [
     "SUFFIXES",

@@ -22,8 +22,8 @@ from typing import Any, get_args
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.records.arrays import Variables, is_named, real, sampling_rate, variable
 from modalbase.formats.records.blocks import ChannelQuantity, TimeBlock
-from modalbase.formats.records.variables import SAMPLE_RATE, Variables, is_named, variable
 from modalbase.formats.types import FloatArray
 
 Value = float | str
@@ -33,9 +33,6 @@ Values = Value | tuple[float, ...]
 
 FEWEST_SAMPLES = 64
 """Of a block."""
-_UNEVEN = 1e-3
-_OTHER_RATE = 0.01  # by which a stated rate may differ from the file's own
-_FASTEST_HZ = 1e9  # no analyser of vibrations samples faster
 MOST_POINT = 9_999_999_999  # label of a grid point, as in UFF
 LARGEST = 1e15  # N, m/s², m/s or m: whatever is larger is not a measurement
 
@@ -283,49 +280,9 @@ def _labels(channel: ChannelMapping, count: int) -> tuple[str, ...]:
     return labels
 
 
-def sampling_rate(variables: Variables, given: Value, samples: int) -> float:
-    """Samples a second: a number, or the name of the variable that holds it or the time axis of so many samples.
-
-    Raises:
-        FormatError: it is no rate, the axis is uneven or of another length, or the file says another.
-    """
-    if not isinstance(given, str):
-        rate = float(given)
-        own = variables.get(SAMPLE_RATE, np.array(rate))
-        if own.size == 1 and own.dtype.kind != "c" and abs(rate - float(own.item())) > _OTHER_RATE * abs(rate):
-            raise FormatError(
-                "mapping.sample_rate_hz",
-                f'is {rate:g}, and the file says {float(own.item()):g}; state {{"variable": "{SAMPLE_RATE}"}}',
-            )
-    else:
-        values = _real(np.ravel(variable(variables, given)), given)
-        if values.size == 1:
-            rate = float(values[0])
-        elif values.size == samples:
-            steps = np.diff(values)
-            step = float(values[-1] - values[0]) / (samples - 1)
-            uneven = float(np.abs(steps - step).max())
-            if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
-                raise FormatError(given, "is not an evenly rising time axis")
-            rate = 1 / step
-        else:
-            raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")
-    if not 0 < rate <= _FASTEST_HZ:
-        expected = f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}"
-        raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, {expected}")
-    return float(f"{rate:.12g}")
-
-
-def _real(values: np.ndarray[Any, Any], name: str) -> FloatArray:
-    if values.dtype.kind == "c":
-        raise FormatError(name, "holds complex numbers")
-    real: FloatArray = values.astype(float)
-    return real
-
-
 def _integers(variables: Variables, given: Values, count: int, name: str, least: int) -> list[int]:
     place = given if isinstance(given, str) else f"mapping.{name}"
-    values = _real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.ravel(given)
+    values = real(np.ravel(variable(variables, given)), place) if isinstance(given, str) else np.ravel(given)
     if values.size == 1:
         values = np.repeat(values, count)
     if values.size != count:

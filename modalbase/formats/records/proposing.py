@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from modalbase.formats.records.arrays import Variables
 from modalbase.formats.records.blocks import ChannelQuantity
 from modalbase.formats.records.mapping import FEWEST_SAMPLES
-from modalbase.formats.records.variables import Variables
 
 _RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {

@@ -1,4 +1,4 @@
-"""A recording of many hits, chunk by chunk: a wav of any length, arrays of a file; and what a mapping says of its hits.
+"""A recording of many hits whose channels are arrays, chunk by chunk; and what a mapping says of the hits of any.
 
     {"recording": {"order": [{"point": 4, "hits": 3}, {"point": 5, "direction": -3, "hits": 3}]}, "channels": [...]}
 
@@ -10,77 +10,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
-from typing import Any, Literal
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Any
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.mapping import MOST_POINT, sampling_rate
-from modalbase.formats.records.variables import SAMPLE_RATE, UNKNOWN_LENGTH, Variables, are_chunks, described
+from modalbase.formats.records.arrays import Variables, described, sampling_rate
+from modalbase.formats.records.mapping import MOST_POINT
+from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
 
-_FRAMES = 1 << 17
-_PCM, _FLOAT, _EXTENSIBLE = 1, 3, 0xFFFE
 _POINT = re.compile(r"(?:point|pt|p)[ _-]?(\d+)(?!\d)", re.IGNORECASE)
 _MOST_HITS = 100_000
 _RECORDING = "mapping.recording"
-
-
-@dataclass(frozen=True)
-class Wav:
-    """The head of a wav.
-
-    Attributes:
-        path: of the file.
-        channels: in each frame.
-        sample_rate_hz: frames a second.
-        kind: `u1`, `i2`, `i3`, `i4`, `f4` or `f8`, with its byte order before it.
-        begin: byte where the frames begin.
-        frames: how many there are.
-        declared: whether the file says so itself.
-    """
-
-    path: Path
-    channels: int
-    sample_rate_hz: float
-    kind: str
-    begin: int
-    frames: int
-    declared: bool = True
-
-    @property
-    def full_scale(self) -> float | None:
-        """Largest sample that integers have; floating point has none."""
-        return None if self.kind[1] == "f" else 1 - 2.0 ** (1 - 8 * int(self.kind[2]))
-
-    @property
-    def names(self) -> list[str]:
-        """Of the channels."""
-        return [f"channel_{row + 1}" for row in range(self.channels)]
-
-    def shapes(self) -> dict[str, str]:
-        """Type and shape of each channel."""
-        return dict.fromkeys(self.names, f"float32 [{self.frames}]")
-
-    def rate_of(self, _: Sequence[str], stated: float | str) -> float:
-        """Rate of all channels.
-
-        Raises:
-            FormatError: another is stated.
-        """
-        return sampling_rate({SAMPLE_RATE: np.array(self.sample_rate_hz)}, stated, self.frames)
-
-    def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
-        """(channels, n) float32 parts of these channels in order, from -1 to 1 where the samples are integers."""
-        rows = [self.names.index(name) for name in names]
-        size = int(self.kind[2]) * self.channels
-        with self.path.open("rb") as file:
-            file.seek(self.begin)
-            for first in range(0, self.frames, _FRAMES):
-                raw = file.read(min(_FRAMES, self.frames - first) * size)
-                yield np.ascontiguousarray(_decoded(raw, self.kind).reshape(-1, self.channels).T[rows])
 
 
 @dataclass(frozen=True)
@@ -121,74 +65,8 @@ class Arrays:
         """(channels, n) parts of these channels in order, in the unit of the file."""
         rows = [np.ravel(self.variables[name]) for name in names]
         kind = np.result_type(np.float32, *rows)
-        for first in range(0, rows[0].size, _FRAMES):
-            yield np.array([row[first : first + _FRAMES] for row in rows], dtype=kind)
-
-
-def _decoded(raw: bytes, kind: str) -> FloatArray:
-    if kind[1:] == "i3":
-        order = slice(None) if kind[0] == "<" else slice(None, None, -1)
-        whole = np.zeros((len(raw) // 3, 4), dtype=np.uint8)
-        whole[:, 1:] = np.frombuffer(raw, np.uint8).reshape(-1, 3)[:, order]
-        return _decoded(whole.tobytes(), "<i4")
-    values = np.frombuffer(raw, kind).astype(np.float32)
-    if kind[1] != "f":
-        half = np.float32(2.0 ** (8 * int(kind[2]) - 1))
-        values = (values - half if kind[1] == "u" else values) / half
-    return values
-
-
-def read_wav_head(path: Path) -> Wav:
-    """What a wav says of itself. One without a declared length goes to the file's end.
-
-    Raises:
-        FormatError: it is no wav, of another kind of samples, or cut off.
-    """
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        mark = file.read(12)
-        order: Literal["little", "big"] = "big" if mark[:4] == b"RIFX" else "little"
-        form, long = b"", 0
-        while len(head := file.read(8)) == 8:
-            declared, begin = int.from_bytes(head[4:], order), file.tell()
-            if head[:4] == b"ds64":  # the lengths of an RF64
-                long = int.from_bytes(file.read(16)[8:], order)
-            elif head[:4] == b"fmt ":
-                form = file.read(min(declared, 40))
-            elif head[:4] == b"data" and len(form) >= 16:
-                left = size - begin
-                if declared == UNKNOWN_LENGTH and long:
-                    declared = long
-                open_ended = declared == UNKNOWN_LENGTH or (declared == 0 and not are_chunks(file, left, order))
-                declared = left if open_ended else declared
-                if declared > left:
-                    why = f"is cut off: it declares {declared} bytes of samples and has {left}; copy it again"
-                    raise FormatError("", why)
-                return replace(_head(path, form, order, begin, declared), declared=not open_ended)
-            file.seek(begin + declared + declared % 2)
-    raise FormatError("", "cannot be read as .wav: it has no format or no samples")
-
-
-def _head(path: Path, form: bytes, order: Literal["little", "big"], begin: int, length: int) -> Wav:
-    tag, channels, rate, bits = (int.from_bytes(form[a:b], order) for a, b in ((0, 2), (2, 4), (4, 8), (14, 16)))
-    if tag == _EXTENSIBLE:
-        tag = int.from_bytes(form[24:26], order)
-    kinds = {
-        (_PCM, 8): "u1",
-        (_PCM, 16): "i2",
-        (_PCM, 24): "i3",
-        (_PCM, 32): "i4",
-        (_FLOAT, 32): "f4",
-        (_FLOAT, 64): "f8",
-    }
-    kind = kinds.get((tag, bits))
-    if kind is None:
-        raise FormatError("", f"has samples of {bits} bits in format {tag}, expected PCM or floating point")
-    if not channels or not rate:
-        raise FormatError("", f"has {channels} channels at {rate} Hz")
-    return Wav(
-        path, channels, float(rate), ("<" if order == "little" else ">") + kind, begin, length // (bits // 8 * channels)
-    )
+        for first in range(0, rows[0].size, FRAMES):
+            yield np.array([row[first : first + FRAMES] for row in rows], dtype=kind)
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,10 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.mapping import sampling_rate
-from modalbase.formats.records.variables import SAMPLE_RATE
+from modalbase.formats.records.arrays import SAMPLE_RATE, sampling_rate
+from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
 
-_FRAMES = 1 << 17
 _MOST_AT_A_STROKE = 1 << 26  # bytes of DAQmx's own layout, which npTDMS has to read at once
 
 
@@ -137,9 +136,9 @@ def _even(parts: Iterator[FloatArray]) -> Iterator[FloatArray]:
     held = np.empty(0, dtype=np.float32)
     for part in parts:
         held = np.concatenate((held, part))
-        while held.size >= _FRAMES:
-            yield held[:_FRAMES]
-            held = held[_FRAMES:]
+        while held.size >= FRAMES:
+            yield held[:FRAMES]
+            held = held[FRAMES:]
     if held.size:
         yield held
 
@@ -172,9 +171,9 @@ def _of_segment(segment: Any, own: Any, raw: BinaryIO) -> Iterator[Any]:
 
     kind = own.data_type.nptype.newbyteorder(segment._get_data_reader().endianness)
     for begin, count, width, column in _stretches(segment, own):
-        for first in range(0, count, _FRAMES):
+        for first in range(0, count, FRAMES):
             raw.seek(begin + first * width)
-            read = np.frombuffer(raw.read(min(_FRAMES, count - first) * width), np.uint8)
+            read = np.frombuffer(raw.read(min(FRAMES, count - first) * width), np.uint8)
             rows = read[: read.size // width * width].reshape(-1, width)[:, column : column + kind.itemsize]
             yield RawChannelDataChunk.channel_data(np.ascontiguousarray(rows).view(kind)[:, 0])
 

@@ -13,21 +13,19 @@ import zlib
 from array import array
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from modalbase.formats.columns import read_columns
 from modalbase.formats.errors import FormatError
 from modalbase.formats.npy import members_of, read_array
+from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
+from modalbase.formats.records.wav import read_wav_head
 
 _DEEPEST = 8
 _COMPRESSED = 15  # type of a compressed element of a .mat of version 7
 _BLOCK_BYTES = 1 << 20
-Variables = dict[str, np.ndarray[Any, Any]]
-
-SAMPLE_RATE = "sample_rate_hz"
-"""Name of the variable that a wav file's own sampling rate becomes."""
 
 
 def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | None = None) -> Variables:
@@ -62,28 +60,6 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     return numbers
 
 
-def variable(variables: Variables, name: str) -> np.ndarray[Any, Any]:
-    """The array of a name.
-
-    Raises:
-        FormatError: the file has none; lists those that it has.
-    """
-    if name not in variables:
-        raise FormatError(name, f"is not in the file; it has {', '.join(sorted(variables))}")
-    return variables[name]
-
-
-def described(array: np.ndarray[Any, Any]) -> str:
-    """Type and shape of an array, and its least and greatest value where it has such."""
-    extent = "" if array.dtype.kind == "c" or not array.size else f", {array.min():.3g} to {array.max():.3g}"
-    return f"{array.dtype} {list(array.shape)}{extent}"
-
-
-def is_named(given: Any) -> bool:
-    """Whether a mapping's value is `{"variable": name}`."""
-    return isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)
-
-
 def _within(declared: int, limit_bytes: int | None, name: str) -> None:
     if limit_bytes is not None and declared > limit_bytes:
         raise FormatError(name, f"declares {declared} bytes, more than the {limit_bytes} that are allowed")
@@ -97,22 +73,16 @@ def _npz(path: Path, limit_bytes: int | None) -> Variables:
         return {member.filename.removesuffix(".npy"): read_array(archive, member) for member in found}
 
 
-def _scipy_io(kind: str) -> Any:
-    """Scipy's readers; a script that reads other files goes without scipy."""
-    try:
-        from scipy import io
-    except ImportError:
-        raise FormatError("", f"is a {kind} file; install scipy, which modalbase[server] brings") from None
-    return io
-
-
 def _mat(path: Path, limit_bytes: int | None) -> Variables:
     with path.open("rb") as file:
         newer = b"MATLAB 7.3" in file.read(128) or (file.seek(0) == 0 and file.read(8) == b"\x89HDF\r\n\x1a\n")
     if newer:
         return _mat73(path, limit_bytes)
     _require_inflated(path, limit_bytes)
-    reader = _scipy_io(".mat")
+    try:
+        from scipy import io as reader
+    except ImportError:  # a script that reads other files goes without it
+        raise FormatError("", "is a .mat file; install scipy, which modalbase[server] brings") from None
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # scipy warns of duplicate names and then loses one of them
         try:
@@ -206,79 +176,14 @@ def _csv(path: Path, limit_bytes: int | None) -> Variables:
 
 def _wav(path: Path, limit_bytes: int | None) -> Variables:
     _within(path.stat().st_size, limit_bytes, "")
-    source = _whole_wav(path)
-    wavfile = _scipy_io(".wav").wavfile
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks beside the samples
-        rate, samples = wavfile.read(source)
-    table = samples[:, np.newaxis] if samples.ndim == 1 else samples
-    scale, zero = _full_scale(table.dtype)
-    channels = {f"channel_{i + 1}": (table[:, i].astype(float) - zero) / scale for i in range(table.shape[1])}
-    return {SAMPLE_RATE: np.array(float(rate)), **channels}
-
-
-def _full_scale(kind: np.dtype[Any]) -> tuple[float, float]:
-    """Counts of full scale and of zero, by which all kinds of samples go from -1 to 1, as those of floating point do; scipy
-    puts 24 bits into the upper ones of 32.
-    """
-    if kind.kind == "f":
-        return 1.0, 0.0
-    half = 2.0 ** (8 * kind.itemsize - 1)
-    return half, half if kind.kind == "u" else 0.0
-
-
-UNKNOWN_LENGTH = 0xFFFF_FFFF
-"""Size that a recorder declares, or 0, which writes its file as it measures and never comes back to the head."""
-
-
-def _whole_wav(path: Path) -> Path | io.BytesIO:
-    """What scipy is to read: the file, or its bytes with a length where it declares none.
-
-    Raises:
-        FormatError: it ends before its samples do, of which scipy would read what is there.
-    """
-    with path.open("rb") as file:
-        if (kind := file.read(12)[:4]) not in (b"RIFF", b"RIFX"):  # others state their sizes elsewhere
-            return path
-        order: Literal["little", "big"] = "little" if kind == b"RIFF" else "big"
-        size, frame = path.stat().st_size, 1
-        while len(head := file.read(8)) == 8:
-            declared, begin = int.from_bytes(head[4:], order), file.tell()
-            left = size - begin
-            if head[:4] == b"fmt ":
-                frame = max(int.from_bytes(file.read(14)[12:], order), 1)
-            if head[:4] == b"data" and (
-                declared == UNKNOWN_LENGTH or (declared == 0 and not are_chunks(file, left, order))
-            ):
-                return _with_length(path, begin, left // frame * frame, order)
-            if head[:4] == b"data" and declared > left:
-                raise FormatError(
-                    "", f"is cut off: it declares {declared} bytes of samples and has {left}; copy it again"
-                )
-            file.seek(begin + declared + declared % 2)
-    return path
-
-
-def are_chunks(file: BinaryIO, left: int, order: Literal["little", "big"]) -> bool:
-    """Whether the rest of a file is chunks to its very end, so that those before them are as long as they declare."""
-    while left >= 8:
-        length = int.from_bytes(file.read(8)[4:], order)
-        length += length % 2
-        file.seek(length, 1)
-        left -= 8 + length
-    return left == 0
-
-
-def _with_length(path: Path, begin: int, length: int, order: Literal["little", "big"]) -> io.BytesIO:
-    """The bytes of a wav whose samples begin there and go to its end, with that for its length."""
-    warnings.warn(
-        f"{path.name} declares no length: it is read to its end, and nobody knows whether it was cut off",
-        stacklevel=4,
-    )
-    whole = bytearray(path.read_bytes()[: begin + length])
-    whole[begin - 4 : begin] = length.to_bytes(4, order)
-    whole[4:8] = (len(whole) - 8).to_bytes(4, order)
-    return io.BytesIO(whole)
+    wav = read_wav_head(path)
+    if not wav.declared:
+        warnings.warn(
+            f"{path.name} declares no length: it is read to its end, and nobody knows whether it was cut off",
+            stacklevel=3,
+        )
+    parts = [np.empty((wav.channels, 0)), *wav.chunks(wav.names, np.float64)]
+    return {SAMPLE_RATE: np.array(wav.sample_rate_hz), **dict(zip(wav.names, np.hstack(parts), strict=True))}
 
 
 SUFFIXES: dict[str, Callable[[Path, int | None], Variables]] = {".npz": _npz, ".mat": _mat, ".csv": _csv, ".wav": _wav}

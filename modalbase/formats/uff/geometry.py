@@ -1,9 +1,10 @@
-"""Sets 15 and 2411 (grid points), 18 and 2420 (coordinate systems): everything ends in the file's global system.
+"""Sets of points, coordinate systems and lines: 15 and 2411, 18 and 2420, 82 and 2412; and the header, 151.
 
-A grid point names two systems. The first is the one that its coordinates are given in (set 15), or were displayed in when
-the file was written (set 2411, whose coordinates are always in the part's global system). The second is the one that its
-directions are measured along. System 0 is global. Where a system is not defined in the file nothing is guessed, except
-that label 1 stands for the global system in files that define none, as the programs that write it mean it.
+Everything ends in the file's global system. A grid point names two systems. The first is the one that its coordinates are
+given in (set 15), or were displayed in when the file was written (set 2411, whose coordinates are always in the part's global
+system). The second is the one that its directions are measured along. System 0 is global. Where a system is not defined in
+the file nothing is guessed, except that label 1 stands for the global system in files that define none, as the programs that
+write it mean it.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import numpy as np
 
 from modalbase.formats.coordinates import Kind, cartesian
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import Content, CoordinateSystem, GridPoint, Units
-from modalbase.formats.uff.text import Cursor, Refusal, decoded, real
+from modalbase.formats.uff.content import Content, CoordinateSystem, Element, FileHeader, GridPoint, TraceLine, Units
+from modalbase.formats.uff.text import Cursor, Refusal, decoded, real, shown
 
 _KINDS: dict[int, Kind] = {0: "cartesian", 1: "cylindrical", 2: "spherical"}
 _SKEW_DEG = 0.5
@@ -273,3 +274,68 @@ def _systems(found: list[CoordinateSystem], claims: dict[str, object]) -> Parsed
     if not found or len(set(labels)) < len(labels):
         raise Refusal("holds no coordinate system" if not found else "defines a coordinate system twice")
     return Parsed(found, [], claims)
+
+
+BEAMS = (11, 21, 22, 23, 24)
+_PER_ROW = 8
+
+
+def read_82(body: bytes, dataset: int) -> Parsed:
+    """Set 82: `count` grid points; rows may be filled up with zeros.
+
+    Some programs count the strokes or leave the pen's lifts out of the count: then the set holds more entries than it declares,
+    each of them a label or 0. All are kept, for they are the whole line.
+    """
+    cursor = Cursor(body)
+    number, count, _ = cursor.integers(cursor.next("the trace line"), ["trace line", "number of points", ""])
+    label = decoded(cursor.next("the ID line"))
+    points: list[int] = []
+    while cursor:
+        for token in cursor.next("the points").split():
+            if not token.isdigit():
+                raise cursor.refuse(f"a point is {shown(token)}, expected a label or 0")
+            points.append(int(token))
+    held = len(points) - next((i for i, point in enumerate(reversed(points)) if point), len(points))
+    if count < 1 or len(points) < count:
+        raise Refusal(f"declares {count} points and holds {len(points)}", 0)
+    if held > count:
+        note = f"declares {count} points and holds {held}; all {held} were kept"
+        return Parsed([TraceLine(dataset, number, label, tuple(points[:held]))], [note])
+    claims: dict[str, object] = {"trace_num": number, "n_nodes": count, "nodes": points}
+    return Parsed([TraceLine(dataset, number, label, tuple(points[:count]))], [], claims)
+
+
+def read_2412(body: bytes) -> Parsed:
+    """Set 2412: each element with the points it joins; beams have one line more."""
+    cursor = Cursor(body)
+    elements: list[Element] = []
+    while cursor:
+        row = cursor.next("an element")
+        names = ["element", "descriptor", "", "", "", "number of points"]
+        number, descriptor, properties, _, _, count = cursor.integers(row, names)
+        line = cursor.line
+        if not 1 <= count <= 1000:
+            raise cursor.refuse(f"element {number} declares {count} points")
+        if descriptor in BEAMS:
+            cursor.integers(cursor.next("the beam's orientation"), ["", "", ""])
+        points: list[int] = []
+        while len(points) < count:
+            row = cursor.next(f"points of element {number}")
+            take = min(_PER_ROW, count - len(points))
+            points += cursor.integers(row, ["point"] * take)
+            if row[take * 10 :].strip():
+                raise cursor.refuse(f"element {number} holds more than the {count} points it declares")
+        elements.append(Element(number, descriptor, tuple(points), properties, line))
+    if not elements:
+        raise Refusal("holds no element")
+    return Parsed(elements)
+
+
+def read_151(body: bytes, dataset: int) -> Parsed:
+    """Set 151: seven lines of names and dates."""
+    cursor = Cursor(body + b"-")  # a last character keeps header lines that are blank
+    lines = [decoded(cursor.next("the header lines")) for _ in range(7)]
+    if len(cursor.rows) > 8:
+        raise Refusal(f"holds {len(cursor.rows) - 1} lines, expected 7", 7)
+    claims: dict[str, object] = {"model_name": lines[0], "description": lines[1]}
+    return Parsed([FileHeader(dataset, lines[0], lines[1], lines[5], lines[6])], [], claims)

@@ -14,7 +14,6 @@ from tempfile import TemporaryDirectory
 
 from modalbase.formats.uff.channels import AUTO_SPECTRUM, CROSS_SPECTRUM, TIME_RESPONSE, spectrum_of, time_of
 from modalbase.formats.uff.content import Content, CoordinateSystem, DatasetReport, GridPoint, Limits, UffError, Units
-from modalbase.formats.uff.drawing import read_82, read_151, read_2412
 from modalbase.formats.uff.frf import FRF_TYPE, frf_of, function_of
 from modalbase.formats.uff.function import RawFunction, read_58
 from modalbase.formats.uff.geometry import (
@@ -23,6 +22,9 @@ from modalbase.formats.uff.geometry import (
     PointRow,
     grid_points,
     read_18,
+    read_82,
+    read_151,
+    read_2412,
     read_2420,
     rows_15,
     rows_2411,

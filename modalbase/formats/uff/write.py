@@ -31,7 +31,7 @@ from modalbase.formats.uff.content import (
     ModeShape,
     Units,
 )
-from modalbase.formats.uff.drawing import BEAMS
+from modalbase.formats.uff.geometry import BEAMS
 
 _TAG = b"    -1\n"
 _ORDINATE_TYPES = {("f", False): 2, ("f", True): 4, ("c", False): 5, ("c", True): 6}

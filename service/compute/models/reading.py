@@ -17,8 +17,8 @@ from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import read_bdf
+from modalbase.formats.models.check import sizes
 from modalbase.formats.models.inp import read_inp
-from modalbase.formats.models.measures import sizes
 from modalbase.formats.models.model import BeamSection, FiniteElementModel, Ignored, ShellSection
 from modalbase.formats.models.units import check, guess, in_si
 from modalbase.formats.npy import members_of

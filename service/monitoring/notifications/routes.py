@@ -9,7 +9,6 @@ from uuid import UUID
 
 from fastapi import Query, Response
 from pydantic import ConfigDict, Field, field_validator
-from pydantic_core import PydanticCustomError
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
@@ -19,7 +18,7 @@ from service.monitoring.notifications.addresses import AddressError, parse_url, 
 from service.monitoring.notifications.messages import EVENTS, Event, trial_message
 from service.monitoring.notifications.sender import new_secret
 from service.monitoring.notifications.tables import Delivery, Webhook
-from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, paged
+from service.web import Cursor, Limit, Page, StrictModel, Text, api_router, paged, wrong
 
 router = api_router(tags=["webhooks"])
 
@@ -37,7 +36,7 @@ class WebhookIn(StrictModel):
         try:
             parse_url(url)
         except AddressError as error:
-            raise PydanticCustomError("url", "{why}", {"why": str(error)}) from None
+            raise wrong(str(error)) from None
         return url
 
 

@@ -20,19 +20,18 @@ from service.show.archives.writing import Archive
 from service.store.campaigns.operations import campaigns_of, list_points, to_csv
 from service.store.campaigns.operations import describe as described_campaign
 from service.store.coupons import curves
-from service.store.coupons.operations import batches_of, coupons_of, describe_coupon
+from service.store.coupons.operations import batch_for, coupon_for, describe_coupon
 from service.store.coupons.operations import describe_all as described_batches
 from service.store.frfs.data import Cut, make_tables
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.operations import frf_for
 from service.store.frfs.routes import write_uff
-from service.store.instruments.routes import InstrumentOut, instruments_of
+from service.store.instruments.routes import InstrumentOut, instrument_for
 from service.store.modes.operations import describe_all as described_modes
-from service.store.modes.operations import mode_sets_of
-from service.store.records.decisions import decisions_of
+from service.store.modes.operations import mode_set_for
 from service.store.records.operations import query_of, sample_bytes
-from service.store.records.processings import documents_of
+from service.store.records.processings import decisions_of, documents_of
 from service.store.records.schemas import HitDecisionOut
-from service.store.structures.models import deck_of, said_of_deck
+from service.store.structures.models import deck_of, model_for
 from service.store.structures.operations import describe as described_structure
 from service.store.structures.operations import structures_of
 from service.store.updating.operations import labelled_results
@@ -73,11 +72,11 @@ def write_archive(
     """
     archive, campaigns = (
         Archive(file, datetime.now(UTC)),
-        sorted(campaigns_of(session, campaign_ids), key=lambda row: row.id),
+        sorted(campaigns_of(session, campaign_ids).values(), key=lambda row: row.id),
     )
     structures = structures_of(session, {*structure_ids, *(row.structure_id for row in campaigns)})
     named = None if structure_ids else {pair for row in campaigns for pair in _instruments(row)}
-    instruments = instruments_of(session, {row.project_id for row in structures.values()})
+    instruments = instrument_for.all(session, project_id={row.project_id for row in structures.values()})
     shown = [row for row in instruments if named is None or (row.kind, row.serial) in named]
     archive.json("instruments.json", [shown_as(InstrumentOut, row) for row in shown])
     for _, structure in sorted(structures.items()):
@@ -104,11 +103,11 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
     folder, shown = f"structures/{structure.id}", described_structure(session, structure)
     archive.json(f"{folder}/structure.json", shown)
     if shown.model is not None:
-        name, units, deck = deck_of(session, shown.model)
-        read = {"filename": name, "units": units, **said_of_deck(session, shown.model)}
-        archive.json(f"{folder}/model.json", read)
+        row = model_for.row(session, shown.model)
+        sent = {name: getattr(row, name) for name in ("filename", "units", "accepted", "sections")}
+        archive.json(f"{folder}/model.json", sent)
         with archive.member(f"{folder}/deck") as target:
-            target.write(deck)
+            target.write(deck_of(session, row))
     _write_coupons(session, archive, structure.id, folder)
     monitors = monitors_of(session, structure.id)
     for monitor, said in zip(monitors, described_monitors(session, monitors), strict=True):
@@ -118,9 +117,9 @@ def _write_structure(session: Session, archive: Archive, structure: Structure) -
 
 def _write_coupons(session: Session, archive: Archive, structure_id: UUID, folder: str) -> None:
     batches, rows = [], []
-    for batch in described_batches(session, batches_of(session, structure_id)):
+    for batch in described_batches(session, batch_for.all(session, structure_id=[structure_id])):
         items = []
-        for coupon in coupons_of(session, batch.id):
+        for coupon in coupon_for.all(session, batch_id=[batch.id]):
             said = describe_coupon(coupon).model_dump()
             rows.append({**said, "batch": batch.name})
             if curve := coupon.curve:
@@ -148,8 +147,7 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
     archive.json(
         f"{folder}/processings.json", [{"id": p.id, "options": p.options, "result": p.document} for p in processed]
     )
-    rows = session.scalars(FrfFilter().query(campaign.id).order_by("id")).all()
-    tables = make_tables(session, rows, Cut())
+    tables = make_tables(session, frf_for.all(session, campaign_id=[campaign.id]), Cut())
     if tables:
         with archive.member(f"{folder}/frfs.uff") as file:
             write_uff(tables, file, binary=True)
@@ -157,7 +155,7 @@ def _write_campaign(session: Session, archive: Archive, campaign: Campaign) -> N
         {name: getattr(frf, name) for name in FRF_COLUMNS} for table in tables for frf in table.frfs
     ]  # in the order of the file
     archive.table(f"{folder}/frfs.csv", FRF_COLUMNS, shown)
-    sets = described_modes(session, mode_sets_of(session, campaign.id))
+    sets = described_modes(session, mode_set_for.all(session, campaign_id=[campaign.id]))
     archive.json(f"{folder}/mode-sets.json", sets)
     modes = [{"mode_set": str(one.id), "name": one.name, **mode.model_dump()} for one in sets for mode in one.modes]
     archive.table(f"{folder}/modes.csv", ("mode_set", "name", *MODE_COLUMNS), modes)

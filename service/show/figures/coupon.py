@@ -11,7 +11,7 @@ import numpy as np
 from fecore.arrays import FloatArray
 from fecore.coupons.d3518 import OFFSET
 from service.show.figures.colors import BAND, INITIAL, QUIET, UPDATED
-from service.show.figures.frf import thinned
+from service.show.figures.frfs import thinned
 from service.show.figures.marks import Axis, Curve, Figure, Mark, Panel, Points, Region, shortened
 
 _HOVER = "%{x:.4g} %: %{y:.4g} MPa"

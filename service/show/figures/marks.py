@@ -202,6 +202,16 @@ class Figure:
     meta: Mapping[str, Any] | None = None  # what a page needs to know of it, as JSON
 
 
+SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–")}
+"""Factor and unit in which values of an SI unit are drawn; others as they are."""
+
+
+def shown_value(value: float, unit: str) -> str:
+    """A value in the unit in which it is drawn, to three digits."""
+    factor, name = SHOWN.get(unit, (1.0, unit))
+    return f"{value * factor:.3g} {name}".removesuffix(" –")
+
+
 def words(title: str, sentence: str) -> Figure:
     """A figure that has nothing to draw and says why."""
     return Figure(title, [], [Panel(Axis(hidden=True), Axis(hidden=True))], note=sentence)

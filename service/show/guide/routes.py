@@ -9,8 +9,7 @@ from fastapi.responses import RedirectResponse
 
 from service.errors import NotFound
 from service.show.guide.contents import INDEX, PICTURES, files, whole_page
-from service.show.pages.assets import address
-from service.show.pages.look import root_of
+from service.show.pages.look import address, root_of
 from service.web.parameters import not_modified
 from service.web.routing import page_router
 

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from fastapi import FastAPI
 
-from service.show.pages import comparing, correcting, finding, joint, measurements, start, updates
-from service.show.pages.errors import PageErrors
-from service.show.pages.look import PREFIX
+from service.show.pages import comparing, finding, measurements, start, updates
+from service.show.pages.look import PREFIX, PageErrors
 from service.web.routing import include
 
 __all__ = ["PREFIX", "PageErrors", "add_pages"]
@@ -19,5 +18,5 @@ __all__ = ["PREFIX", "PageErrors", "add_pages"]
 def add_pages(app: FastAPI) -> None:
     """All pages; `/` leads to the first of them."""
     include(app, start.open_router)
-    for module in (start, finding, measurements, updates, joint, correcting, comparing):
+    for module in (start, finding, measurements, updates, comparing):
         include(app, module.router, PREFIX)

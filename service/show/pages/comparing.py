@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 from uuid import UUID
 
 from fastapi import Query
@@ -15,15 +15,14 @@ from fastapi.responses import HTMLResponse
 from service.errors import Conflict, Invalid, NotFound
 from service.show.measured import Likeness, likeness
 from service.show.pages.look import Visit, VisitDep
-from service.show.pages.names import NamedJob, name_jobs, over_time
-from service.show.pages.numbers import in_unit, moment, unit_of, words
+from service.show.pages.numbers import leaves, moment
+from service.show.pages.updates import NamedJob, name_jobs, over_time
 from service.store.campaigns.operations import campaign_for, campaigns_of, describe
 from service.store.campaigns.schemas import CampaignOut
 from service.store.coupons import routes as coupons
-from service.store.modes.operations import mode_set_for, mode_sets_of
+from service.store.modes.operations import mode_set_for
 from service.store.structures.operations import describe_version, structures_of, version_of
 from service.store.updating import routes as updating
-from service.web.quantities import UNITS
 from service.web.routing import page_router
 
 if TYPE_CHECKING:
@@ -31,7 +30,6 @@ if TYPE_CHECKING:
 
 router = page_router()
 MOST = 50  # columns of a table that somebody may still read
-SHOWN_UNITS = {**UNITS, "_c": "°C", "_percent": "%"}
 MOST_BY_SHAPE = 6  # sides whose shapes are compared, which takes reading all of them
 PARTS = ("verdict", "parameters", "modes", "correlation", "provenance")
 Keys = Annotated[list[UUID] | None, Query()]
@@ -66,7 +64,7 @@ def get_comparison(
         campaign_for(visit.session, visit.user, key)
         found = updating.list_update_jobs(visit.session, visit.user, campaign=key, status=["succeeded"], limit=1).items
         jobs += found
-        sets += () if found else mode_sets_of(visit.session, key)[-1:]
+        sets += () if found else mode_set_for.all(visit.session, campaign_id=[key])[-1:]
     rows = [row for row in name_jobs(visit, jobs, PARTS) if row.result is not None]
     sides = _sides(visit, rows, sets)
     known = [row.result for row in rows if row.result is not None]
@@ -86,7 +84,7 @@ def get_comparison(
 
 def _sides(visit: Visit, rows: Sequence[NamedJob], sets: Sequence[ModeSet]) -> list[Side]:
     keys = [*(row.job.campaign_id for row in rows), *(each.campaign_id for each in sets)]
-    campaigns = {row.id: describe(row) for row in campaigns_of(visit.session, keys)}
+    campaigns = {key: describe(row) for key, row in campaigns_of(visit.session, keys).items()}
     structures = structures_of(visit.session, [each.structure_id for each in campaigns.values()])
     several = len(structures) > 1
     said = [(row.campaign, row.structure, moment(row.job.created_at)) for row in rows]
@@ -147,39 +145,6 @@ def _stated(visit: Visit, side: Side) -> Iterator[tuple[str, str]]:
         with suppress(NotFound):  # it is gone, and its key says that another one was meant
             recipe["prior_from_coupon_batch"] = coupons.batches.one(visit.session, visit.user, UUID(batch)).name
     yield from leaves({key: value for key, value in recipe.items() if key != "mode_set"}, "recipe")
-
-
-def leaves(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
-    """What a document states, a line each, in the units of a laboratory."""
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from leaves(inner, f"{name} {key}".strip())
-    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
-        for k, inner in enumerate(value, start=1):
-            yield from leaves(inner, f"{name} {k}")
-    else:
-        yield _in_words(name, value)
-
-
-def _in_words(name: str, value: Any) -> tuple[str, str]:
-    """A member and its value with the unit that its name ends in.
-
-    >>> _in_words("structure geometry length_m", 0.5), _in_words("recipe band_hz", [10.0, 900.0])
-    (('structure geometry length', '500.0 mm'), ('recipe band', '10, 900 Hz'))
-    """
-    ending, unit = next(((end, unit) for end, unit in SHOWN_UNITS.items() if name.endswith(end)), ("", ""))
-    parts = value if isinstance(value, list) else [value]
-    said = ", ".join(_said(each, unit) for each in parts)
-    counts = any(isinstance(each, int | float) and not isinstance(each, bool) for each in parts)
-    return words(name.removesuffix(ending) if counts else name), f"{said} {unit_of(unit)}".strip() if counts else said
-
-
-def _said(value: Any, unit: str) -> str:
-    if value is None:
-        return "–"
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return str(value)
-    return in_unit(value, unit) if unit in ("m", "Pa") else f"{value:.6g}"
 
 
 @dataclass(frozen=True)

@@ -1,33 +1,100 @@
-"""How every page is made: who looks, the templates, addresses, and the policy that keeps a browser on this host."""
+"""How every page is made: who looks, the templates, addresses, and the policy that keeps a browser on this host.
+
+Scripts and styles are served from memory, compressed once, and kept by browsers under their digest. A problem becomes a page
+for a browser that asked for something to look at; who has no session gets the sign-in.
+"""
 
 from __future__ import annotations
 
+import gzip
+import hashlib
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote
 from uuid import UUID
 
-from fastapi import Depends, Request
-from fastapi.responses import HTMLResponse
+from fastapi import Depends, Request, Response
+from fastapi.responses import HTMLResponse, RedirectResponse
 from sqlalchemy.orm import Session
-from starlette.responses import Response
+from starlette.datastructures import Headers
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from fecore import __version__
 from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
+from service.errors import NotAcceptable, NotFound
 from service.jobs.resource import ENDED
 from service.show.pages import numbers
-from service.show.pages.assets import address
 from service.show.pages.found import bar
 from service.store.campaigns.operations import campaign_for, describe
 from service.store.structures import routes as structures
+from service.web.negotiation import choose_format
+from service.web.parameters import not_modified
+from service.web.routing import page_router
 from service.web.templates import templates_in
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+FOLDER = Path(__file__).parent / "static"
+MEDIA_TYPES = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml", ".txt": "text/plain"}
+LARGE = 1000  # bytes from which compression is worth a browser's work
+
+files = page_router()
+
+
+@dataclass(frozen=True)
+class Asset:
+    """A file."""
+
+    content: bytes  # as it is
+    compressed: bytes | None  # by gzip; None where that is not worth it
+    digest: str  # the first 16 digits of its SHA-256
+    media_type: str  # with the character set
+
+
+@cache
+def assets() -> dict[str, Asset]:
+    """All files by their names below `static`."""
+    found = (file for file in sorted(FOLDER.rglob("*")) if file.suffix in MEDIA_TYPES)
+    return {file.relative_to(FOLDER).as_posix(): _read(file) for file in found}
+
+
+def _read(file: Path) -> Asset:
+    content = file.read_bytes()
+    compressed = gzip.compress(content, 9, mtime=0) if len(content) > LARGE else None
+    media_type = f"{MEDIA_TYPES[file.suffix]}; charset=utf-8"
+    return Asset(content, compressed, hashlib.sha256(content).hexdigest()[:16], media_type)
+
+
+def address(name: str) -> str:
+    """Where a page finds a file, relative to the service's root; another content has another address."""
+    return f"static/{assets()[name].digest}/{name}"
+
+
+@files.api_route("/static/{digest}/{name:path}", methods=["GET", "HEAD"])
+def get_asset(digest: str, name: str, request: Request) -> Response:
+    """A file of the pages; under the digest of its content it never changes."""
+    found = assets().get(name)
+    if found is None or found.digest != digest:
+        raise NotFound("file", name)
+    headers = {
+        "Cache-Control": "public, max-age=31536000, immutable",
+        "ETag": f'"{found.digest}"',
+        "Vary": "Accept-Encoding",
+    }
+    if (unchanged := not_modified(request, headers)) is not None:
+        return unchanged
+    if found.compressed is not None and "gzip" in request.headers.get("accept-encoding", ""):
+        headers["Content-Encoding"] = "gzip"
+        return Response(found.compressed, media_type=found.media_type, headers=headers)
+    return Response(found.content, media_type=found.media_type, headers=headers)
+
 
 PREFIX = "/ui"
 EMPTY_STYLE = "'sha256-47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU='"
@@ -125,3 +192,63 @@ def _visit(request: Request, session: SessionDep, user: CurrentUser) -> Iterator
 
 
 VisitDep = Annotated[Visit, Depends(_visit, scope="function")]
+
+
+PROBLEM = "application/problem+json"
+
+
+class PageErrors:
+    """ASGI layer around all others: a problem document becomes a page that says the same, at a page's address, and wherever
+    else the client prefers HTML, as a browser does that opens a report or a figure in a new tab.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """ASGI entry."""
+        if scope["type"] != "http" or not (scope["path"].startswith(f"{PREFIX}/") or _is_navigation(scope)):
+            await self.app(scope, receive, send)
+            return
+        start: Message | None = None
+        body = b""
+
+        async def held(message: Message) -> None:
+            nonlocal start, body
+            if message["type"] == "http.response.start" and _is_problem(message):
+                start = message
+            elif start is None:
+                await send(message)
+            else:
+                body += message.get("body", b"")
+
+        await self.app(scope, receive, held)
+        if start is not None:
+            answer = _answer(scope, json.loads(body))
+            for name, value in Headers(raw=start["headers"]).items():
+                if name not in ("content-length", "content-type"):
+                    answer.headers.setdefault(name, value)
+            await answer(scope, receive, send)
+
+
+def _is_navigation(scope: Scope) -> bool:
+    try:
+        accept = Headers(scope=scope).get("accept")
+        return scope["method"] == "GET" and choose_format(None, accept, {"": PROBLEM, "page": "text/html"}) == "page"
+    except NotAcceptable:
+        return False
+
+
+def _is_problem(message: Message) -> bool:
+    return Headers(raw=message["headers"]).get("content-type", "").startswith(PROBLEM)
+
+
+def _answer(scope: Scope, problem: dict[str, Any]) -> Response:
+    request = Request(scope)
+    if problem["status"] == 401 and "authorization" not in request.headers:
+        asked = scope["path"].lstrip("/") + (f"?{request.url.query}" if request.url.query else "")
+        to = f"{root_of(scope['path'])}sign-in?next={quote(asked, safe='')}"
+        if "hx-request" in request.headers:  # a piece of a page: the page itself must go
+            return Response(status_code=204, headers={"HX-Redirect": to})
+        return RedirectResponse(to, status_code=303)
+    return page(request, "error.html", status_code=problem["status"], problem=problem)

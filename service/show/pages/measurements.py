@@ -11,12 +11,10 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.monitoring import routes as monitoring
-from service.show.hits import AXES
-from service.show.pages.grid import draw_grid, has_mesh, points_in_space
-from service.show.pages.joint import joint_updates_of
+from service.show.measured import AXES
 from service.show.pages.look import Visit, VisitDep
-from service.show.pages.names import NamedJob, name_jobs, over_time
-from service.show.pages.viewer import marked, viewer_of
+from service.show.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
+from service.show.pages.viewer import draw_grid, has_mesh, marked, points_in_space, viewer_of
 from service.store.campaigns import routes as campaigns
 from service.store.campaigns.operations import campaign_for, frame_of, stored_points
 from service.store.campaigns.schemas import Boundary, CampaignOut
@@ -24,13 +22,13 @@ from service.store.coupons import routes as coupons
 from service.store.forecasts import routes as forecasts
 from service.store.frfs import routes as frfs
 from service.store.frfs.data import specimen_points
-from service.store.frfs.operations import FrfFilter
+from service.store.frfs.routes import FrfFilter
 from service.store.frfs.schemas import FrfOut
 from service.store.imports import routes as imports
 from service.store.imports.operations import trace_lines_of
 from service.store.imports.routes import ImportOut
 from service.store.modes import routes as modes
-from service.store.modes.operations import mode_sets_of
+from service.store.modes.operations import mode_set_for
 from service.store.records import routes as records
 from service.store.records.schemas import HitDecisionOut, RecordOut
 from service.store.structures import model_routes as models
@@ -192,7 +190,8 @@ def _sets_to_compare(visit: Visit, campaign: CampaignOut) -> list[tuple[UUID, st
     others = campaigns.nouns.page(visit.session, visit.user, campaign.structure_id, limit=MOST, deleted=False).items
     names = {each.id: "" if each.id == campaign.id else f", {each.name}" for each in (campaign, *others)}
     found = [
-        (row.id, row.name + names[row.campaign_id], row.campaign_id) for row in mode_sets_of(visit.session, *names)
+        (row.id, row.name + names[row.campaign_id], row.campaign_id)
+        for row in mode_set_for.all(visit.session, campaign_id=names)
     ]
     return [(key, name) for key, name, _ in sorted(found, key=lambda each: each[2] != campaign.id)]
 

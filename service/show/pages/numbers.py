@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
 from modalbase.client.results import motion_words
-from service.show.figures.marks import counted
-from service.show.figures.parameters import SHOWN
+from service.show.figures.marks import SHOWN, counted
+from service.web.quantities import UNITS
 
 NOTHING = "–"
+_UNITS = {**UNITS, "_c": "°C", "_percent": "%"}
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -105,6 +106,39 @@ def size(value: int) -> str:
 def words(name: str) -> str:
     """A name of the contract as words: `with_care` is "with care"."""
     return name.replace("_", " ")
+
+
+def leaves(value: Any, name: str = "") -> Iterator[tuple[str, str]]:
+    """What a document states, a line each, in the units of a laboratory."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from leaves(inner, f"{name} {key}".strip())
+    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
+        for k, inner in enumerate(value, start=1):
+            yield from leaves(inner, f"{name} {k}")
+    else:
+        yield _in_words(name, value)
+
+
+def _in_words(name: str, value: Any) -> tuple[str, str]:
+    """A member and its value with the unit that its name ends in.
+
+    >>> _in_words("structure geometry length_m", 0.5), _in_words("recipe band_hz", [10.0, 900.0])
+    (('structure geometry length', '500.0 mm'), ('recipe band', '10, 900 Hz'))
+    """
+    ending, unit = next(((end, unit) for end, unit in _UNITS.items() if name.endswith(end)), ("", ""))
+    parts = value if isinstance(value, list) else [value]
+    said = ", ".join(_said(each, unit) for each in parts)
+    counts = any(isinstance(each, int | float) and not isinstance(each, bool) for each in parts)
+    return words(name.removesuffix(ending) if counts else name), f"{said} {unit_of(unit)}".strip() if counts else said
+
+
+def _said(value: Any, unit: str) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    return in_unit(value, unit) if unit in ("m", "Pa") else f"{value:.6g}"
 
 
 def mean(values: Sequence[float | None]) -> float | None:

@@ -23,7 +23,7 @@ from service.store.campaigns.operations import campaign_of
 from service.store.campaigns.schemas import Instruments
 from service.store.frfs.data import specimen_points
 from service.store.frfs.operations import frfs_of
-from service.store.structures.models import deck_of, load_model
+from service.store.structures.models import deck_of, load_model, model_for
 from service.store.structures.operations import describe_version, version_of
 from service.store.updating.bodies import body_of
 from service.store.updating.loading import recipe_parameters
@@ -187,20 +187,22 @@ def deck_order(session: Session, job: UpdateJob) -> DeckOrder:
     constants = _constants(document)
     if not constants:
         raise Conflict("the result has no elastic constants, so the deck stays as it is")
-    model, (filename, units, content) = load_model(session, key), deck_of(session, key)
+    model, row = load_model(session, key), model_for.row(session, key)
     if isinstance(model, MatrixModel):
         raise Conflict("the structure is matrices, which stay as they are: multiply each by its factor of the result")
-    if model.format not in WRITTEN or units is None:
-        raise Conflict(f"{filename} is a mesh without properties, which has no numbers to update: the result has them")
+    if model.format not in WRITTEN or row.units is None:
+        raise Conflict(
+            f"{row.filename} is a mesh without properties, which has no numbers to update: the result has them"
+        )
     return DeckOrder(
-        content=content,
-        filename=filename,
-        units=units,
+        content=deck_of(session, row),
+        filename=row.filename,
+        units=row.units,
         boundary=campaign_of(session, job.campaign_id).boundary,
         constants=constants,
         modes=min(len(document["modes"]), MOST_MODES),
         with_joints=job.recipe.get("junctions") != "off",
-        remarks=(*origin(job, document), f"numbers in {units}; each that was updated has a comment"),
+        remarks=(*origin(job, document), f"numbers in {row.units}; each that was updated has a comment"),
     )
 
 

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.frf import Dof
 from service.errors import Conflict, NotFound
-from service.show.figures.frf import FrfCurves, Spread, dof_name, frf_figure
+from service.show.figures.frfs import FrfCurves, Spread, dof_name, frf_figure
 from service.show.figures.marks import Figure
 from service.show.results.predictions import used_frfs
 from service.store.frfs.data import Cut, FrfTable, frequency_axis

@@ -12,17 +12,26 @@ from fecore.correlation import auto_mac
 from modalbase.client.results import motion_words
 from service.errors import Conflict, NotFound
 from service.show.figures.answers import require_figure
-from service.show.figures.budget import budget_figure
-from service.show.figures.campaigns import alone_figure, errors_figure
-from service.show.figures.convergence import convergence_figure
-from service.show.figures.correlation import PointValues, agreement_figure, points_figure
-from service.show.figures.damping import damping_figure
+from service.show.figures.frfs import PointValues, agreement_figure, points_figure
 from service.show.figures.marks import Figure, words
-from service.show.figures.matrices import mac_figure, sensitivities_figure
-from service.show.figures.parameters import parameters_figure
-from service.show.figures.posterior import posterior_figure
-from service.show.figures.shapes import MOST_MODES, MOST_ROWS, ShapePair, shapes_figure
-from service.show.figures.stabilisation import stabilisation_figure
+from service.show.figures.modes import (
+    MOST_MODES,
+    MOST_ROWS,
+    ShapePair,
+    mac_figure,
+    sensitivities_figure,
+    shapes_figure,
+    stabilisation_figure,
+)
+from service.show.figures.updates import (
+    alone_figure,
+    budget_figure,
+    convergence_figure,
+    damping_figure,
+    errors_figure,
+    parameters_figure,
+    posterior_figure,
+)
 from service.show.results.figure_data import (
     ANYTHING,
     AnyFigures,

@@ -8,21 +8,21 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from uuid import UUID
 
-from fastapi import Header, Query, Response
+from fastapi import Query, Response
 from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
+from modalbase.formats.frfs import FrfRow
 from service.access import CurrentUser, SessionDep
 from service.errors import Conflict
-from service.show.results.predictions import PredictedTable
 from service.show.results.space import At, ResultMeshOut, ShapeOut, file_of_result, mesh_of_result, model_shape
 from service.store.forecasts.operations import forecast_arrays, forecast_for
-from service.store.frfs.operations import row_of_forecast
+from service.store.frfs.data import PredictedTable
 from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
 from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
 from service.web import api_router
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
+from service.web.parameters import form_of
 
 if TYPE_CHECKING:
     from service.store.forecasts.operations import Forecast
@@ -49,20 +49,8 @@ class ForecastInSpace:
         return forecast_arrays(self.session, self.row)
 
 
-@dataclass(frozen=True)
-class ForecastTable(PredictedTable):
-    """FRFs of a nominal model, at points that no campaign has."""
-
-    places: Mapping[int, tuple[float, float, float]]
-
-    @property
-    def points(self) -> Mapping[int, tuple[float, float, float]]:
-        """Label to coordinates in the structure's frame, m."""
-        return self.places
-
-
-def _table(session: Session, row: Forecast) -> ForecastTable:
-    """The FRFs of a forecast.
+def _table(session: Session, row: Forecast) -> PredictedTable:
+    """The FRFs of a forecast, at points that no campaign has.
 
     Raises:
         Conflict: it has no result, or nobody stated a damping.
@@ -71,16 +59,23 @@ def _table(session: Session, row: Forecast) -> ForecastTable:
     frequency, values = arrays["frequency_hz"], arrays["frfs"]
     if not frequency.size:
         raise Conflict("this forecast has no FRFs: ask again with a damping_ratio")
-    dofs = zip(arrays["responses"].tolist(), arrays["references"].tolist(), strict=True)
-    return ForecastTable(
-        session=session,
-        frfs=[row_of_forecast(row.id, response, reference, frequency, values.dtype) for response, reference in dofs],
+    pairs = zip(arrays["responses"].tolist(), arrays["references"].tolist(), strict=True)
+    frfs = [
+        FrfRow(point, along, hit, way, f"{_axis(point, along)} by {_axis(hit, way)}", id=str(row.id))
+        for (point, along), (hit, way) in pairs
+    ]
+    places = dict(zip(arrays["shape_points"].tolist(), map(tuple, arrays["shape_places_m"].tolist()), strict=True))
+    return PredictedTable(
         frequency_hz=frequency,
-        lines=slice(None),
         values=values,
-        origin=f"of the nominal model, forecast {row.id}",
-        places=dict(zip(arrays["shape_points"].tolist(), map(tuple, arrays["shape_places_m"].tolist()), strict=True)),
+        frfs=tuple(frfs),
+        description=f"of the nominal model, forecast {row.id}",
+        points_of=lambda: places,
     )
+
+
+def _axis(point: int, direction: int) -> str:
+    return f"{point} {'xyz'[direction - 1]}"
 
 
 @router.get("/forecasts/{forecast_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
@@ -88,21 +83,15 @@ def get_forecast_frfs(
     forecast_id: UUID,
     session: SessionDep,
     user: CurrentUser,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None,
-        Query(alias="format", description="as of measured FRFs; default: by Accept"),
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+    form: Annotated[str, form_of(MEDIA_TYPES, "as of measured FRFs; default: by Accept")],
 ) -> Response:
     """Accelerances of the nominal model: every point to measure by every reference, in the formats of measured FRFs.
 
     Values are in single precision, in the structure's frame. Without a damping ratio there are none, and the answer is 409.
     """
-    form = FORMATS[choose_format(file_format, accept, MEDIA_TYPES)]
-    table = _table(session, forecast_for(session, user, forecast_id))
-    return spooled(
-        lambda file: form.write([table], file), form.media_type, f"forecast.{form.suffix}", {"Vary": "Accept"}
-    )
+    written, table = FORMATS[form], _table(session, forecast_for(session, user, forecast_id))
+    name = f"forecast.{written.suffix}"
+    return spooled(lambda file: written.write([table], file), written.media_type, name, {"Vary": "Accept"})
 
 
 @router.get("/forecasts/{forecast_id}/mesh", response_model=ResultMeshOut, responses=MESH_FILES)

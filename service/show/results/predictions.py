@@ -6,7 +6,6 @@ Each is given the degrees of freedom of its measured FRF, in the file's coordina
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 from uuid import UUID
@@ -15,11 +14,13 @@ from sqlalchemy.orm import Session
 
 from fecore.arrays import IntArray
 from fecore.frf import Dof
+from modalbase.formats.frfs import FrfRow
+from modalbase.formats.frfs.table import DOFS
 from service.compute.frame import Frame
 from service.errors import Conflict, NotFound
-from service.store.campaigns.operations import campaign_of, frame_of
-from service.store.frfs.data import Cut, FrfTable, Values
-from service.store.frfs.operations import frfs_of, row_of_prediction
+from service.store.campaigns.operations import campaign_of, frame_of, stored_points
+from service.store.frfs.data import Cut, PredictedTable
+from service.store.frfs.operations import frfs_of
 from service.store.updating.operations import result_arrays, result_document
 
 if TYPE_CHECKING:
@@ -27,23 +28,6 @@ if TYPE_CHECKING:
     from service.store.updating.tables import UpdateJob
 
 Model = Literal["updated", "initial"]
-
-
-@dataclass(frozen=True)
-class PredictedTable(FrfTable):
-    """FRFs of a model on one frequency axis."""
-
-    values: Values  # (N, L) on the lines that are wanted
-    origin: str  # whose they are, in words
-
-    @property
-    def description(self) -> str:
-        """Whose FRFs these are."""
-        return self.origin
-
-    def spectra(self) -> Iterator[tuple[Frf, Values]]:
-        """Each FRF with its (L,) values, in order."""
-        yield from zip(self.frfs, self.values, strict=True)
 
 
 @dataclass(frozen=True)
@@ -73,13 +57,16 @@ def predicted_table(session: Session, job: UpdateJob, model: Model, chosen: Chos
     if not wanted:
         raise NotFound("predicted FRF at these points and in this direction in this result")
     lines = cut.lines(frequency)
+    said = [
+        {name: getattr(measured[i], name) for name in (*DOFS, "label")} | {"id": str(measured[i].id)} for i in wanted
+    ]
     return PredictedTable(
-        session=session,
-        frfs=[row_of_prediction(measured[i], frequency, values.dtype) for i in wanted],
         frequency_hz=frequency[lines],
-        lines=lines,
         values=values[wanted][:, lines],
-        origin=f"predicted by the {model} model, update job {job.id}",
+        frfs=tuple(FrfRow(**each) for each in said),
+        quantity=measured[0].quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
+        description=f"predicted by the {model} model, update job {job.id}",
+        points_of=lambda: stored_points(session, job.campaign_id),
     )
 
 

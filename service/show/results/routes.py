@@ -8,7 +8,7 @@ from typing import IO, Annotated, Any, Literal
 from uuid import UUID
 
 from anyio import from_thread
-from fastapi import Header, Path, Query, Request, Response
+from fastapi import Path, Query, Request, Response
 from fastapi.responses import FileResponse, PlainTextResponse
 
 from service.access import CurrentUser, SessionDep, SettingsDep
@@ -32,19 +32,16 @@ from service.show.results.space import (
     mesh_of_result,
     model_shape,
 )
-from service.store.frfs.data import Cut
-from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES
+from service.store.frfs.data import require_order
+from service.store.frfs.routes import FILES, FORMATS, MEDIA_TYPES, CutDep, Hertz, Whole
 from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_answer
 from service.store.updating.operations import joint_document, joint_update_for, update_job_for
 from service.web import api_router
 from service.web.downloads import spooled
-from service.web.negotiation import choose_format, one_of
-from service.web.parameters import not_modified
+from service.web.parameters import form_of, not_modified
 
 router = api_router(tags=["update jobs"])
 
-Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
-Point = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 REPORTS: dict[int | str, dict[str, Any]] = {
     200: {"description": "The report.", "content": {"text/html": {}, "application/pdf": {}}}
 }
@@ -58,35 +55,27 @@ def get_predicted_frfs(
     session: SessionDep,
     user: CurrentUser,
     request: Request,
+    cut: CutDep,
+    form: Annotated[str, form_of(MEDIA_TYPES, "as of measured FRFs; default: by Accept")],
     model: Annotated[Model, Query(description="with the updated parameters, or with the initial ones")] = "updated",
-    point: Annotated[Point, Query(description="response point")] = None,
+    point: Annotated[Whole, Query(description="response point")] = None,
     direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
-    reference: Annotated[Point, Query(description="reference point")] = None,
-    fmin: Annotated[Hertz, Query(description="Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="Hz")] = None,
-    stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
-    file_format: Annotated[
-        Annotated[str, one_of(MEDIA_TYPES)] | None,
-        Query(alias="format", description="as of measured FRFs; default: by Accept"),
-    ] = None,
-    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+    reference: Annotated[Whole, Query(description="reference point")] = None,
 ) -> Response:
     """FRFs that the model predicts where FRFs were measured, in the formats, coordinates and order of the measured ones.
 
     `id` and `label` are those of the measured FRF. Values are in single precision.
     """
-    _require_order(fmin, fmax)
-    job = update_job_for(session, user, job_id)
-    name = choose_format(file_format, accept, MEDIA_TYPES)
-    form = FORMATS[name]
-    table = predicted_table(session, job, model, Chosen(point, direction, reference), Cut(fmin, fmax, stride))
+    job, written = update_job_for(session, user, job_id), FORMATS[form]
+    table = predicted_table(session, job, model, Chosen(point, direction, reference), cut)
     # A result never changes: the query says which part of it this is, and only UFF holds grid points, which may.
     headers = {"Vary": "Accept"}
-    if form.one_table:
-        headers["ETag"] = f'"{job.id}-{name}-{sha256(request.url.query.encode()).hexdigest()[:16]}"'
+    if written.one_table:
+        headers["ETag"] = f'"{job.id}-{form}-{sha256(request.url.query.encode()).hexdigest()[:16]}"'
         if (unchanged := not_modified(request, headers)) is not None:
             return unchanged
-    return spooled(lambda file: form.write([table], file), form.media_type, f"predicted.{form.suffix}", headers)
+    name = f"predicted.{written.suffix}"
+    return spooled(lambda file: written.write([table], file), written.media_type, name, headers)
 
 
 @router.get("/update-jobs/{job_id}/cards", response_class=PlainTextResponse)
@@ -134,8 +123,8 @@ def get_figure(
     session: SessionDep,
     user: CurrentUser,
     asked: Asked,
-    point: Annotated[Point, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")] = None,
-    reference: Annotated[Point, Query(description="`frf`: the other point, where one alone does not say which")] = None,
+    point: Annotated[Whole, Query(description="`frf`: grid point whose FRF is drawn; default: the first one")] = None,
+    reference: Annotated[Whole, Query(description="`frf`: the other point, where one alone does not say which")] = None,
     fmin: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines from here, Hz")] = None,
     fmax: Annotated[Hertz, Query(description="`frf`, `csac`, `csf`: lines up to here, Hz")] = None,
     measured: Annotated[
@@ -149,7 +138,7 @@ def get_figure(
 
     Where the result has nothing to draw, such as the FRFs of a job whose damping failed, the answer is 409 and says why.
     """
-    _require_order(fmin, fmax)
+    require_order(fmin, fmax)
     job = update_job_for(session, user, job_id)
     data = UpdateFigures(session, job)
     require_figure(name, *FIGURES)
@@ -233,11 +222,6 @@ def get_joint_figure(
     require_figure(name, *JOINT_FIGURES)
     data = JointFigures(row, joint_document(session, row))
     return asked.answer(lambda: draw_figure(JOINT_FIGURES, data, name), name, str(row.id))  # a result never changes
-
-
-def _require_order(fmin: float | None, fmax: float | None) -> None:
-    if fmin is not None and fmax is not None and fmin > fmax:
-        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
 
 
 def _described(data: Drawn, figures: Mapping[str, NamedFigure[Drawn]], kind: str) -> list[FigureOut]:

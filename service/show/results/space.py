@@ -19,9 +19,8 @@ from modalbase.client.results import motion_words
 from modalbase.formats.meshes import Cells, MeshFile, columns
 from modalbase.formats.uff.content import ModeShape
 from service.errors import Conflict, NotFound
-from service.show.figures.joining import joined_as
 from service.show.figures.marks import counted
-from service.show.figures.shapes import turned
+from service.show.figures.modes import joined_as, turned
 from service.store.structures.model_routes import MeshBlockOut, PlacesOut
 from service.web import StrictModel
 

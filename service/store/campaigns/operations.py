@@ -78,7 +78,7 @@ class GridPointRow(Base):
 
 
 campaign_for = Lookup(Campaign, "campaign", "structure_id", structure_for)
-"""The campaign, if the user has at least a role in its project."""
+campaign_of, campaigns_of = campaign_for.row, campaign_for.rows
 
 
 def frame_of(campaign: Campaign) -> Frame:
@@ -99,12 +99,7 @@ def create_campaign(session: Session, user: User, structure_id: UUID, body: Camp
     described = body.model_dump(mode="json")
     require_demanded(session, structure.project_id, "campaign", described)
     described["performed_at"] = body.performed_at
-    campaign = Campaign(structure_id=structure.id, **described)
-    session.add(campaign)
-    session.flush()
-    session.refresh(campaign)
-    campaign_for.note(session, user, campaign, "create", name=body.name)
-    return campaign
+    return campaign_for.add(session, user, Campaign(structure_id=structure.id, **described), name=body.name)
 
 
 def change_campaign(session: Session, user: User, campaign: Campaign, patch: CampaignPatch) -> None:
@@ -130,16 +125,6 @@ def describe(campaign: Campaign) -> CampaignOut:
         frame=FrameIn.model_validate(campaign.frame or {}),
         inputs=CampaignInputs.model_validate(campaign.inputs or {}),
     )
-
-
-def campaign_of(session: Session, campaign_id: UUID, *, lock: bool = False) -> Campaign:
-    """The row of a campaign, whoever asks."""
-    return session.get_one(Campaign, campaign_id, with_for_update=lock or None)
-
-
-def campaigns_of(session: Session, keys: Iterable[UUID]) -> Sequence[Campaign]:
-    """Rows by key, whoever asks."""
-    return session.scalars(select(Campaign).where(Campaign.id.in_(set(keys)))).all()
 
 
 def dated_campaigns(session: Session, structure_id: UUID, since: datetime | None) -> Sequence[Campaign]:

@@ -7,16 +7,15 @@ from uuid import UUID
 
 from fastapi import Request, Response
 
-from service.access import CurrentUser, SessionDep, SettingsDep, audit
+from service.access import CurrentUser, SessionDep, SettingsDep
 from service.access.nouns import NounRoutes
 from service.errors import PayloadTooLarge, UnsupportedMediaType
 from service.store.campaigns import operations
 from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints
-from service.web import IF_MATCH, Confirm, api_router, etag_of, require_match, require_usual
+from service.web import IF_MATCH, api_router, etag_of, require_match
 from service.web.json_body import BULK_VALUES, checked, parse_json
-from service.web.openapi import schema_of
+from service.web.openapi import TEXT, reads
 from service.web.parameters import form_of
-from service.web.routing import Later
 from service.web.uploads import UploadDep
 
 router = api_router(tags=["campaigns"])
@@ -30,22 +29,14 @@ nouns = NounRoutes(
 )
 
 
-@router.post("/structures/{structure_id}/campaigns", status_code=201)
-def create_campaign(
-    structure_id: UUID,
-    body: CampaignIn,
-    session: SessionDep,
-    user: CurrentUser,
-    response: Response,
-    confirm: Confirm = False,
-) -> CampaignOut:
-    """Describe a measurement: boundary, date, climate, instruments, and the frame of the file's coordinates."""
-    require_usual(body, confirm)
-    campaign = operations.create_campaign(session, user, structure_id, body)
-    response.headers["Location"] = f"/api/v1/campaigns/{campaign.id}"
-    return nouns.tagged(session, campaign, response)
-
-
+nouns.creating(
+    "create_campaign",
+    "Describe a measurement: boundary, date, climate, instruments, and the frame of the file's coordinates.",
+    CampaignIn,
+    operations.create_campaign,
+    tagged=True,
+    measured=True,
+)
 nouns.listing("list_campaigns", "Campaigns of a structure.", hides=True)
 nouns.getting("get_campaign", "A campaign.", tagged=True)
 nouns.changing(
@@ -61,19 +52,6 @@ nouns.restoring("restore_campaign", "Bring a deleted campaign back.")
 points_router = api_router(tags=["grid points"])
 
 MEDIA_TYPES = {"json": "application/json", "csv": "text/csv"}
-POINTS_BODY = Later(
-    lambda: {
-        **IF_MATCH,
-        "requestBody": {
-            "required": True,
-            "content": {
-                "application/json": {"schema": schema_of(GridPoints)},
-                "text/csv": {"schema": {"type": "string"}},
-            },
-        },
-    }
-)
-
 POINTS_FILES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 
@@ -95,7 +73,10 @@ def get_grid_points(
     return points
 
 
-@points_router.put("/campaigns/{campaign_id}/grid-points", openapi_extra=POINTS_BODY)
+@points_router.put(
+    "/campaigns/{campaign_id}/grid-points",
+    openapi_extra=reads({"application/json": GridPoints, "text/csv": TEXT}, **IF_MATCH),
+)
 def put_grid_points(
     campaign_id: UUID,
     upload: UploadDep,
@@ -119,8 +100,7 @@ def put_grid_points(
         if "if-match" in request.headers or before != after:
             require_match(request, etag_of(before))
     operations.replace_points(session, campaign.id, points)
-    project_id = operations.campaign_for.project_of(session, campaign)
-    audit(session, user, "grid_points.put", "campaign", campaign.id, project_id, count=len(points.items))
+    operations.campaign_for.note(session, user, campaign, "grid_points.put", count=len(points.items))
     stored = operations.list_points(session, campaign.id)
     response.headers["ETag"] = etag_of(stored)
     return stored

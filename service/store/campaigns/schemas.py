@@ -7,13 +7,12 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID
 
 from pydantic import AfterValidator, Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
 from fecore.updating.inputs import SOFTEST_CLAMP
 from service.compute.frame import make_frame
 from service.store.structures.schemas import Deviation
-from service.web import Name, StrictModel, Text, Time, example, not_null
+from service.web import Name, StrictModel, Text, Time, example, not_null, wrong
 from service.web.bodies import Details, Meta, Tags
 from service.web.quantities import SENSOR_MASS
 
@@ -35,7 +34,7 @@ class FrameIn(StrictModel):
         try:
             make_frame(self.origin_m, self.x_axis, self.y_axis)
         except InputError as error:
-            raise PydanticCustomError("not_orthonormal", "{why}", {"why": str(error)}) from None
+            raise wrong(str(error)) from None
         return self
 
 
@@ -98,7 +97,7 @@ class CampaignInputs(StrictModel):
     @model_validator(mode="after")
     def _one_window(self) -> Self:
         if self.window_rate_per_s is not None and self.window_time_constant_s is not None:
-            raise PydanticCustomError("one_window", "state window_rate_per_s or window_time_constant_s, not both")
+            raise wrong("state window_rate_per_s or window_time_constant_s, not both")
         return self
 
 
@@ -190,9 +189,7 @@ def labels_once(points: list[Labelled]) -> list[Labelled]:
     seen: set[int] = set()
     for i, point in enumerate(points):
         if point.label in seen:
-            raise PydanticCustomError(
-                "twice", "point {label} is there twice, again as item {i}", {"label": point.label, "i": i}
-            )
+            raise wrong(f"point {point.label} is there twice, again as item {i}")
         seen.add(point.label)
     return points
 

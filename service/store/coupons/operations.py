@@ -22,7 +22,7 @@ from fecore.coupons.batch import (
     statistics,
 )
 from fecore.errors import InputError
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.db.base import Base, Identified
 from service.errors import Conflict, Fault, Invalid
 from service.store.coupons.curves import CouponCurve, new_curve
@@ -95,19 +95,7 @@ UNITS = {"E_Pa": "Pa", "G_Pa": "Pa", "nu": "1", "strength_Pa": "Pa", "ultimate_s
 
 
 batch_for = Lookup(CouponBatch, "coupon batch", "structure_id", structure_for)
-"""The batch, if the user has at least a role in its project."""
-
-
-def batches_of(session: Session, structure_id: UUID) -> Sequence[CouponBatch]:
-    """The batches of a structure, oldest first."""
-    return session.scalars(
-        select(CouponBatch).where(CouponBatch.structure_id == structure_id).order_by(CouponBatch.id)
-    ).all()
-
-
-def coupons_of(session: Session, batch_id: UUID) -> Sequence[Coupon]:
-    """The specimens of a batch, excluded ones included, oldest first."""
-    return session.scalars(select(Coupon).where(Coupon.batch_id == batch_id).order_by(Coupon.id)).all()
+coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
 
 
 def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn) -> CouponBatch:
@@ -124,12 +112,7 @@ def create_batch(session: Session, user: User, structure_id: UUID, body: BatchIn
         if name not in there
     ]:
         raise Invalid(faults)
-    batch = CouponBatch(structure_id=structure.id, **body.model_dump())
-    session.add(batch)
-    session.flush()
-    session.refresh(batch)
-    batch_for.note(session, user, batch, "create", name=body.name)
-    return batch
+    return batch_for.add(session, user, CouponBatch(structure_id=structure.id, **body.model_dump()), name=body.name)
 
 
 def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequence[CouponIn]) -> list[Coupon]:
@@ -165,9 +148,7 @@ def add_coupons(session: Session, user: User, batch: CouponBatch, bodies: Sequen
         ) from None
     for row in rows:
         session.refresh(row)
-    audit(
-        session, user, "coupon.create", "coupon_batch", batch.id, batch_for.project_of(session, batch), count=len(rows)
-    )
+    batch_for.note(session, user, batch, "coupon.create", count=len(rows))
     return rows
 
 
@@ -186,16 +167,12 @@ def add_measured_coupon(session: Session, user: User, batch: CouponBatch, sent: 
     reduced.reduction["warnings"] += unlike_the_batch(session, batch, sent.data, reduced)
     (row,) = add_coupons(session, user, batch, [reduced.coupon])
     curve = new_curve(row, sent, reduced)
-    size = len(curve.file) + len(curve.data)
-    book(session, batch_for.project_of(session, batch), "curves", size, structure_id=batch.structure_id)
+    structure = structure_for.row(session, batch.structure_id)
+    book(session, structure_for, structure, "curves", len(curve.file) + len(curve.data))
     session.add(curve)
     session.flush()
     session.refresh(row)
     return row
-
-
-coupon_for = Lookup(Coupon, "coupon", "batch_id", batch_for)
-"""The specimen, if the user has at least a role in its project."""
 
 
 def exclude(session: Session, user: User, coupon: Coupon, body: ExclusionIn) -> None:
@@ -214,8 +191,11 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
     Excluded specimens do not count and are listed with their reasons. Constants follow from the specimens; where
     none measures a constant, its published mean stands in. Warnings say what the standard asks for and is not met,
     such as fewer than five specimens.
+
+    `priors` has mean and standard deviation of each constant as of one more piece. Of a constant that has no standard
+    deviation (one specimen, or a published mean without one) it is an assumed one, which `basis` says.
     """
-    coupons = coupons_of(session, batch.id)
+    coupons = coupon_for.all(session, batch_id=[batch.id])
     counted = [coupon for coupon in coupons if not coupon.excluded]
     measured: dict[str, Statistics] = {}
     for name in UNITS:
@@ -235,21 +215,6 @@ def summarise(session: Session, batch: CouponBatch) -> Summary:
         excluded=[Excluded(specimen=c.specimen, reason=c.exclusion_reason or "") for c in coupons if c.excluded],
         warnings=warnings,
     )
-
-
-def batch_prior(session: Session, batch_id: UUID) -> Summary:
-    """A batch as a prior of stage 1: `priors` has mean and standard deviation of each constant as of one more piece.
-
-    A constant whose `constants` entry has no standard deviation (one specimen, or a published mean without one) is given
-    with an assumed one, which its `basis` says.
-    """
-    return summarise(session, session.get_one(CouponBatch, batch_id))
-
-
-def name_and_sets(session: Session, batch_id: UUID) -> tuple[str, list[str]]:
-    """The name of a batch, and the sets of a body in space that it is of; none: of all."""
-    batch = session.get_one(CouponBatch, batch_id)
-    return batch.name, batch.sets
 
 
 def same_curve(session: Session, batch: CouponBatch, sent: RawCurve) -> Coupon | None:
@@ -327,25 +292,21 @@ def _constants(batch: CouponBatch, measured: dict[str, Statistics]) -> tuple[dic
     constants: dict[Constant, Statistic] = {}
     warnings: list[str] = []
     for name in batch.constants:
-        unit = "1" if name == "nu_xy" else "Pa"
         own, published = measured.get(PROPERTY_OF[name]), batch.published.get(name)
-        if own is not None:
-            constants[name] = _statistic(own, unit, "specimens")
-            if published is not None:
-                warnings.append(f"{name}: the specimens are used, not the published mean")
-            if own.n is not None and own.n < FEWEST_SPECIMENS:
-                warnings.append(
-                    f"{name}: {own.n} valid specimen{'s' * (own.n != 1)}; D3039 asks for at least {FEWEST_SPECIMENS}"
-                )
-        elif published is not None:
-            value = Statistics(**published)
-            constants[name] = _statistic(value, unit, "published")
-            if value.n is None:
-                warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
-            elif value.n < FEWEST_SPECIMENS:
-                warnings.append(f"{name}: {value.n} specimens; D3039 asks for at least {FEWEST_SPECIMENS}")
-        else:
+        value = Statistics(**published) if own is None and published is not None else own
+        if value is None:
             warnings.append(f"{name}: no valid specimen and no published mean")
+            continue
+        constants[name] = _statistic(
+            value, "1" if name == "nu_xy" else "Pa", "published" if own is None else "specimens"
+        )
+        if own is not None and published is not None:
+            warnings.append(f"{name}: the specimens are used, not the published mean")
+        if value.n is None:
+            warnings.append(f"{name}: a published mean that does not say how many specimens it stands for")
+        elif value.n < FEWEST_SPECIMENS:
+            said = f"{value.n} {'' if own is None else 'valid '}specimen{'s' * (value.n != 1)}"
+            warnings.append(f"{name}: {said}; D3039 asks for at least {FEWEST_SPECIMENS}")
     return constants, warnings
 
 

@@ -15,7 +15,7 @@ from fecore.coupons.curves import Curve
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.machine_csv import Column, MachineFile, Run, read_machine_csv
-from modalbase.formats.machine_csv.units import Quantity, factor
+from modalbase.formats.machine_csv.cells import Quantity, factor
 from service.store.coupons.schemas import CouponIn, CurveCouponIn
 
 GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}
@@ -27,21 +27,13 @@ _FIELDS = {"width_m": "dimensions.width", "thickness_m": "dimensions.thickness"}
 
 @dataclass(frozen=True)
 class Reduced:
-    """A specimen that was reduced.
+    """A specimen that was reduced."""
 
-    Attributes:
-        coupon: what counts in the batch.
-        series: SI arrays of the run, by name.
-        reading: how the file was read.
-        reduction: all that the standard reports, and its warnings.
-        software: version that did it.
-    """
-
-    coupon: CouponIn
-    series: dict[str, FloatArray]
-    reading: dict[str, Any]
-    reduction: dict[str, Any]
-    software: str
+    coupon: CouponIn  # what counts in the batch
+    series: dict[str, FloatArray]  # SI arrays of the run, by name
+    reading: dict[str, Any]  # how the file was read
+    reduction: dict[str, Any]  # all that the standard reports, and its warnings
+    software: str  # version that did it
 
 
 def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:

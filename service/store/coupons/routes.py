@@ -37,8 +37,7 @@ from service.web import IF_MATCH, Confirm, Page, api_router, etag_of, require_ma
 from service.web.gate import without_slot
 from service.web.json_body import checked, parse_json
 from service.web.negotiation import content_type, is_json
-from service.web.openapi import schema_of
-from service.web.routing import Later
+from service.web.openapi import BINARY, reads
 from service.web.uploads import multipart
 
 MOST_COUPONS = 1000
@@ -91,29 +90,15 @@ async def _curve(request: Request, limit: int) -> RawCurve:
         return RawCurve(sent, form.filename or "curve.csv", data, reduced)
 
 
-def documented() -> dict[str, Any]:
-    """The bodies for the OpenAPI document."""
-    return {
-        "requestBody": {
-            "required": True,
-            "content": {
-                "application/json": {
-                    "schema": {"anyOf": [schema_of(CouponIn), {"type": "array", "items": schema_of(CouponIn)}]}
-                },
-                "multipart/form-data": {
-                    "schema": {
-                        "type": "object",
-                        "required": ["file", "coupon"],
-                        "properties": {
-                            "file": {"type": "string", "format": "binary"},
-                            "coupon": schema_of(CurveCouponIn),
-                        },
-                    }
-                },
-            },
-        }
-    }
-
+COUPONS = {
+    "application/json": {"anyOf": [CouponIn, {"type": "array", "items": CouponIn}]},
+    "multipart/form-data": {
+        "type": "object",
+        "required": ["file", "coupon"],
+        "properties": {"file": BINARY, "coupon": CurveCouponIn},
+    },
+}
+"""What is read, by media type."""
 
 router = api_router(tags=["coupons"])
 batches = NounRoutes(router, operations.batch_for, BatchOut, operations.describe_all, "coupon-batches", "batch_id")
@@ -132,26 +117,18 @@ CURVES: dict[int | str, dict[str, Any]] = {
 ORIGINAL: dict[int | str, dict[str, Any]] = {200: {"content": {"application/octet-stream": {}}}}
 
 
-@router.post("/structures/{structure_id}/coupon-batches", status_code=201)
-def create_batch(
-    structure_id: UUID,
-    body: BatchIn,
-    session: SessionDep,
-    user: CurrentUser,
-    response: Response,
-    confirm: Confirm = False,
-) -> BatchOut:
-    """Open a batch: which constants it gives, and published means of those that have no specimens here."""
-    require_usual(body, confirm)
-    batch = operations.create_batch(session, user, structure_id, body)
-    return batches.made(session, batch, response)
-
-
+batches.creating(
+    "create_batch",
+    "Open a batch: which constants it gives, and published means of those that have no specimens here.",
+    BatchIn,
+    operations.create_batch,
+    measured=True,
+)
 batches.listing("list_batches", "Coupon batches of a structure.")
 batches.getting("get_batch", "A coupon batch.")
 
 
-@router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=Later(documented))
+@router.post("/coupon-batches/{batch_id}/coupons", status_code=201, openapi_extra=reads(COUPONS))
 def create_coupons(
     batch_id: UUID, body: CouponBody, session: SessionDep, user: CurrentUser, confirm: Confirm = False
 ) -> Page[CouponOut]:

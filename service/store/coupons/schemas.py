@@ -7,14 +7,14 @@ from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
 
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from fecore.coupons.batch import check_failure_code
 from fecore.coupons.curves import Ends
 from fecore.errors import InputError
-from modalbase.formats.machine_csv.units import factor
-from service.web import Name, StrictModel, Text, example
+from modalbase.formats.machine_csv.cells import factor
+from service.web import Name, StrictModel, Text, example, wrong
+from service.web.bodies import once
 from service.web.quantities import COUPON_SIZE, MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength
 
 Constant = Literal["Ex", "Ey", "Gxy", "nu_xy"]
@@ -25,7 +25,7 @@ def _failure_code(code: str) -> str:
     try:
         return check_failure_code(code)
     except InputError as error:
-        raise PydanticCustomError("failure_code", "{why}", {"why": error.message}) from None
+        raise wrong(error.message) from None
 
 
 FailureCode = Annotated[
@@ -40,9 +40,7 @@ class _Excludable(StrictModel):
     @model_validator(mode="after")
     def _with_a_reason(self) -> Self:
         if self.excluded != (self.exclusion_reason is not None):
-            raise PydanticCustomError(
-                "exclusion_reason", "a specimen is excluded with a reason, and a reason excludes: state both or neither"
-            )
+            raise wrong("a specimen is excluded with a reason, and a reason excludes: state both or neither")
         return self
 
 
@@ -60,7 +58,9 @@ class BatchIn(StrictModel):
     model_config = example(name="0°, D3039", constants=["Ex"])
 
     name: Name
-    constants: list[Constant] = Field(min_length=1, max_length=4, description="elastic constants that the batch gives")
+    constants: Annotated[list[Constant], AfterValidator(once)] = Field(
+        min_length=1, max_length=4, description="elastic constants that the batch gives"
+    )
     sets: list[Name] = Field(
         default_factory=list,
         max_length=200,
@@ -71,24 +71,13 @@ class BatchIn(StrictModel):
         default_factory=dict, max_length=50, description="conditioning, speed, machine, gauge, grips, in words"
     )
 
-    @field_validator("constants")
-    @classmethod
-    def _each_once(cls, constants: list[Constant]) -> list[Constant]:
-        if len(set(constants)) != len(constants):
-            raise PydanticCustomError("twice", "a constant is named twice")
-        return constants
-
     @model_validator(mode="after")
     def _published_is_given(self) -> Self:
         for name, value in self.published.items():
             if name not in self.constants:
-                raise PydanticCustomError(
-                    "not_given", "published has {name}, which constants does not name", {"name": name}
-                )
+                raise wrong(f"published has {name}, which constants does not name")
             if name != "nu_xy" and value.mean <= 0:
-                raise PydanticCustomError(
-                    "not_positive", "the published mean of {name} must be positive", {"name": name}
-                )
+                raise wrong(f"the published mean of {name} must be positive")
         return self
 
     def measured(self) -> Iterator[tuple[str, float, Quantity]]:
@@ -132,11 +121,11 @@ class CouponIn(_Excludable):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.standard == "D3518" and (self.E_Pa is not None or self.nu is not None):
-            raise PydanticCustomError("not_of_d3518", "D3518 gives a shear modulus G_Pa, not E_Pa or nu")
+            raise wrong("D3518 gives a shear modulus G_Pa, not E_Pa or nu")
         if self.standard == "D3039" and self.G_Pa is not None:
-            raise PydanticCustomError("not_of_d3039", "D3039 gives E_Pa and nu; a shear modulus comes from D3518")
+            raise wrong("D3039 gives E_Pa and nu; a shear modulus comes from D3518")
         if all(value is None for value in (self.E_Pa, self.G_Pa, self.nu, self.strength_Pa, self.ultimate_strain)):
-            raise PydanticCustomError("no_result", "the specimen has no result")
+            raise wrong("the specimen has no result")
         return self
 
 
@@ -276,14 +265,11 @@ class CurveCouponIn(_Excludable):
         needed = ("force", "strain", *(("transverse_strain",) if self.standard == "D3518" else ()))
         missing = [name for name in needed if name not in self.columns]
         if missing:
-            raise PydanticCustomError(
-                "columns", "columns lacks {missing}, which {standard} needs",
-                {"missing": ", ".join(missing), "standard": self.standard},
-            )  # fmt: skip
+            raise wrong(f"columns lacks {', '.join(missing)}, which {self.standard} needs")
         if self.chord_range is not None and self.standard != "D3039":
-            raise PydanticCustomError("not_of_d3518", "chord_range is of D3039; D3518 takes chord_start")
+            raise wrong("chord_range is of D3039; D3518 takes chord_start")
         if self.chord_start is not None and self.standard != "D3518":
-            raise PydanticCustomError("not_of_d3039", "chord_start is of D3518; D3039 takes chord_range")
+            raise wrong("chord_start is of D3518; D3039 takes chord_range")
         return self
 
 

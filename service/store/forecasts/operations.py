@@ -18,18 +18,12 @@ from fecore.updating.forecasts import MOST_MODES, ForecastOrder
 from service.access import Lookup, User
 from service.compute.forecasting import ForecastInputs, ForecastOutput, compute_forecast
 from service.db.base import Base
-from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.schemas import Boundary, GridPoint, labels_once
 from service.store.storage import book, require_room
 from service.store.structures.models import load_model
-from service.store.structures.operations import (
-    describe_version,
-    present_structure,
-    structure_for,
-    structure_of,
-    version_of,
-)
+from service.store.structures.operations import describe_version, present_structure, structure_for, version_of
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import usual_boundary
 from service.store.updating.loading import body_for
@@ -103,8 +97,7 @@ class Forecast(Base):
     arrays: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
 
 
-def _load(session: Session, job_id: UUID, _workspace: Path) -> ForecastInputs:
-    row = session.get_one(Forecast, job_id)
+def _load(session: Session, row: Forecast, _workspace: Path) -> ForecastInputs:
     structure = describe_version(version_of(session, row.structure_version_id), "")
     asked = ForecastIn.model_validate(row.request)
     labels: tuple[int, ...] | None = None
@@ -119,19 +112,14 @@ def _body(session: Session, structure: StructureIn, asked: ForecastIn) -> Body:
     return body_for(session, structure, asked.boundary or usual_boundary(structure), USUAL)
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[ForecastOutput]) -> None:
-    row = session.get_one(Forecast, job_id)
+def _store(session: Session, row: Forecast, items: Iterator[ForecastOutput]) -> None:
     for output in items:
-        project_id = structure_of(session, row.structure_id).project_id
-        book(session, project_id, "results", len(output.arrays), structure_id=row.structure_id)
+        book(session, structure_for, structure_for.row(session, row.structure_id), "results", len(output.arrays))
         row.document, row.arrays = output.document, output.arrays
 
 
-FORECAST = JobKind("forecast", load=_load, compute=compute_forecast, store=_store, libraries=CORE_LIBRARIES)
-
 forecast_for = Lookup(Forecast, "forecast", "structure_id", structure_for)
-"""The forecast, if the user has at least a role in its project."""
-FORECASTS = JobNoun(FORECAST, forecast_for, "forecasts")
+FORECASTS = JobNoun("forecasts", forecast_for, _load, compute_forecast, _store, libraries=CORE_LIBRARIES)
 
 
 def start_forecast(session: Session, user: User, structure_id: UUID, asked: ForecastIn) -> Forecast:
@@ -155,7 +143,5 @@ def forecast_arrays(session: Session, row: Forecast) -> Mapping[str, Any]:
     Raises:
         Conflict: it has none, yet or ever.
     """
-    if row.arrays is None:
-        raise FORECASTS.no_result(session, row)
-    with np.load(io.BytesIO(row.arrays), allow_pickle=False) as arrays:
+    with np.load(io.BytesIO(FORECASTS.result(session, row, row.arrays)), allow_pickle=False) as arrays:
         return dict(arrays)

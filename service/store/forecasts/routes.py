@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from uuid import UUID
 
-from fastapi import Response
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from service.access import CurrentUser, SessionDep
 from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
@@ -76,17 +74,16 @@ def _described(_session: Session, rows: Sequence[tuple[Forecast, Job]]) -> list[
 of_jobs = JobRoutes(router, FORECASTS, ForecastOut, _described, "forecast_id")
 
 
-@router.post("/structures/{structure_id}/forecasts", status_code=202)
-def forecast(
-    structure_id: UUID, body: ForecastIn, session: SessionDep, user: CurrentUser, response: Response
-) -> ForecastOut:
+of_jobs.creating(
+    "forecast",
     """Queue a forecast: modes of the nominal model, where to hit, where to measure, and FRFs where damping is stated.
 
     Nothing needs to be measured before. `{}` gives the ten lowest modes.
-    """
-    return of_jobs.made(session, start_forecast(session, user, structure_id, body), response)
-
-
+    """,
+    ForecastIn,
+    start_forecast,
+    status=202,
+)
 of_jobs.listing("list_forecasts", "Forecasts of a structure, newest first.")
 of_jobs.getting("get_forecast", "How far a forecast is, and what the model says.")
 of_jobs.cancelling("cancel_forecast", "Ask for a forecast's end; one that has ended already stays as it is.")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import UUID
 
 import numpy as np
@@ -14,13 +14,14 @@ from sqlalchemy.orm import Session
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof, FrfSet
+from modalbase.formats.frfs import Frfs, table
 from service.compute.frame import Frame
 from service.compute.spectra import Axis, Spectrum, decode
 from service.db.bytea import stream_rows
 from service.errors import Conflict, Invalid
 from service.store.campaigns.operations import campaign_of, frame_of, stored_points
 from service.store.campaigns.schemas import AddedMass, CampaignInputs, Instruments
-from service.store.frfs.operations import Frf
+from service.store.frfs.operations import Frf, frf_for
 from service.store.structures.operations import present_structure
 from service.store.structures.schemas import StructureIn
 
@@ -29,6 +30,17 @@ if TYPE_CHECKING:
 
 
 Values = NDArray[np.complexfloating]
+Written = TypeVar("Written", bound=table.FrfTable)
+
+
+def require_order(fmin: float | None, fmax: float | None) -> None:
+    """Refuse a band whose ends are the wrong way round.
+
+    Raises:
+        Invalid: they are.
+    """
+    if fmin is not None and fmax is not None and fmin > fmax:
+        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
 
 
 @dataclass(frozen=True)
@@ -61,19 +73,12 @@ class Cut:
 
 @dataclass(frozen=True)
 class FrfTable:
-    """FRFs on one frequency axis, spectra still in the database; `modalbase.formats.frfs` writes it.
+    """FRFs on one frequency axis, spectra still in the database; `modalbase.formats.frfs` writes it."""
 
-    Attributes:
-        session: where the spectra are read.
-        frfs: N rows without their spectra.
-        frequency_hz: (L,) the lines that are wanted.
-        lines: where they are in the stored spectra.
-    """
-
-    session: Session
-    frfs: Sequence[Frf]
-    frequency_hz: FloatArray
-    lines: slice
+    session: Session  # where the spectra are read
+    frfs: Sequence[Frf]  # N rows without their spectra
+    frequency_hz: FloatArray  # (L,) the lines that are wanted
+    lines: slice  # where they are in the stored spectra
 
     @property
     def quantity(self) -> str:
@@ -130,19 +135,24 @@ class FrfTable:
         return np.asarray(decode(spectrum)[self.lines], dtype=frf.dtype)
 
     def _coherence(self, frf: Frf, data: bytes | None) -> FloatArray | None:
-        return None if data is None else read_coherence(frf, data)[self.lines]
+        if data is None:
+            return None
+        assert frf.coherence_sha256 is not None
+        spectrum = Spectrum(frf.coherence_dtype, frf.lines, data, frf.coherence_sha256)  # type: ignore[arg-type]
+        return decode(spectrum)[self.lines].real.astype(np.float64)
 
 
-def read_coherence(frf: Frf, data: bytes) -> FloatArray:
-    """The coherence γ² of an FRF from its stored bytes, (L,), after their SHA-256 has been verified.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PredictedTable(Frfs):
+    """FRFs of a model, in memory, which are written like measured ones."""
 
-    Raises:
-        Damaged: the bytes are not the ones that were stored.
-    """
-    assert frf.coherence_dtype is not None
-    assert frf.coherence_sha256 is not None
-    spectrum = Spectrum(frf.coherence_dtype, frf.lines, data, frf.coherence_sha256)  # type: ignore[arg-type]
-    return decode(spectrum).real.astype(np.float64)
+    description: str  # whose they are, in words
+    points_of: Callable[[], Mapping[int, tuple[float, float, float]]]  # label to coordinates of the points, m
+
+    @property
+    def points(self) -> Mapping[int, tuple[float, float, float]]:
+        """Label to coordinates of the points, m."""
+        return self.points_of()
 
 
 def frequency_axis(session: Session, frf: Frf) -> FloatArray:
@@ -171,7 +181,7 @@ def make_tables(session: Session, frfs: Sequence[Frf], cut: Cut) -> list[FrfTabl
     return tables
 
 
-def only_table(tables: Sequence[FrfTable]) -> FrfTable:
+def only_table(tables: Sequence[Written]) -> Written:
     """The table of FRFs that make one.
 
     Raises:
@@ -206,19 +216,13 @@ def _stream(session: Session, frfs: Sequence[Frf], *columns: str) -> Iterator[tu
 
 @dataclass(frozen=True)
 class MeasuredFrfs:
-    """FRFs of one quantity on one frequency axis.
+    """FRFs of one quantity on one frequency axis."""
 
-    Attributes:
-        frfs: in the specimen's frame; `variance` where every FRF has a coherence and a number of averages.
-        ids: N ids of their rows.
-        sha256s: N digests of their spectra, hexadecimal.
-        windows: rates of the exponential windows that they state to carry, and their standard deviations, 1/s; None of
-            those that state nothing.
-    """
-
-    frfs: FrfSet
-    ids: tuple[UUID, ...]
-    sha256s: tuple[str, ...]
+    frfs: FrfSet  # in the specimen's frame; `variance` where every FRF has a coherence and a number of averages
+    ids: tuple[UUID, ...]  # N ids of their rows
+    sha256s: tuple[str, ...]  # N digests of their spectra, hexadecimal
+    # rates of the exponential windows that they state to carry, and their standard deviations, 1/s; None of those that
+    # state nothing
     windows: frozenset[tuple[float | None, float | None]]
 
     @property
@@ -241,35 +245,21 @@ class MeasuredFrfs:
 
 @dataclass(frozen=True)
 class MeasuredCampaign:
-    """All that an update needs to know of a campaign.
+    """All that an update needs to know of a campaign."""
 
-    Attributes:
-        campaign_id: its key.
-        structure_version_id: key of the structure's version that this was read with.
-        structure_version: its number.
-        structure: what the structure is in that version.
-        boundary: cantilever, free or simply_supported.
-        sensor_mass_kg: mass of the sensor, 0 where none is stated.
-        sensor_point: grid point where the sensor sits; None where it roves or is not stated.
-        added_masses: what the specimen carried besides the sensor.
-        inputs: how well is known what the test was done with.
-        points: label to coordinates in the specimen's frame, m.
-        frf_sets: one per quantity and frequency axis, the largest first.
-        warnings: what was left out, and why.
-    """
-
-    campaign_id: UUID
-    structure_version_id: UUID
-    structure_version: int
-    structure: StructureIn
-    boundary: str
-    sensor_mass_kg: float
-    sensor_point: int | None
-    added_masses: tuple[AddedMass, ...]
-    inputs: CampaignInputs
-    points: dict[int, tuple[float, float, float]]
-    frf_sets: tuple[MeasuredFrfs, ...]
-    warnings: tuple[str, ...]
+    campaign_id: UUID  # its key
+    structure_version_id: UUID  # key of the structure's version that this was read with
+    structure_version: int  # its number
+    structure: StructureIn  # what the structure is in that version
+    frame: Frame  # of the file's coordinates
+    boundary: str  # cantilever, free or simply_supported
+    sensor_mass_kg: float  # mass of the sensor, 0 where none is stated
+    sensor_point: int | None  # grid point where the sensor sits; None where it roves or is not stated
+    added_masses: tuple[AddedMass, ...]  # what the specimen carried besides the sensor
+    inputs: CampaignInputs  # how well is known what the test was done with
+    points: dict[int, tuple[float, float, float]]  # label to coordinates in the specimen's frame, m
+    frf_sets: tuple[MeasuredFrfs, ...]  # one per quantity and frequency axis, the largest first
+    warnings: tuple[str, ...]  # what was left out, and why
 
 
 def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampaign:
@@ -288,6 +278,7 @@ def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampa
         structure_version_id=version.id,
         structure_version=version.number,
         structure=structure,
+        frame=frame,
         boundary=campaign.boundary,
         sensor_mass_kg=instruments.sensor_mass_kg or 0.0,
         sensor_point=instruments.sensor_point,
@@ -309,9 +300,8 @@ def specimen_points(session: Session, campaign: Campaign) -> dict[int, tuple[flo
 
 
 def _frf_sets(session: Session, campaign: Campaign, frame: Frame, warnings: list[str]) -> list[MeasuredFrfs]:
-    rows = session.scalars(select(Frf).where(Frf.campaign_id == campaign.id).order_by(Frf.id)).all()
     usable = []
-    for row in rows:
+    for row in frf_for.all(session, campaign_id=[campaign.id]):
         if 0 in (row.response_point, row.response_direction, row.reference_point, row.reference_direction):
             warnings.append(f"FRF {row.id} ({row.label}) states no point or direction and is left out")
         else:

@@ -17,16 +17,14 @@ from sqlalchemy.dialects.postgresql import aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
-from fecore.frf import Quantity
 from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.access.demands import require_demanded
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
 from service.db.base import Base, Big, Identified, Labelled, label_indexes
 from service.db.bytea import copy_rows, new_keys
-from service.errors import NotFound
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.schemas import UNITS, FrfOut
 from service.store.storage import book
@@ -94,64 +92,14 @@ PROCESSED_COLUMNS = (
 
 
 @dataclass(frozen=True)
-class FrfFilter:
-    """Which FRFs of a campaign; None does not narrow.
-
-    Attributes:
-        point: response point.
-        direction: signed response direction.
-        reference: reference point.
-        quantity: accelerance, mobility or receptance.
-        import_id: the import that they came with.
-        fmin: at least one line at or above this, Hz.
-        fmax: at least one line at or below this, Hz.
-    """
-
-    point: int | None = None
-    direction: int | None = None
-    reference: int | None = None
-    quantity: Quantity | None = None
-    import_id: UUID | None = None
-    fmin: float | None = None
-    fmax: float | None = None
-
-    def query(self, campaign_id: UUID) -> Select[Frf]:
-        """The query of the FRFs of a campaign that pass, without an order: the caller pages through them or streams
-        them.
-        """
-        query = select(Frf).where(Frf.campaign_id == campaign_id)
-        equal = {
-            Frf.response_point: self.point,
-            Frf.response_direction: self.direction,
-            Frf.reference_point: self.reference,
-            Frf.quantity: self.quantity,
-            Frf.import_id: self.import_id,
-        }
-        for column, value in equal.items():
-            if value is not None:
-                query = query.where(column == value)
-        if self.fmin is not None:
-            query = query.where(Frf.end_hz >= self.fmin)
-        if self.fmax is not None:
-            query = query.where(Frf.start_hz <= self.fmax)
-        return query
-
-
-@dataclass(frozen=True)
 class NewFrfs:
-    """FRFs that were read and checked, on their way to the database.
+    """FRFs that were read and checked, on their way to the database."""
 
-    Attributes:
-        path: rows, as `service.store.frfs.schemas.write_rows` left them.
-        count: how many.
-    """
-
-    path: Path
-    count: int
+    path: Path  # rows, as `service.store.frfs.schemas.write_rows` left them
+    count: int  # how many
 
 
 frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
-"""The FRF, if the user has at least a role in its project."""
 
 
 def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -> Sequence[Frf]:
@@ -163,13 +111,12 @@ def store_frfs(session: Session, user: User, campaign: Campaign, new: NewFrfs) -
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    project_id = campaign_for.project_of(session, campaign)
-    book(session, project_id, "frfs", new.path.stat().st_size, campaign_id=campaign.id)
+    book(session, campaign_for, campaign, "frfs", new.path.stat().st_size)
     keys = new_keys(session, new.count)
     with new.path.open("rb") as file, copy_rows(session, Frf, ("id", "campaign_id", *COLUMNS)) as write:
         for key in keys:
             write([key, campaign.id, *pickle.load(file)])
-    audit(session, user, "frf.create", "campaign", campaign.id, project_id, count=new.count)
+    campaign_for.note(session, user, campaign, "frf.create", count=new.count)
     return frfs_of(session, keys)
 
 
@@ -182,10 +129,9 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    campaign = campaign_of(session, campaign_id)
     kept = (new.frfs.values, new.coherence, new.frfs.variance)
     size = sum(values.nbytes for values in kept if values is not None)
-    book(session, campaign_for.project_of(session, campaign), "frfs", size, campaign_id=campaign.id)
+    book(session, campaign_for, campaign_of(session, campaign_id), "frfs", size)
     common = {
         "campaign_id": campaign_id,
         "processing_id": processing_id,
@@ -239,17 +185,17 @@ def writing_frfs(session: Session) -> Iterator[Callable[[Mapping[str, Any]], Non
         yield lambda row: write([row[column] for column in READ_COLUMNS])
 
 
-def label_frfs(session: Session, user: User, campaign: Campaign, wanted: FrfFilter, labels: Labels) -> int:
+def label_frfs(session: Session, user: User, campaign: Campaign, wanted: Select[Frf], labels: Labels) -> int:
     """Give some FRFs of a campaign these tags and metadata in place of theirs, and return how many there are.
 
     Raises:
         Invalid: they are not what the project demands.
     """
-    project_id, stated = campaign_for.project_of(session, campaign), labels.model_dump()
-    require_demanded(session, project_id, "frfs", stated)
-    keys = select(wanted.query(campaign.id).subquery().c.id)
+    stated = labels.model_dump()
+    require_demanded(session, campaign_for.project_of(session, campaign), "frfs", stated)
+    keys = select(wanted.subquery().c.id)
     count = len(session.scalars(update(Frf).where(Frf.id.in_(keys)).values(**stated).returning(Frf.id)).all())
-    audit(session, user, "frfs.label", "campaign", campaign.id, project_id, count=count, **stated)
+    campaign_for.note(session, user, campaign, "frfs.label", count=count, **stated)
     return count
 
 
@@ -261,25 +207,8 @@ def add_coherence(session: Session, import_id: UUID, dataset: int, coherence: Fl
 
 def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
     """Rows by key, in the order given, whoever asks."""
-    rows = {frf.id: frf for frf in session.scalars(select(Frf).where(Frf.id.in_(keys)))}
+    rows = frf_for.rows(session, keys)
     return [rows[key] for key in keys]
-
-
-def first_frf(session: Session, campaign_id: UUID, wanted: FrfFilter) -> Frf:
-    """The first FRF of a campaign that passes.
-
-    Raises:
-        NotFound: none does.
-    """
-    found = session.scalars(wanted.query(campaign_id).order_by(Frf.id).limit(1)).first()
-    if found is None:
-        raise NotFound("FRF that matches in this campaign")
-    return found
-
-
-def frfs_of_import(session: Session, import_id: UUID) -> Sequence[Frf]:
-    """The FRFs that an import brought, in the order of its file."""
-    return session.scalars(select(Frf).where(Frf.import_id == import_id).order_by(Frf.id)).all()
 
 
 def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, float, int, int]]:
@@ -295,36 +224,3 @@ def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tu
     digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
     query = select(Frf.campaign_id, digest, func.max(Frf.created_at)).where(Frf.campaign_id.in_(campaign_ids))
     return {key: (found, newest) for key, found, newest in session.execute(query.group_by(Frf.campaign_id))}
-
-
-def row_of_prediction(measured: Frf, frequency_hz: FloatArray, dtype: np.dtype[np.complexfloating]) -> Frf:
-    """A row that describes a prediction of a measured FRF, and is never stored; its id is the measured FRF's."""
-    same = {name: getattr(measured, name) for name in ("id", "campaign_id", "label", "quantity", *DOFS)}
-    return _unstored(frequency_hz, dtype, **same)
-
-
-def row_of_forecast(
-    key: UUID,
-    response: Sequence[int],
-    reference: Sequence[int],
-    frequency_hz: FloatArray,
-    dtype: np.dtype[np.complexfloating],
-) -> Frf:
-    """A row that describes an accelerance of a forecast between a response's and a reference's (point, direction); its id is
-    the forecast's.
-    """
-    dofs = dict(zip(DOFS, (*response, *reference), strict=True))
-    label = f"{response[0]} {'xyz'[response[1] - 1]} by {reference[0]} {'xyz'[reference[1] - 1]}"
-    return _unstored(frequency_hz, dtype, id=key, label=label, quantity="accelerance", **dofs)
-
-
-def _unstored(frequency_hz: FloatArray, dtype: np.dtype[np.complexfloating], **own: Any) -> Frf:
-    return Frf(
-        **own,
-        averages=None,
-        start_hz=float(frequency_hz[0]),
-        end_hz=float(frequency_hz[-1]),
-        lines=frequency_hz.size,
-        dtype=f"<{dtype.kind}{dtype.itemsize}",
-        coherence_sha256=None,
-    )

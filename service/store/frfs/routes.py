@@ -11,12 +11,14 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from operator import eq, ge, le
 from typing import IO, Annotated
 from uuid import UUID
 
 import numpy as np
 from fastapi import Depends, Query, Request, Response
 from fastapi.responses import FileResponse
+from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
@@ -24,12 +26,13 @@ from modalbase.formats import uff
 from modalbase.formats.frfs import write_csv, write_npz
 from modalbase.formats.frfs.arrow import write_arrow
 from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.frfs.table import FrfTable as Written
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
-from service.store.frfs.data import Cut, FrfTable, make_tables, only_table
+from service.store.frfs.data import Cut, FrfTable, PredictedTable, make_tables, only_table, require_order
 from service.store.frfs.operations import Frf
 from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
@@ -37,8 +40,10 @@ from service.web.bodies import Labels
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.parameters import form_of, not_modified
 
+Table = FrfTable | PredictedTable
 
-def write_json(table: FrfTable, file: IO[bytes]) -> None:
+
+def write_json(table: Written, file: IO[bytes]) -> None:
     """`{quantity, unit, frequency_hz, frfs: [{id, response_point, …, real, imag, coherence}]}`."""
     quantity = table.quantity
     head = {"quantity": quantity, "unit": UNITS[quantity], "frequency_hz": table.frequency_hz.tolist()}  # type: ignore[index]
@@ -57,17 +62,11 @@ def write_json(table: FrfTable, file: IO[bytes]) -> None:
     file.write(b"]}")
 
 
-def write_uff(tables: Sequence[FrfTable], file: IO[bytes], *, binary: bool) -> None:
+def write_uff(tables: Sequence[Table], file: IO[bytes], *, binary: bool) -> None:
     """Grid points of the campaign (set 2411), FRFs and their coherences (set 58b, or 58 as text), SI.
 
     The binary form keeps every bit; the text keeps 13 digits.
-
-    Raises:
-        Invalid: the FRFs are of several campaigns, whose points may differ.
     """
-    campaigns = {frf.campaign_id for table in tables for frf in table.frfs}
-    if len(campaigns) > 1:
-        raise Invalid("format", f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}")
     contents: Iterator[uff.Content] = (uff.GridPoint(label, xyz) for label, xyz in tables[0].points.items())
     for block in encode(itertools.chain(contents, _functions(tables)), binary=binary):
         file.write(block)
@@ -75,21 +74,13 @@ def write_uff(tables: Sequence[FrfTable], file: IO[bytes], *, binary: bool) -> N
 
 @dataclass(frozen=True)
 class Format:
-    """A way to write FRFs.
+    """A way to write FRFs."""
 
-    Attributes:
-        media_type: of the file.
-        suffix: of its name.
-        value_bytes: about what a value takes, its coherence included.
-        write: writes tables; where `one_table`, there is one.
-        one_table: only FRFs of one quantity on one axis can be written.
-    """
-
-    media_type: str
-    suffix: str
-    value_bytes: int
-    write: Callable[[Sequence[FrfTable], IO[bytes]], None]
-    one_table: bool = True
+    media_type: str  # of the file
+    suffix: str  # of its name
+    value_bytes: int  # about what a value takes, its coherence included
+    write: Callable[[Sequence[Table], IO[bytes]], None]  # writes tables; where `one_table`, there is one
+    one_table: bool = True  # only FRFs of one quantity on one axis can be written
 
 
 def _alone(write: Callable[[FrfTable, IO[bytes]], None]) -> Callable[..., None]:
@@ -107,7 +98,7 @@ FORMATS: dict[str, Format] = {
 """By their names in `?format=`."""
 
 
-def _functions(tables: Sequence[FrfTable]) -> Iterator[uff.Content]:
+def _functions(tables: Sequence[Table]) -> Iterator[uff.Content]:
     """Each FRF, and its coherence after it."""
     for table in tables:
         axis = _uff_axis(table)
@@ -119,7 +110,7 @@ def _functions(tables: Sequence[FrfTable]) -> Iterator[uff.Content]:
                 label=frf.label,
                 id_lines=ids,
                 **dofs,
-                quantity=frf.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
+                quantity=table.quantity,  # type: ignore[arg-type]  # the column holds what was checked on the way in
                 frequency=axis,
                 values=values,
             )
@@ -137,7 +128,7 @@ def _functions(tables: Sequence[FrfTable]) -> Iterator[uff.Content]:
                 )
 
 
-def _uff_axis(table: FrfTable) -> uff.Axis:
+def _uff_axis(table: Table) -> uff.Axis:
     """Start and step where they give the lines exactly, else the lines."""
     frequency = table.frequency_hz
     if frequency.size > 1:
@@ -156,29 +147,49 @@ Hertz = Annotated[float | None, Query(ge=0, le=1e12, allow_inf_nan=False)]
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 
 
-def _filter(
-    point: Annotated[Whole, Query(description="response point")] = None,
-    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None,
-    reference: Annotated[Whole, Query(description="reference point")] = None,
-    quantity: Annotated[Quantity | None, Query(description="of these only")] = None,
-    import_id: Annotated[UUID | None, Query(description="of this import only")] = None,
-    fmin: Annotated[Hertz, Query(description="Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="Hz")] = None,
-) -> operations.FrfFilter:
-    if fmin is not None and fmax is not None and fmin > fmax:
-        raise Invalid("fmin", f"is {fmin:g} Hz and above fmax, {fmax:g} Hz")
-    return operations.FrfFilter(
-        point=point,
-        direction=direction,
-        reference=reference,
-        quantity=quantity,
-        import_id=import_id,
-        fmin=fmin,
-        fmax=fmax,
-    )
+@dataclass(frozen=True)
+class FrfFilter:
+    """Which FRFs of a campaign; None does not narrow. A band is that of FRFs with a line in it."""
+
+    point: Annotated[Whole, Query(description="response point")] = None
+    direction: Annotated[int | None, Query(ge=-6, le=6, description="signed response direction")] = None
+    reference: Annotated[Whole, Query(description="reference point")] = None
+    quantity: Annotated[Quantity | None, Query(description="of these only")] = None
+    import_id: Annotated[UUID | None, Query(description="of this import only")] = None
+    fmin: Annotated[Hertz, Query(description="Hz")] = None
+    fmax: Annotated[Hertz, Query(description="Hz")] = None
+
+    def __post_init__(self) -> None:
+        """Refuse a band whose ends are the wrong way round."""
+        require_order(self.fmin, self.fmax)
+
+    def query(self, campaign_id: UUID) -> Select[Frf]:
+        """The query of the FRFs of a campaign that pass, without an order."""
+        asked = (
+            (Frf.response_point, eq, self.point),
+            (Frf.response_direction, eq, self.direction),
+            (Frf.reference_point, eq, self.reference),
+            (Frf.quantity, eq, self.quantity),
+            (Frf.import_id, eq, self.import_id),
+            (Frf.end_hz, ge, self.fmin),
+            (Frf.start_hz, le, self.fmax),
+        )
+        passed = [compared(column, value) for column, compared, value in asked if value is not None]
+        return select(Frf).where(Frf.campaign_id == campaign_id, *passed)
+
+    def rows(self, session: Session, campaign_id: UUID, most: int | None = None) -> Sequence[Frf]:
+        """The first of them, or all.
+
+        Raises:
+            NotFound: none passes.
+        """
+        found = session.scalars(self.query(campaign_id).order_by(Frf.id).limit(most)).all()
+        if not found:
+            raise NotFound("FRF that matches in this campaign")
+        return found
 
 
-FilterDep = Annotated[operations.FrfFilter, Depends(_filter)]
+FilterDep = Annotated[FrfFilter, Depends()]
 
 
 @dataclass(frozen=True)
@@ -191,7 +202,11 @@ class Spectra:
 
     def of(self, session: Session, frfs: Sequence[Frf]) -> Response:
         """The spectra of FRFs as a file; 304 where the client has it."""
-        tables, form = make_tables(session, frfs, self.cut), FORMATS[self.form]
+        form, campaigns = FORMATS[self.form], {frf.campaign_id for frf in frfs}
+        if not form.one_table and len(campaigns) > 1:
+            why = f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}"
+            raise Invalid("format", why)
+        tables = make_tables(session, frfs, self.cut)
         headers = {"ETag": _etag(session, tables, self.form), "Vary": "Accept"}
         if (unchanged := not_modified(self.request, headers)) is not None:
             return unchanged
@@ -200,14 +215,24 @@ class Spectra:
         return send(lambda file: form.write(tables, file), form.media_type, f"frfs.{form.suffix}", headers)
 
 
-def _spectra(
-    request: Request,
-    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 58b, uff-ascii set 58; default: by Accept")],
+def _cut(
     fmin: Annotated[Hertz, Query(description="Hz")] = None,
     fmax: Annotated[Hertz, Query(description="Hz")] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000, description="every how many-th line")] = 1,
+) -> Cut:
+    require_order(fmin, fmax)
+    return Cut(fmin, fmax, stride)
+
+
+CutDep = Annotated[Cut, Depends(_cut)]
+
+
+def _spectra(
+    request: Request,
+    cut: CutDep,
+    form: Annotated[str, form_of(MEDIA_TYPES, "uff is set 58b, uff-ascii set 58; default: by Accept")],
 ) -> Spectra:
-    return Spectra(request, Cut(fmin, fmax, stride), form)
+    return Spectra(request, cut, form)
 
 
 SpectraDep = Annotated[Spectra, Depends(_spectra)]
@@ -233,7 +258,7 @@ def label_frfs(
 ) -> LabelledFrfs:
     """Give a set of FRFs, all of the campaign or those that the query leaves, tags and metadata in place of theirs."""
     campaign = campaign_for(session, user, campaign_id, "editor")
-    return LabelledFrfs(count=operations.label_frfs(session, user, campaign, wanted, labels))
+    return LabelledFrfs(count=operations.label_frfs(session, user, campaign, wanted.query(campaign.id), labels))
 
 
 @router.get("/campaigns/{campaign_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
@@ -248,11 +273,7 @@ def get_campaign_data(
 
     UFF holds the grid points too, and FRFs of any axes and quantities; the others need one axis and one quantity.
     """
-    campaign = campaign_for(session, user, campaign_id)
-    rows = session.scalars(wanted.query(campaign.id).order_by(Frf.id)).all()
-    if not rows:
-        raise NotFound("FRF that matches in this campaign")
-    return spectra.of(session, rows)
+    return spectra.of(session, wanted.rows(session, campaign_for(session, user, campaign_id).id))
 
 
 @router.get("/frfs/{frf_id}")

@@ -13,7 +13,6 @@ from uuid import UUID
 
 import numpy as np
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from fecore.frf import Quantity
 from modalbase.formats.frfs import FrfRow, Frfs
@@ -21,7 +20,7 @@ from modalbase.formats.frfs.table import DOFS
 from service.compute.frf_rows import COLUMNS, encoded
 from service.errors import Invalid
 from service.store.campaigns.schemas import Point
-from service.web import StrictModel, Text
+from service.web import StrictModel, Text, wrong
 from service.web.json_body import BULK_VALUES, checked, parse_json
 
 Direction = Annotated[int, Field(ge=-6, le=6, description="±1 … ±3 along x, y, z, ±4 … ±6 about them")]
@@ -82,9 +81,7 @@ class FrfIn(StrictModel):
     @model_validator(mode="after")
     def _as_long(self) -> Self:
         if len(self.real) != len(self.imag):
-            raise PydanticCustomError(
-                "length", "real has {r} values, imag has {i}", {"r": len(self.real), "i": len(self.imag)}
-            )
+            raise wrong(f"real has {len(self.real)} values, imag has {len(self.imag)}")
         return self
 
 

@@ -26,7 +26,7 @@ from service.store.frfs.operations import add_coherence
 from service.store.modes.operations import store_read_modes
 from service.store.records.operations import RecordIntake
 from service.store.storage import book
-from service.store.structures.meshes import body_in_space
+from service.store.structures.models import body_in_space
 from service.store.structures.operations import present_structure
 
 SAME_POINT_M = 1e-6
@@ -119,8 +119,7 @@ class Intake:
             self._refuse_nothing()
         if self.frf_bytes and not self.row.dry_run:
             campaign = campaign_of(self.session, self.row.campaign_id)
-            project_id = campaign_for.project_of(self.session, campaign)
-            book(self.session, project_id, "frfs", self.frf_bytes, campaign_id=campaign.id)
+            book(self.session, campaign_for, campaign, "frfs", self.frf_bytes)
         self.row.counts = self.counts
         self.row.format, self.row.kind = self.found.format, self.found.kind
         if self.found.kind is not None:

@@ -15,7 +15,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from service.access import Lookup, User
 from service.compute.reading import Kept, ReadingInputs, read_upload
 from service.db.base import Base
-from service.jobs.kinds import REQUESTS, JobKind
+from service.jobs.kinds import REQUESTS
 from service.jobs.resource import JobNoun
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
@@ -52,16 +52,15 @@ class Import(Base):
     trace_lines: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True), deferred=True)
 
 
-def _load(session: Session, job_id: UUID, workspace: Path) -> ReadingInputs:
+def _load(session: Session, row: Import, workspace: Path) -> ReadingInputs:
     """Put the original on the worker's disk."""
-    row = session.get_one(Import, job_id)
     path = workspace / "original"
     write_original(session, row.sha256, path)
     stated = (row.quantity, row.filename, row.format, row.kind, row.mapping, row.dry_run)
     return ReadingInputs(path, *stated)  # type: ignore[arg-type]  # the columns hold what the route let in
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
+def _store(session: Session, row: Import, items: Iterator[Kept]) -> None:
     """Take in a file. A dry run goes the same way and writes the report alone.
 
     Raises:
@@ -70,7 +69,6 @@ def _store(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
         PayloadTooLarge: more is in the file than one import may bring.
         Invalid: nothing at all of the file could be read.
     """
-    row = session.get_one(Import, job_id)
     # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
     session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
     size = original_sizes(session, [row.sha256])[row.sha256]
@@ -82,11 +80,8 @@ def _store(session: Session, job_id: UUID, items: Iterator[Kept]) -> None:
         intake.finish()
 
 
-IMPORT = JobKind("import", load=_load, compute=read_upload, store=_store)
-
 import_for = Lookup(Import, "import", "campaign_id", campaign_for)
-"""The import, if the user has at least a role in its project."""
-IMPORTS = JobNoun(IMPORT, import_for, "imports")
+IMPORTS = JobNoun("imports", import_for, _load, read_upload, _store)
 
 
 def start_import(
@@ -115,8 +110,7 @@ def start_import(
     if not (wanted.dry_run or urgent) and (known := _same_bytes(session, wanted)) is not None:
         return known, False
     if not _has_file(session, campaign, file.sha256):
-        project_id = campaign_for.project_of(session, campaign)
-        book(session, project_id, "files", file.size, campaign_id=campaign.id)
+        book(session, campaign_for, campaign, "files", file.size)
     keep_original(session, file)
     queue = REQUESTS if urgent else None
     return IMPORTS.start(session, user, wanted, queue=queue, sha256=file.sha256.hex()), True

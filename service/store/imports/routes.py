@@ -25,8 +25,8 @@ from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
-from service.store.records.decisions import judged
-from service.store.records.operations import records_of_import
+from service.store.records.operations import record_for
+from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords
 from service.store.storage.originals import copy_original, forget_originals, original_sizes
 from service.store.structures.models import models_files
@@ -34,8 +34,9 @@ from service.store.structures.operations import structure_for
 from service.web import Name, StrictModel, api_router, shown_as
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
+from service.web.openapi import UPLOAD, reads
 from service.web.parameters import not_modified
-from service.web.uploads import UPLOAD_CONTENT, Upload, UploadDep
+from service.web.uploads import Upload, UploadDep
 
 
 class DatasetOutcome(StrictModel):
@@ -83,8 +84,6 @@ class ImportOut(JobOut):
 
 router = api_router(tags=["imports"])
 
-BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
-
 QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is whose file does not say so, in SI units")]
 MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
 
@@ -126,7 +125,7 @@ def read_mapping(stated: str | None, upload: Upload) -> Any:
     return None if text is None else parse_parameter("mapping", text)
 
 
-@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=BODY)
+@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=reads(UPLOAD))
 def start_import(
     campaign_id: UUID,
     upload: UploadDep,
@@ -174,7 +173,7 @@ of_jobs.getting("get_import", "How far an import is, what it brought in, and wha
 def get_import_records(import_id: UUID, session: SessionDep, user: CurrentUser) -> StoredRecords:
     """Time blocks that an import brought, and how the hits of their points are judged now."""
     row = operations.import_for(session, user, import_id)
-    return judged(session, row.campaign_id, records_of_import(session, row.id))
+    return judged(session, row.campaign_id, record_for.all(session, import_id=[row.id]))
 
 
 @router.get("/imports/{import_id}/original", response_class=FileResponse)

@@ -17,8 +17,10 @@ from anyio import to_thread
 from fastapi import Depends, Query, Request, Response
 
 from modalbase.formats.recognise import FORMATS, Format
+from modalbase.formats.records import Variables
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.access.dependencies import Beforehand
+from service.compute.arrays_of_files import hits_of
 from service.errors import Conflict, Fault, Invalid, PayloadTooLarge, ServiceError, Unavailable, UnsupportedMediaType
 from service.jobs.aside import read_aside
 from service.jobs.events import ChangesDep, shown
@@ -30,35 +32,18 @@ from service.store.imports import operations
 from service.store.imports.operations import Import
 from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, of_jobs, read_mapping
 from service.store.records import operations as records
-from service.store.records.decisions import judged
-from service.store.records.schemas import Proposal, Sent, StoredRecords, from_json
-from service.web import Name, Page, api_router
+from service.store.records.processings import judged
+from service.store.records.schemas import Proposal, StoredRecords, from_json
+from service.web import Name, Page, api_router, shown_as
 from service.web.gate import without_slot
-from service.web.openapi import schema_of
-from service.web.routing import Later
-from service.web.uploads import UPLOAD_CONTENT, Spooled, UploadDep
+from service.web.openapi import BINARY, TEXT, UPLOAD, reads
+from service.web.uploads import Spooled, UploadDep
 
 router = api_router(tags=[])
 
-BINARY = {"schema": {"type": "string", "format": "binary"}}
-RECORDS = {
-    "requestBody": {
-        "required": True,
-        "content": {**UPLOAD_CONTENT, "application/json": {"schema": {"type": "object", "required": ["variables"]}}},
-    }
-}
-FRFS = Later(
-    lambda: {
-        "requestBody": {
-            "required": True,
-            "content": {
-                "application/json": {"schema": schema_of(FrfsIn)},
-                "application/x-npz": BINARY,
-                "text/csv": {"schema": {"type": "string"}},
-                "application/x-matlab-data": BINARY,
-            },
-        }
-    }
+RECORDS = reads(UPLOAD | {"application/json": {"type": "object", "required": ["variables"]}})
+FRFS = reads(
+    {"application/json": FrfsIn, "application/x-npz": BINARY, "text/csv": TEXT, "application/x-matlab-data": BINARY}
 )
 LATER: dict[int | str, dict[str, Any]] = {
     202: {"model": ImportOut, "description": "the file is not read yet; `Location` is its import"}
@@ -106,17 +91,11 @@ ReadingDep = Annotated[Reading, Depends()]
 
 @dataclass(frozen=True)
 class _Came:
-    """Time blocks of a script.
+    """Time blocks of a script."""
 
-    Attributes:
-        sent: those of JSON, or the import of a file.
-        filename: where they come from.
-        dry_run: they shall only be looked at.
-    """
-
-    sent: Sent | UUID
-    filename: str
-    dry_run: bool
+    sent: tuple[Variables, Any] | UUID  # arrays of JSON and their mapping, or the import of a file
+    filename: str  # where they come from
+    dry_run: bool  # they shall only be looked at
 
 
 async def _records(
@@ -173,13 +152,14 @@ def create_records(
         if came.dry_run and state.found is not None:
             response.status_code = 200
             return state.found
-        return judged(session, campaign_id, records.records_of_import(session, sent))
+        return judged(session, campaign_id, records.record_for.all(session, import_id=[sent]))
     if came.dry_run:
         campaign_for(session, user, campaign_id, "editor")
+    found, blocks = hits_of(*sent, dry_run=came.dry_run)
+    if came.dry_run:
         response.status_code = 200
-        return sent.proposal()
-    blocks, used = sent.blocks()
-    rows = records.store_records(session, user, campaign_id, came.filename, blocks, counted=used.hit is None)
+        return shown_as(Proposal, found)
+    rows = records.store_records(session, user, campaign_id, came.filename, blocks, counted=found.counted)
     return judged(session, campaign_id, rows)
 
 
@@ -232,7 +212,7 @@ def create_frfs(
         state = _ended(session, user, came, response)
         if state.status != "succeeded":
             return state
-        rows = frfs.frfs_of_import(session, came)
+        rows = frfs.frf_for.all(session, import_id=[came])
     else:
         rows = frfs.store_frfs(session, user, campaign_for(session, user, campaign_id, "editor"), came)
     return Page(items=[frfs.describe(row) for row in rows])

@@ -11,18 +11,16 @@ from datetime import date, datetime
 from typing import Any, Literal
 from uuid import UUID
 
-from fastapi import Response
 from pydantic import Field, field_validator, model_validator
-from pydantic_core import PydanticCustomError
-from sqlalchemy import ForeignKey, UniqueConstraint, func, select
+from sqlalchemy import ForeignKey, UniqueConstraint, func
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
-from service.access import CurrentUser, Lookup, SessionDep, User, project_for
+from service.access import Lookup, User, project_for
 from service.access.nouns import NounRoutes
 from service.db.base import Base, Identified
 from service.errors import Conflict
-from service.web import Name, StrictModel, Text, api_router, example, not_null, shown_as
+from service.web import Name, StrictModel, Text, api_router, example, not_null, shown_as, wrong
 
 router = api_router(tags=["instruments"])
 Kind = Literal["hammer", "sensor", "analyser"]
@@ -57,13 +55,13 @@ class Calibration(StrictModel):
     @classmethod
     def _of_something(cls, value: float | None) -> float | None:
         if value == 0:
-            raise PydanticCustomError("zero", "is 0; leave it out where it is not known")
+            raise wrong("is 0; leave it out where it is not known")
         return value
 
     @model_validator(mode="after")
     def _in_order(self) -> Calibration:
         if self.valid_until is not None and self.valid_until < self.performed_on:
-            raise PydanticCustomError("order", "valid_until is before performed_on")
+            raise wrong("valid_until is before performed_on")
         return self
 
 
@@ -108,13 +106,6 @@ class InstrumentOut(InstrumentIn):
 
 
 instrument_for = Lookup(Instrument, "instrument", "project_id")
-"""The instrument, if the user has at least a role in its project."""
-
-
-def instruments_of(session: Session, projects: Iterable[UUID]) -> Sequence[Instrument]:
-    """The instruments of some projects that are not deleted, oldest first."""
-    there = Instrument.project_id.in_(set(projects)), Instrument.deleted_at.is_(None)
-    return session.scalars(select(Instrument).where(*there).order_by(Instrument.id)).all()
 
 
 def _describe(_: Session, rows: Sequence[Instrument]) -> Iterable[InstrumentOut]:
@@ -124,15 +115,10 @@ def _describe(_: Session, rows: Sequence[Instrument]) -> Iterable[InstrumentOut]
 nouns = NounRoutes(router, instrument_for, InstrumentOut, _describe, "instruments", "instrument_id")
 
 
-@router.post("/projects/{project_id}/instruments", status_code=201)
-def create_instrument(
-    project_id: UUID, body: InstrumentIn, session: SessionDep, user: CurrentUser, response: Response
-) -> InstrumentOut:
-    """Register a hammer, sensor or analyser. Campaigns that state its kind and serial number name it."""
-    project = project_for(session, user, project_id, "editor")
-    row = Instrument(project_id=project.id)
+def _create(session: Session, user: User, project_id: UUID, body: InstrumentIn) -> Instrument:
+    row = Instrument(project_id=project_for(session, user, project_id, "editor").id)
     _state(session, user, row, "create", body.model_dump(mode="json"))
-    return nouns.made(session, row, response)
+    return row
 
 
 def _change(session: Session, user: User, row: Instrument, body: InstrumentPatch) -> None:
@@ -161,6 +147,12 @@ def _state(session: Session, user: User, row: Instrument, act: str, stated: dict
     instrument_for.note(session, user, row, act, **stated)
 
 
+nouns.creating(
+    "create_instrument",
+    "Register a hammer, sensor or analyser. Campaigns that state its kind and serial number name it.",
+    InstrumentIn,
+    _create,
+)
 nouns.listing("list_instruments", "Instruments of a project, with their calibrations.", hides=True)
 nouns.getting("get_instrument", "An instrument with its calibrations, oldest first.", tagged=True)
 nouns.changing(

@@ -1,31 +1,37 @@
-"""Mode sets, their modes and identifications: the tables, and what can be done with mode sets: type in, store, read."""
+"""Mode sets, their modes and identifications: the tables, and what can be done with mode sets: type in, store, read; and the
+job that finds the modes of a campaign in its FRFs and keeps them as a mode set.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 from sqlalchemy import JSON, ForeignKey, Index, insert, select, text
 from sqlalchemy.dialects.postgresql import JSONB, distinct_on
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import ComplexArray
+from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from modalbase.formats.uff import ModeShape
 from service.access import Lookup, User
+from service.compute.identifying import IdentificationInputs, IdentificationOutput, find_modes
 from service.db.base import Base, Identified
-from service.store.campaigns.operations import campaign_for
-from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, ShapeValue
-from service.store.storage import book
-from service.web import shown_as
-
-if TYPE_CHECKING:
-    from service.store.campaigns.operations import Campaign
+from service.jobs.kinds import CORE_LIBRARIES
+from service.jobs.resource import JobNoun
+from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
+from service.store.frfs.data import load_measured_campaign
+from service.store.modes.schemas import ModeIn, ModeOut, ModeSetIn, ModeSetOut, PolesIn, ShapeValue
+from service.store.storage import book, require_room
+from service.web import Name, example, shown_as
 
 
 class ModeSet(Identified, Base):
@@ -74,17 +80,16 @@ EVIDENCE = ("probability", "features")
 """What the details of a mode set have for each of its modes, in their order, as `evidence`."""
 
 mode_set_for = Lookup(ModeSet, "mode set", "campaign_id", campaign_for)
-"""The mode set, if the user has at least a role in its project."""
 
 
-def create_mode_set(session: Session, user: User, campaign: Campaign, body: ModeSetIn) -> ModeSet:
+def create_mode_set(session: Session, user: User, campaign_id: UUID, body: ModeSetIn) -> ModeSet:
     """Store modes that a person or a script knows, sorted by frequency and numbered from 1.
 
     Raises:
         QuotaExceeded: the project has no room for them.
     """
-    project_id = campaign_for.project_of(session, campaign)
-    book(session, project_id, "modes", len(body.model_dump_json()), campaign_id=campaign.id)
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    book(session, campaign_for, campaign, "modes", len(body.model_dump_json()))
     mode_set = ModeSet(campaign_id=campaign.id, name=body.name, origin="typed", details={})
     store(session, mode_set, map(_stated, sorted(body.modes, key=lambda mode: mode.frequency_hz)))
     session.refresh(mode_set)
@@ -92,15 +97,26 @@ def create_mode_set(session: Session, user: User, campaign: Campaign, body: Mode
     return mode_set
 
 
-def store_identified(
-    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, *, job_id: UUID, details: dict[str, Any]
+DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
+"""What of the document about an identification its mode set has too, so that nobody sees the modes without it."""
+
+
+def keep_identified(
+    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, document: dict[str, Any], *, job_id: UUID
 ) -> ModeSet:
-    """Store modes that a job has identified, directions in the file's coordinates, with covariance and how they were found."""
+    """Store modes that a job found in the specimen's frame, with their directions in the file's coordinates, as all stored
+    shapes are, with covariance and how they were found.
+    """
+    details = {part: document[part] for part in DETAILS}
+    said = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
+    details["evidence"] = [{part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz]
     covariance = None if modes.covariance is None else modes.covariance.tolist()
     found = {"job_id": job_id, "origin": "identified", "covariance": covariance, "details": details}
     mode_set = ModeSet(campaign_id=campaign_id, name=name, **found)
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
-    points, directions = [dof.point for dof in modes.dofs], [dof.direction for dof in modes.dofs]
+    frame = frame_of(campaign_of(session, campaign_id))
+    dofs = [frame.file_dof(dof) for dof in modes.dofs]
+    points, directions = [dof.point for dof in dofs], [dof.direction for dof in dofs]
     rows = (
         {
             "frequency_hz": float(modes.frequency_hz[k]),
@@ -175,11 +191,6 @@ def describe_all(session: Session, mode_sets: Sequence[ModeSet]) -> list[ModeSet
     """Mode sets as clients see them, in the order given, with all modes and shapes; one query for all modes."""
     modes = modes_of(session, [mode_set.id for mode_set in mode_sets])
     return [shown_as(ModeSetOut, s, modes=[_mode(row, _evidence(s, row)) for row in modes[s.id]]) for s in mode_sets]
-
-
-def mode_sets_of(session: Session, *campaign_ids: UUID) -> Sequence[ModeSet]:
-    """The mode sets of campaigns, oldest first, whoever asks."""
-    return session.scalars(select(ModeSet).where(ModeSet.campaign_id.in_(campaign_ids)).order_by(ModeSet.id)).all()
 
 
 def _evidence(mode_set: ModeSet, row: Mode) -> dict[str, Any]:
@@ -257,3 +268,51 @@ def newest_stated(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, 
         .order_by(ModeSet.campaign_id, ModeSet.id.desc())
     )
     return {campaign: (key, at) for campaign, key, at in session.execute(query)}
+
+
+class IdentificationIn(PolesIn):
+    """How to identify; `{}` will do."""
+
+    model_config = example()
+
+    name: Name = "identified"
+    include_doubtful: bool = Field(
+        False, description="keep the uncertain poles, from probability 0.1 on, in the mode set too"
+    )
+
+
+def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
+    campaign = load_measured_campaign(session, row.campaign_id)
+    if not campaign.frf_sets:
+        raise InputError("campaign", "has no FRFs; import a UFF file first")
+    asked = IdentificationIn.model_validate(row.options)
+    frfs = tuple(used.frfs for used in campaign.frf_sets)
+    windows = [remark for used in campaign.frf_sets for remark in used.window_remark]
+    return IdentificationInputs(
+        frfs, asked.options(), asked.include_doubtful, (*campaign.warnings, *dict.fromkeys(windows))
+    )
+
+
+def _store(session: Session, row: Identification, items: Iterator[IdentificationOutput]) -> None:
+    name = IdentificationIn.model_validate(row.options).name
+    for output in items:
+        row.document = output.document
+        keep_identified(session, row.campaign_id, name, output.modes, output.document, job_id=row.id)
+
+
+identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)
+IDENTIFICATIONS = JobNoun("identifications", identification_for, _load, find_modes, _store, libraries=CORE_LIBRARIES)
+
+
+def start_identification(session: Session, user: User, campaign_id: UUID, body: IdentificationIn) -> Identification:
+    """Queue an identification of a campaign's modes, in the caller's transaction.
+
+    Raises:
+        InputError: the band is empty.
+        QuotaExceeded: the project has no room for modes.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    body.options()  # a wrong band is refused before it is queued
+    require_room(session, campaign_for.project_of(session, campaign))
+    row = Identification(campaign_id=campaign.id, options=body.model_dump(mode="json"))
+    return IDENTIFICATIONS.start(session, user, row)

@@ -25,11 +25,20 @@ from service.errors import Conflict
 from service.jobs.resource import JobOut, job_state
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
-from service.store.campaigns.operations import campaign_for, stored_points
+from service.store.campaigns.operations import campaign_for, campaign_of, stored_points
 from service.store.modes import operations
-from service.store.modes.identifications import IDENTIFICATIONS, IdentificationIn
-from service.store.modes.identifications import start_identification as queue_identification
-from service.store.modes.operations import Identification, Mode, ModeSet, mode_set_for, modes_of, shape_of, store
+from service.store.modes.operations import (
+    IDENTIFICATIONS,
+    Identification,
+    IdentificationIn,
+    Mode,
+    ModeSet,
+    mode_set_for,
+    modes_of,
+    shape_of,
+    start_identification,
+    store,
+)
 from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
 from service.store.storage import book
 from service.web import api_router, shown_as
@@ -45,14 +54,12 @@ UFF: dict[int | str, dict[str, Any]] = {200: {"content": {MEDIA_TYPES["uff"]: {}
 nouns = NounRoutes(router, operations.mode_set_for, ModeSetOut, operations.describe_all, "mode-sets", "mode_set_id")
 
 
-@router.post("/campaigns/{campaign_id}/mode-sets", status_code=201)
-def create_mode_set(
-    campaign_id: UUID, body: ModeSetIn, session: SessionDep, user: CurrentUser, response: Response
-) -> ModeSetOut:
-    """Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes."""
-    campaign = campaign_for(session, user, campaign_id, "editor")
-    mode_set = operations.create_mode_set(session, user, campaign, body)
-    return nouns.made(session, mode_set, response)
+nouns.creating(
+    "create_mode_set",
+    "Type in modes that were identified elsewhere: frequencies, and where known damping ratios and shapes.",
+    ModeSetIn,
+    operations.create_mode_set,
+)
 
 
 @router.post("/mode-sets/{mode_set_id}/edits", status_code=201)
@@ -113,15 +120,13 @@ def _described(session: Session, rows: Sequence[tuple[Identification, Job]]) -> 
 of_jobs = JobRoutes(identifications, IDENTIFICATIONS, IdentificationOut, _described, "identification_id")
 
 
-@identifications.post("/campaigns/{campaign_id}/identifications", status_code=202)
-def start_identification(
-    campaign_id: UUID, body: IdentificationIn, session: SessionDep, user: CurrentUser, response: Response
-) -> IdentificationOut:
-    """Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body."""
-    row = queue_identification(session, user, campaign_id, body)
-    return of_jobs.made(session, row, response)
-
-
+of_jobs.creating(
+    "start_identification",
+    "Queue an identification of modes from the campaign's FRFs; a mode set comes of it. `{}` is a body.",
+    IdentificationIn,
+    start_identification,
+    status=202,
+)
 of_jobs.cancelling(
     "cancel_identification", "Ask for an identification's end; one that has ended already stays as it is."
 )
@@ -202,7 +207,8 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
         elif not decision.keep and pole in rows:
             place = rows.index(pole)
             del rows[place], evidence[place], places[place]
-        decided.append(_record(user, decision, pole))
+        at = {"by": user.name, "at": datetime.now(UTC).isoformat()}
+        decided.append({"frequency_hz": pole["frequency_hz"], "keep": decision.keep, "reason": decision.reason, **at})
     if not rows:
         raise InputError("decisions", "drop every mode of the set; keep at least one")
     details = {**mode_set.details, **beside, "evidence": evidence}
@@ -212,8 +218,7 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
     edited = ModeSet(
         campaign_id=mode_set.campaign_id, name=body.name, origin="edited", covariance=covariance, details=details
     )
-    project_id = mode_set_for.project_of(session, mode_set)
-    book(session, project_id, "modes", len(str(rows)) + len(str(details)), campaign_id=mode_set.campaign_id)
+    book(session, campaign_for, campaign_of(session, mode_set.campaign_id), "modes", len(str(rows)) + len(str(details)))
     store(session, edited, rows)
     session.refresh(edited)
     mode_set_for.note(session, user, edited, "edit", name=body.name, edited_from=str(mode_set.id))
@@ -232,16 +237,6 @@ def _pole(field: str, decision: DecisionIn, *where: list[dict[str, Any]]) -> dic
         there = ", ".join(f"{pole['frequency_hz']:.6g}" for pole in poles[:30])
         raise InputError(field, f"is {decision.frequency_hz:g}, and no pole of the set is there; it has {there} Hz")
     return near
-
-
-def _record(user: User, decision: DecisionIn, pole: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "frequency_hz": pole["frequency_hz"],
-        "keep": decision.keep,
-        "reason": decision.reason,
-        "by": user.name,
-        "at": datetime.now(UTC).isoformat(),
-    }
 
 
 def _covariance(mode_set: ModeSet, places: list[int | None]) -> list[Any] | None:

@@ -7,12 +7,11 @@ from typing import Annotated, Any, Literal
 from uuid import UUID
 
 from pydantic import Field, field_validator
-from pydantic_core import PydanticCustomError
 
 from fecore.errors import InputError
 from fecore.modal import Options
 from service.store.campaigns.schemas import Point
-from service.web import Name, StrictModel, example
+from service.web import Name, StrictModel, example, wrong
 
 Origin = Literal["typed", "file", "identified", "edited"]
 
@@ -29,7 +28,7 @@ class ShapeValue(StrictModel):
     @classmethod
     def _not_zero(cls, direction: int) -> int:
         if direction == 0:
-            raise PydanticCustomError("direction", "is 0, expected ±1 … ±6")
+            raise wrong("is 0, expected ±1 … ±6")
         return direction
 
 
@@ -49,12 +48,10 @@ class ModeIn(StrictModel):
         for value in shape or []:
             key = (value.point, abs(value.direction))
             if key in seen:
-                raise PydanticCustomError(
-                    "twice", "point {point} has direction {axis} twice", {"point": key[0], "axis": key[1]}
-                )
+                raise wrong(f"point {key[0]} has direction {key[1]} twice")
             seen.add(key)
         if shape and not any(value.real or value.imag for value in shape):
-            raise PydanticCustomError("zero", "is zero everywhere")
+            raise wrong("is zero everywhere")
         return shape
 
 

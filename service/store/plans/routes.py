@@ -17,7 +17,7 @@ from fecore.body.specimen import OrientedSpecimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass
 from fecore.coupons.batch import Statistics, prior
-from fecore.errors import within
+from fecore.errors import OffSpecimenError, within
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign
 from fecore.updating.parameters import default_parameters
 from fecore.updating.plans import PlannedCoupons, PlannedTest
@@ -26,7 +26,7 @@ from service.compute.models.bodies import AS_MODELLED
 from service.compute.planning import PlanOrder, compute_plan
 from service.errors import Invalid
 from service.jobs.aside import read_aside
-from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
+from service.store.campaigns.operations import campaign_for
 from service.store.campaigns.schemas import AddedMass, Boundary
 from service.store.coupons.schemas import Constant
 from service.store.frfs.data import load_measured_campaign
@@ -63,9 +63,9 @@ class PlannedTestIn(StrictModel):
     )
     sensor: int | None = Field(None, ge=0, description="number of the sensor's point among these; default: the last")
     sensor_mass_kg: float = Field(0.0, ge=0, le=100)
-    noise: float = Field(0.02, gt=0, le=1, description="of an FRF, as a share of its root mean square")
-    damping_ratio: float = Field(0.01, gt=0, lt=1)
-    line_spacing_hz: Hertz = 0.5
+    noise: float = Field(0.02, ge=1e-6, le=1, description="of an FRF, as a share of its root mean square")
+    damping_ratio: float = Field(0.01, ge=1e-6, lt=1)
+    line_spacing_hz: float = Field(0.5, ge=1e-6, le=1e6)
 
 
 class PlannedCouponsIn(StrictModel):
@@ -189,17 +189,18 @@ def _proposed(session: Session, structure: StructureIn) -> list[PlannedTestIn]:
 def _test(
     session: Session, number: int, asked: PlannedTestIn, structure: StructureIn, specimen: str, first: StructureIn
 ) -> PlannedTest:
+    at = f"/tests/{number}"
     masses = tuple(PointMass(m.x_m, m.y_m, m.mass_kg, m.rotary_inertia_kg_m2, z=m.z_m) for m in asked.added_masses)
     body = joint_body(session, structure, asked.boundary, USUAL, masses=masses, first=first)
     if isinstance(body, MatrixBody):
         raise Invalid(
-            f"/tests/{number}/structure_id",
+            f"{at}/structure_id",
             "is a model of matrices, whose nodes have no walls to hit; a forecast proposes points",
         )
-    points, axes = _points(asked, body)
+    points, axes = _points(asked, body, at)
     sensor = len(points) - 1 if asked.sensor is None else asked.sensor
     if sensor >= len(points):
-        raise Invalid(f"/tests/{number}/sensor", f"is {sensor}, expected one of the {len(points)} points, from 0")
+        raise Invalid(f"{at}/sensor", f"is {sensor}, expected one of the {len(points)} points, from 0")
     return PlannedTest(
         name=_name(number, asked, structure),
         body=body,
@@ -221,7 +222,7 @@ def _name(number: int, asked: PlannedTestIn, structure: StructureIn) -> str:
 
 
 def _points(
-    asked: PlannedTestIn, body: OrientedSpecimen | Structure
+    asked: PlannedTestIn, body: OrientedSpecimen | Structure, at: str
 ) -> tuple[tuple[tuple[float, ...], ...], dict[int, FloatArray]]:
     """The points that can be hit; of a body in space with its walls' normals as their third directions."""
     if isinstance(body, OrientedSpecimen):
@@ -231,7 +232,10 @@ def _points(
         places, normals = surfaces.spread(_ALONG * _ACROSS)
     else:
         places = np.array([[*point, 0.0][:3] for point in asked.points_m])
-        normals = surfaces.find(places).normal
+        try:
+            normals = surfaces.find(places).normal
+        except OffSpecimenError as error:
+            raise Invalid(f"{at}/points_m/{error.index}", error.message) from error
     across = [np.linalg.svd(normal[None])[2] for normal in normals]
     axes = {k: np.array([*turned[1:], normal]) for k, (turned, normal) in enumerate(zip(across, normals, strict=True))}
     return tuple(tuple(map(float, place)) for place in places), axes
@@ -247,8 +251,12 @@ def _grid(body: OrientedSpecimen) -> list[tuple[float, float]]:
 
 
 def _coupons(number: int, asked: PlannedCouponsIn, body: OrientedSpecimen | Structure) -> PlannedCoupons:
+    sets = body.mesh.sets if isinstance(body, Structure) else ()
+    if missing := set(asked.sets).difference(sets):
+        has = ", ".join(sets) or "none"
+        raise Invalid(f"/coupons/{number}/sets", f"name {', '.join(sorted(missing))}; the sets of this body: {has}")
     own = coupon_constants(body, asked.sets)
-    names = tuple(name for constant in asked.constants for name in own.get(constant, ()))
+    names = tuple(dict.fromkeys(name for constant in asked.constants for name in own.get(constant, ())))
     relative = prior(Statistics(asked.pieces, 1.0, asked.scatter)).standard_deviation
     words = ", ".join(asked.constants) + (f" of {', '.join(asked.sets)}" if asked.sets else "")
     return PlannedCoupons(f"coupons {number + 1}: {words}", names, relative, asked.pieces)
@@ -259,16 +267,15 @@ def _made(session: Session, user: User, number: int, each: MadeTestIn, first: St
     campaign = campaign_for.named(session, user, each.campaign_id, f"{at}/campaign_id")
     check_mode_set(session, user, each.mode_set, campaign.id, f"{at}/mode_set")
     loaded = load_measured_campaign(session, campaign.id)
-    frame = frame_of(campaign_of(session, campaign.id))
     stated = InputsIn.model_validate({}).or_as_stated(loaded.structure.inputs, loaded.inputs)
     return Campaign(
         name=f"{number + 1}: {loaded.structure.name}, {campaign.name}",
         specimen=str(campaign.structure_id),
         body=joint_body(session, loaded.structure, loaded.boundary, USUAL, masses=carried_masses(loaded), first=first),
-        modes=modes_in_frame(load_modes(session, each.mode_set), frame),
+        modes=modes_in_frame(load_modes(session, each.mode_set), loaded.frame),
         points=dict(loaded.points),
         inputs=stated.to_core(),
-        axes=frame.point_axes(loaded.points),
+        axes=loaded.frame.point_axes(loaded.points),
     )
 
 

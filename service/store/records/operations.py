@@ -16,7 +16,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore.arrays import FloatArray
 from modalbase.formats.records import TimeBlock
-from service.access import Lookup, User, audit
+from service.access import Lookup, User
 from service.compute.hits import BlockRow, Place
 from service.compute.spectra import encode
 from service.db.base import Base, Big, Identified
@@ -76,7 +76,6 @@ _STATED = tuple(name for name in COLUMNS if name in TimeBlock.__dataclass_fields
 _TYPES = {name: str(np.dtype(name)) for name in ("<f4", "<f8")}
 
 record_for = Lookup(Record, "record", "campaign_id", campaign_for)
-"""The record, if the user has at least a role in its project."""
 
 
 def store_records(
@@ -94,8 +93,7 @@ def store_records(
     keys = write_records(session, campaign.id, blocks, len(blocks), counted=counted, filename=filename)
     written = Record.id == any_(literal(keys, ARRAY(Uuid)))  # one parameter, however many blocks there are
     stored = list(session.scalars(select(Record).where(written).order_by(Record.id)))
-    project = campaign_for.project_of(session, campaign)
-    audit(session, user, "record.create", "campaign", campaign.id, project, count=len(blocks), filename=filename)
+    campaign_for.note(session, user, campaign, "record.create", count=len(blocks), filename=filename)
     return stored
 
 
@@ -143,14 +141,8 @@ def write_records(
                 "data": samples.data,
             }
             write([row[name] for name in COLUMNS])
-    project = campaign_for.project_of(session, campaign_of(session, campaign_id))
-    book(session, project, "records", size, campaign_id=campaign_id)
+    book(session, campaign_for, campaign_of(session, campaign_id), "records", size)
     return keys
-
-
-def records_of_import(session: Session, import_id: UUID) -> Sequence[Record]:
-    """The time blocks that an import brought, in the order of its file."""
-    return session.scalars(select(Record).where(Record.import_id == import_id).order_by(Record.id)).all()
 
 
 def _last_hits(session: Session, campaign_id: UUID) -> dict[Place, int]:
@@ -189,11 +181,9 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
         NotFound: there is none, or it is other people's.
     """
     row = record_for(session, user, record_id, "editor", lock=True)  # of two at once, one deletes
-    campaign = campaign_for(session, user, row.campaign_id, "editor")
-    project = campaign_for.project_of(session, campaign)
     record_for.note(session, user, row, "delete", sha256=row.sha256.hex(), hit=row.hit)
     (size,) = session.execute(delete(Record).where(Record.id == row.id).returning(func.octet_length(Record.data))).one()
-    book(session, project, "records", -size, campaign_id=campaign.id)
+    book(session, campaign_for, campaign_of(session, row.campaign_id), "records", -size)
 
 
 def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None) -> Select[Record]:

@@ -18,9 +18,8 @@ from service.jobs.resource import job_state
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
-from service.store.records import decisions, operations
-from service.store.records.processings import PROCESSINGS, Processing
-from service.store.records.processings import start_processing as queue_processing
+from service.store.records import operations
+from service.store.records.processings import PROCESSINGS, Processing, decide, decisions_of, start_processing
 from service.store.records.schemas import UNITS, HitDecisionIn, HitDecisionOut, ProcessingIn, ProcessingOut, RecordOut
 from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 
@@ -93,7 +92,7 @@ def delete_record(record_id: UUID, session: SessionDep, user: CurrentUser) -> No
 @router.post("/campaigns/{campaign_id}/hit-decisions", status_code=201)
 def judge_hit(campaign_id: UUID, body: HitDecisionIn, session: SessionDep, user: CurrentUser) -> HitDecisionOut:
     """Accept or refuse a hit by hand: every later processing keeps to it, and the decision says who made it, when and why."""
-    return shown_as(HitDecisionOut, decisions.decide(session, user, campaign_id, body))
+    return shown_as(HitDecisionOut, decide(session, user, campaign_id, body))
 
 
 @router.get("/campaigns/{campaign_id}/hit-decisions")
@@ -103,18 +102,16 @@ def list_hit_decisions(
     """Decisions about a campaign's hits, newest first; of several about one hit the newest counts."""
     campaign = campaign_for(session, user, campaign_id)
     shown = partial(map, partial(shown_as, HitDecisionOut))
-    return paged(session, decisions.decisions_of(campaign.id), cursor, limit, shown, newest_first=True)
+    return paged(session, decisions_of(campaign.id), cursor, limit, shown, newest_first=True)
 
 
-@router.post("/campaigns/{campaign_id}/processings", status_code=202)
-def start_processing(
-    campaign_id: UUID, body: ProcessingIn, session: SessionDep, user: CurrentUser, response: Response
-) -> ProcessingOut:
-    """Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}` is a body."""
-    row = queue_processing(session, user, campaign_id, body)
-    return of_jobs.made(session, row, response)
-
-
+of_jobs.creating(
+    "start_processing",
+    "Queue a processing of the campaign's records: hits are judged, the good ones become FRFs. `{}` is a body.",
+    ProcessingIn,
+    start_processing,
+    status=202,
+)
 of_jobs.listing("list_processings", "Processings of a campaign, newest first.", 20)
 of_jobs.getting(
     "get_processing", "How far a processing is, how it judged every hit, and which FRFs rest on which records."

@@ -21,31 +21,18 @@ OfPart = Callable[[FromClause, Mapping[str, FromClause], ColumnElement[bool]], C
 
 @dataclass(frozen=True)
 class Field:
-    """One field of a noun.
+    """One field of a noun."""
 
-    Attributes:
-        name: in filters, after the noun and a point.
-        kind: of its values.
-        meaning: in words.
-        unit: of a number; empty where it has none.
-        column: of the noun's table, where it is not called like the field.
-        value: from the noun's table to its value, where it is no column.
-        nullable: whether it may be unknown.
-        among: the values that a text can have, where they are few.
-        sd: name of the field of its standard deviation, which says how many of its digits mean something.
-        via: noun of whose `column` a condition on it is; `value` is what is shown.
-    """
-
-    name: str
-    kind: Kind
-    meaning: str
-    unit: str = ""
-    column: str = ""
-    value: Callable[[FromClause], ColumnElement[Any]] | None = None
-    nullable: bool = False
-    among: tuple[str, ...] = ()
-    sd: str = ""
-    via: str = ""
+    name: str  # in filters, after the noun and a point
+    kind: Kind  # of its values
+    meaning: str  # in words
+    unit: str = ""  # of a number; empty where it has none
+    column: str = ""  # of the noun's table, where it is not called like the field
+    value: Callable[[FromClause], ColumnElement[Any]] | None = None  # from the noun's table, where it is no column
+    nullable: bool = False  # whether it may be unknown
+    among: tuple[str, ...] = ()  # the values that a text can have, where they are few
+    sd: str = ""  # name of the field of its standard deviation, which says how many of its digits mean something
+    via: str = ""  # noun of whose `column` a condition on it is; `value` is what is shown
 
     def of(self, table: FromClause) -> ColumnElement[Any]:
         """Its value in a row of the noun's table."""
@@ -54,37 +41,23 @@ class Field:
 
 @dataclass(frozen=True)
 class Noun:
-    """Rows of one table that can be searched.
+    """Rows of one table that can be searched."""
 
-    Attributes:
-        name: in filters.
-        table: its name.
-        made: makes the rows where they are in no table.
-        of_part: that a row of which something is asked concerns what is at hand below its owner, such as one FRF of a campaign;
-            None where nothing is.
-        more: a field of a name that is not among `fields`, where there can be any number; None of another name.
-        owner: noun that it belongs to; empty of a project.
-        common: column that a row and its owner have alike, where the owner is not named by its id.
-        key: columns that name a row.
-        fields: all of them.
-        shown: fields of an answer where none are asked for; those of owners with the noun in front.
-        facets: fields whose values are counted.
-        hidden: whether a row may be deleted and kept.
-        words: what a free search reads of a row, in SQL as an index has it; empty where nothing.
-    """
-
-    name: str
-    table: str
-    fields: tuple[Field, ...]
-    owner: str = ""
-    common: str = ""
-    key: tuple[str, ...] = ("id",)
-    shown: tuple[str, ...] = ()
-    facets: tuple[str, ...] = ()
-    hidden: bool = False
-    words: str = ""
-    made: Callable[[], FromClause] | None = None
+    name: str  # in filters
+    table: str  # its name
+    fields: tuple[Field, ...]  # all of them
+    owner: str = ""  # noun that it belongs to; empty of a project
+    common: str = ""  # column that a row and its owner have alike, where the owner is not named by its id
+    key: tuple[str, ...] = ("id",)  # columns that name a row
+    shown: tuple[str, ...] = ()  # fields of an answer where none are asked for; those of owners with the noun in front
+    facets: tuple[str, ...] = ()  # fields whose values are counted
+    hidden: bool = False  # whether a row may be deleted and kept
+    words: str = ""  # what a free search reads of a row, in SQL as an index has it; empty where nothing
+    made: Callable[[], FromClause] | None = None  # makes the rows where they are in no table
+    # a field of a name that is not among `fields`, where there can be any number; None of another name
     more: Callable[[str], Field | None] | None = None
+    # that a row of which something is asked concerns what is at hand below its owner, such as one FRF of a campaign;
+    # None where nothing is
     of_part: OfPart | None = None
 
     def rows(self) -> FromClause:

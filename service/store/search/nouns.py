@@ -176,12 +176,7 @@ _ALL = (
         shown=("id", *_LINEAGE, "quantity", "point", "direction", "force_point", "hit", "sample_rate_hz", "samples"),
         facets=("quantity", "structure.name"),
     ),
-    Noun(
-        "mode_set",
-        "mode_sets",
-        owner="campaign",
-        fields=(ID, NAME, _one_of("origin", get_args(Origin)), CREATED),
-    ),
+    Noun("mode_set", "mode_sets", owner="campaign", fields=(ID, NAME, _one_of("origin", get_args(Origin)), CREATED)),
     Noun(
         "mode",
         "modes",
@@ -204,13 +199,7 @@ _ALL = (
         "result",
         "update_results",
         owner="campaign",
-        fields=(
-            ID,
-            _one_of("verdict", get_args(Level), nullable=True),
-            *_constants(),
-            *LABELS,
-            CREATED,
-        ),
+        fields=(ID, _one_of("verdict", get_args(Level), nullable=True), *_constants(), *LABELS, CREATED),
         shown=(
             *("id", *_LINEAGE, "campaign.temperature_c", "verdict"),
             *(f"{name}{member}" for name in CONSTANTS for member in ("", "_low", "_high")),

@@ -37,21 +37,15 @@ MOST_WORDS = 20
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is searched for.
+    """What is searched for."""
 
-    Attributes:
-        filter: CQL2 text.
-        words: that names, notes or instruments have, of the row or of what it belongs to.
-        sort: name of a field, `-` in front for descending; by the key where there is none.
-        fields: names of the columns; the noun's own choice where there are none.
-        facets: names of the fields whose values are counted; the noun's own choice where there are none.
-    """
-
-    filter: str | None = None
-    words: str | None = None
-    sort: str | None = None
-    fields: tuple[str, ...] = ()
-    facets: tuple[str, ...] = ()
+    filter: str | None = None  # CQL2 text
+    words: str | None = None  # that names, notes or instruments have, of the row or of what it belongs to
+    sort: str | None = None  # name of a field, `-` in front for descending; by the key where there is none
+    fields: tuple[str, ...] = ()  # names of the columns; the noun's own choice where there are none
+    facets: tuple[
+        str, ...
+    ] = ()  # names of the fields whose values are counted; the noun's own choice where there are none
 
 
 @dataclass(frozen=True)

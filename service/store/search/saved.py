@@ -9,7 +9,6 @@ from uuid import UUID
 
 from fastapi import Response
 from pydantic import Field, field_validator
-from pydantic_core import PydanticCustomError
 from sqlalchemy import ForeignKey, UniqueConstraint, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Mapped, Session, mapped_column
@@ -20,7 +19,7 @@ from service.errors import Conflict, Fault, Invalid, NotFound
 from service.store.search.nouns import SEARCHED
 from service.store.search.operations import Search, Wanted, names_in
 from service.store.search.translate import LONGEST
-from service.web import Cursor, Limit, Name, Page, StrictModel, Text, api_router, example, paged, shown_as
+from service.web import Cursor, Limit, Name, Page, StrictModel, Text, api_router, example, paged, shown_as, wrong
 
 router = api_router(tags=["search"])
 
@@ -56,7 +55,7 @@ class SearchIn(StrictModel):
     @classmethod
     def _is_searched(cls, noun: str) -> str:
         if noun not in SEARCHED:
-            raise PydanticCustomError("noun", "expected one of {nouns}", {"nouns": ", ".join(SEARCHED)})
+            raise wrong(f"expected one of {', '.join(SEARCHED)}")
         return noun
 
 
@@ -72,7 +71,6 @@ class SearchOut(StrictModel):
 
 
 saved_for = Lookup(SavedSearch, "saved search", "project_id")
-"""The saved search, if the user has at least a role in its project."""
 
 
 def list_saved(session: Session, user: User, cursor: Cursor = None, limit: int = 100) -> Page[SearchOut]:

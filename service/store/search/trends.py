@@ -95,10 +95,7 @@ Row = dict[str, Any]
 PLACE = ("campaign_id", "campaign_name", "performed_at", *COVARIATES)
 """Members of a point that say where its value is from."""
 _FIELDS = (
-    "structure.id",
-    "structure.name",
-    "campaign.id",
-    "campaign.name",
+    *("structure.id", "structure.name", "campaign.id", "campaign.name"),
     *(f"campaign.{name}" for name in PLACE[2:]),
 )
 
@@ -234,16 +231,8 @@ def _line(series: Series, names: Sequence[str]) -> TrendLine:
 
 
 POINT_COLUMNS = (
-    "structure",
-    "series",
-    "id",
-    *PLACE,
-    "number",
-    "value",
-    "standard_deviation",
-    "low",
-    "high",
-    "corrected",
+    *("structure", "series", "id", *PLACE),
+    *("number", "value", "standard_deviation", "low", "high", "corrected"),
 )
 """Columns of a table of points."""
 

@@ -11,12 +11,13 @@ within a project: what does not fit by then is rolled back. A project's account 
 from __future__ import annotations
 
 from collections import Counter
-from typing import Literal
+from typing import Literal, TypeVar
 from uuid import UUID
 
 from sqlalchemy import ForeignKey, Index, event, func, insert, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from service.access import Lookup
 from service.db.base import Base, Big, Identified
 from service.db.engine import QUOTA
 from service.errors import QuotaExceeded
@@ -42,6 +43,7 @@ class StoredBytes(Identified, Base):
 BOOKED = "booked_bytes"
 """Name in `Session.info` of the bytes by project that the transaction has booked."""
 
+Row = TypeVar("Row", bound=Base)
 Kind = Literal["files", "frfs", "records", "curves", "modes", "results"]
 
 
@@ -74,33 +76,26 @@ def require_room(session: Session, project_id: UUID, size: int = 1) -> None:
         raise QuotaExceeded(used, allowed, size)
 
 
-def book(
-    session: Session,
-    project_id: UUID,
-    kind: Kind,
-    size: int,
-    *,
-    campaign_id: UUID | None = None,
-    structure_id: UUID | None = None,
-) -> None:
+def book(session: Session, find: Lookup[Row], owner: Row, kind: Kind, size: int) -> None:
     """Enter bytes into a project's account, in the transaction that stores them and before it does where they are known.
 
     Args:
         session: the transaction.
-        project_id: whose limit counts.
+        find: of the owner's kind.
+        owner: what they belong to; with a campaign or a structure they go when it is purged.
         kind: what they are.
         size: how many; negative where they are removed.
-        campaign_id: the campaign that they belong to, with which they go when it is purged.
-        structure_id: the structure, of what belongs to no campaign.
 
     Raises:
         QuotaExceeded: the project would have more bytes than it may. At the transaction's commit too.
     """
-    if size:
-        entry = {"project_id": project_id, "campaign_id": campaign_id, "structure_id": structure_id}
-        if size > 0:
-            require_room(session, project_id, size)
-        session.execute(insert(StoredBytes).values(**entry, kind=kind, size=size))
+    if not size:
+        return
+    project_id = find.project_of(session, owner)
+    if size > 0:
+        require_room(session, project_id, size)
+    with_which = {f"{find.kind}_id": owner.id} if find.kind in ("campaign", "structure") else {}  # type: ignore[attr-defined]
+    session.execute(insert(StoredBytes).values(project_id=project_id, **with_which, kind=kind, size=size))
     if size > 0:
         booked: Counter[UUID] = session.info.setdefault(BOOKED, Counter())
         booked[project_id] += size

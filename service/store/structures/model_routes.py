@@ -22,14 +22,15 @@ from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.storage.originals import copy_original, original_sizes
 from service.store.structures import models
-from service.store.structures.meshes import mesh_of
+from service.store.structures.models import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.store.structures.shapes import Section
 from service.web import Confirm, Name, StrictModel, api_router, require_usual, shown_as
 from service.web.downloads import spooled
 from service.web.json_body import checked, parse_parameter
+from service.web.openapi import UPLOAD, reads
 from service.web.parameters import form_of, not_modified
-from service.web.uploads import UPLOAD_CONTENT, UploadDep
+from service.web.uploads import UploadDep
 
 MEDIA_TYPES = {"json": "application/json", "vtu": "application/vnd.kitware.vtu+xml", "uff": "application/x-uff"}
 MESH_FILES: dict[int | str, dict[str, Any]] = {
@@ -65,8 +66,6 @@ def mesh_answer(mesh: MeshFile, form: str, name: str, headers: Mapping[str, str]
 
 
 router = api_router(tags=["models"])
-
-BODY = {"requestBody": {"required": True, "content": UPLOAD_CONTENT}}
 
 
 class CountsOut(StrictModel):
@@ -239,7 +238,7 @@ def _described(session: Session, rows: Sequence[tuple[StructureModel, Job]]) -> 
 of_jobs = JobRoutes(router, models.MODELS, ModelOut, _described, "model_id")
 
 
-@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=BODY)
+@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=reads(UPLOAD))
 def send_model(
     structure_id: UUID,
     upload: UploadDep,

@@ -1,23 +1,36 @@
-"""Models that users send: a deck is kept as it came, a job reads it, and the structure's next version is that model."""
+"""Models that users send: a deck is kept as it came, a job reads it, and the structure's next version is that model. And the
+mesh that a structure is: of such a model, or of the strip or shape that is described.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from hashlib import sha256
 from io import BytesIO
+from itertools import accumulate
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
+import numpy as np
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
+from fecore.arrays import FloatArray, IntArray
+from fecore.body import structure as core
+from fecore.body.generators import strip
+from fecore.body.matrices import MatrixBody
+from fecore.body.mesh import Block, Mesh
+from fecore.body.supports import of_boundary
+from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.units import units_of
 from service.access import Lookup, User
+from service.compute.models.bodies import AS_MODELLED, body_of_model
 from service.compute.models.keeping import model_of
+from service.compute.models.matrices import body_of_matrices
 from service.compute.models.reading import DeckInputs, DeckOutput, faults_of, read_deck, require_deck
 from service.errors import Conflict, Damaged, Invalid
-from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.storage import book
 from service.store.storage.originals import copy_original, keep_original, write_original
@@ -26,40 +39,36 @@ from service.store.structures.operations import (
     StructureModel,
     StructureVersion,
     current_version,
+    describe_version,
     structure_for,
     take_model,
 )
 
 if TYPE_CHECKING:
-    from modalbase.formats.models.matrices import MatrixModel
-    from modalbase.formats.models.model import FiniteElementModel
+    from modalbase.formats.models.model import Elements, FiniteElementModel
+    from service.store.structures.schemas import StructureIn
     from service.web.uploads import Spooled
 
 
-def _load(session: Session, job_id: UUID, workspace: Path) -> DeckInputs:
+def _load(session: Session, row: StructureModel, workspace: Path) -> DeckInputs:
     """Put the deck on the worker's disk."""
-    row = session.get_one(StructureModel, job_id)
     path = workspace / "deck"
     write_original(session, row.sha256, path)
     return DeckInputs(path, row.filename, row.units, tuple(row.accepted), row.sections)
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[DeckOutput]) -> None:
+def _store(session: Session, row: StructureModel, items: Iterator[DeckOutput]) -> None:
     """Keep what was read, and make it the structure's next version."""
-    row = session.get_one(StructureModel, job_id)
     for output in items:
-        structure = session.get_one(Structure, row.structure_id)
-        book(session, structure.project_id, "files", len(output.arrays), structure_id=structure.id)
+        structure = structure_for.row(session, row.structure_id)
+        book(session, structure_for, structure, "files", len(output.arrays))
         row.document, row.arrays, row.arrays_sha256 = output.document, output.arrays, sha256(output.arrays).digest()
         session.flush()
         take_model(session, structure.id, row.id)
 
 
-MODEL = JobKind("model", load=_load, compute=read_deck, store=_store, libraries=CORE_LIBRARIES)
-
 model_for = Lookup(StructureModel, "model", "structure_id", structure_for)
-"""The model, if the user has at least a role in its project."""
-MODELS = JobNoun(MODEL, model_for, "models")
+MODELS = JobNoun("models", model_for, _load, read_deck, _store, libraries=CORE_LIBRARIES)
 
 
 def start_model(
@@ -80,7 +89,7 @@ def start_model(
     if (units := wanted.units) is not None:
         faults_of(lambda: units_of(units))
     wanted.structure_id, wanted.sha256 = structure.id, file.sha256
-    book(session, structure.project_id, "files", file.size, structure_id=structure.id)
+    book(session, structure_for, structure, "files", file.size)
     keep_original(session, file)
     return MODELS.start(session, user, wanted, sha256=file.sha256.hex())
 
@@ -94,7 +103,7 @@ def model_of_structure(session: Session, structure: Structure) -> StructureModel
     key = current_version(session, structure).model
     if key is None:
         raise Conflict("the structure is no model: POST /structures/{id}/model sends a deck")
-    return session.get_one(StructureModel, key)
+    return model_for.row(session, key)
 
 
 def load_model(session: Session, key: UUID) -> FiniteElementModel | MatrixModel:
@@ -103,7 +112,7 @@ def load_model(session: Session, key: UUID) -> FiniteElementModel | MatrixModel:
     Raises:
         Damaged: what was stored is not what was read.
     """
-    row = session.get_one(StructureModel, key)
+    row = model_for.row(session, key)
     assert row.arrays is not None, "a version refers to a model that was read"
     assert row.arrays_sha256 is not None, "arrays are stored with their digest"
     if sha256(row.arrays).digest() != row.arrays_sha256:
@@ -111,29 +120,22 @@ def load_model(session: Session, key: UUID) -> FiniteElementModel | MatrixModel:
     return model_of(row.arrays)
 
 
-def deck_of(session: Session, key: UUID) -> tuple[str, str | None, bytes]:
-    """Name, units and bytes of a model's deck, whoever asks; a mesh may state its units itself.
+def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
+    """The file of a model, and its sets, whoever asks."""
+    row = model_for.row(session, key)
+    assert row.document is not None, "a version refers to a model that was read"
+    return {"filename": row.filename, "sets": row.document["sets"]}
+
+
+def deck_of(session: Session, row: StructureModel) -> bytes:
+    """The deck of a model as it was sent.
 
     Raises:
         Damaged: what was stored is not what was sent.
     """
-    row = session.get_one(StructureModel, key)
     buffer = BytesIO()
     copy_original(session, row.sha256, buffer)
-    return row.filename, row.units, buffer.getvalue()
-
-
-def said_of_deck(session: Session, key: UUID) -> dict[str, Any]:
-    """What was said of a model's deck beside its units, whoever asks: cards that may be left out, and sections of a mesh."""
-    row = session.get_one(StructureModel, key)
-    return {"accepted": list(row.accepted), "sections": row.sections}
-
-
-def model_in_short(session: Session, key: UUID) -> dict[str, Any]:
-    """The file of a model, and its sets, whoever asks."""
-    row = session.get_one(StructureModel, key)
-    assert row.document is not None, "a version refers to a model that was read"
-    return {"filename": row.filename, "sets": row.document["sets"]}
+    return buffer.getvalue()
 
 
 def sets_of(session: Session, structure: Structure) -> list[str]:
@@ -154,3 +156,88 @@ def versions_of_models(session: Session, keys: list[UUID]) -> dict[UUID, int]:
 def models_files() -> Select[bytes]:
     """SHA-256 of the decks of all models, as part of a query."""
     return select(StructureModel.sha256)
+
+
+def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -> dict[str, Any]:
+    """Nodes and elements of a structure, with what holds and loads it, for a page that draws it.
+
+    Args:
+        session: of the request.
+        version: what the structure is.
+        boundary: how it is held; of a model its own supports where none is stated.
+
+    Raises:
+        Conflict: nothing is said of the structure that has a mesh.
+        InputError: the boundary is of models, and this is none.
+    """
+    if version.model is not None:
+        return _of_model(load_model(session, version.model), held=boundary in (None, AS_MODELLED))
+    mesh = described_mesh(version)
+    supports = () if boundary is None else of_boundary(boundary)  # type: ignore[arg-type]
+    blocks = zip(mesh.blocks, _first_numbers(mesh), strict=True)
+    return {
+        "nodes": {"numbers": list(range(1, len(mesh.nodes) + 1)), **_columns(mesh.nodes)},
+        "blocks": [_block(block, np.arange(first, first + len(block.nodes))) for block, first in blocks],
+        "supports": [_held(mesh.select(each.where), each.dofs) for each in supports],
+        "masses": [],
+    }
+
+
+def body_in_space(session: Session, structure: StructureIn) -> core.Structure | MatrixBody | None:
+    """The body of a shape or a model, whoever asks, to see which points lie on it; None of a strip or plate."""
+    if structure.shape is not None:
+        return core.Structure(structure.shape.mesh(), structure.shape.sections(1.0))
+    if structure.model is None:
+        return None
+    model = load_model(session, structure.model)
+    return body_of_matrices(model, AS_MODELLED) if isinstance(model, MatrixModel) else body_of_model(model)
+
+
+def described_mesh(version: StructureVersion) -> Mesh:
+    """The mesh of a strip, a plate or a shape.
+
+    Raises:
+        Conflict: the structure states no dimensions.
+    """
+    structure = describe_version(version, "")
+    if structure.shape is not None:
+        return structure.shape.mesh()
+    g = structure.geometry
+    if g is None:
+        raise Conflict("the structure states neither a geometry nor a shape, and is no model, so it has no mesh")
+    pieces = [piece.to_core() for piece in structure.pieces or ()]
+    return strip(g.length_m, g.width_m, pieces=pieces, thickness=g.thickness_m)
+
+
+def _of_model(model: FiniteElementModel | MatrixModel, *, held: bool) -> dict[str, Any]:
+    if isinstance(model, MatrixModel):
+        every = np.arange(len(model.numbers))
+        return {
+            "nodes": {"numbers": model.numbers.tolist(), **_columns(model.nodes)},
+            "blocks": [_block(Block("point", every[:, None], "nodes"), every + 1)],
+            "supports": [],
+            "masses": [],
+        }
+    return {
+        "nodes": {"numbers": model.numbers.tolist(), **_columns(model.nodes)},
+        "blocks": [_block(block, block.numbers) for block in model.elements],
+        "supports": [_held(each.nodes, each.dofs) for each in (model.supports if held else ())],
+        "masses": sorted({int(each.node) for each in model.masses}),
+    }
+
+
+def _columns(nodes: FloatArray) -> dict[str, list[float]]:
+    """Coordinates of the nodes by axis, m."""
+    return {f"{axis}_m": nodes[:, k].tolist() for k, axis in enumerate("xyz")}
+
+
+def _first_numbers(mesh: Mesh) -> Iterable[int]:
+    return accumulate((len(block.nodes) for block in mesh.blocks[:-1]), initial=1)
+
+
+def _block(block: Block | Elements, numbers: IntArray) -> dict[str, Any]:
+    return {"set": block.set, "kind": block.kind, "numbers": numbers.tolist(), "nodes": block.nodes.tolist()}
+
+
+def _held(nodes: IntArray, dofs: Iterable[int]) -> dict[str, Any]:
+    return {"nodes": nodes.tolist(), "dofs": [dof + 1 for dof in dofs]}

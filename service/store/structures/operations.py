@@ -5,7 +5,7 @@ Every change of what a structure physically is makes a new version.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 from uuid import UUID
@@ -100,7 +100,7 @@ class StructureModel(Base):
 
 
 structure_for = Lookup(Structure, "structure", "project_id")
-"""The structure, if the user has at least a role in its project."""
+structures_of = structure_for.rows
 
 
 def current_version(session: Session, structure: Structure) -> StructureVersion:
@@ -291,11 +291,6 @@ def structure_of(session: Session, structure_id: UUID) -> Structure:
 def version_of(session: Session, version_id: UUID) -> StructureVersion:
     """The row of a version, whoever asks."""
     return session.get_one(StructureVersion, version_id)
-
-
-def structures_of(session: Session, keys: Iterable[UUID]) -> dict[UUID, Structure]:
-    """Rows by key, whoever asks."""
-    return {row.id: row for row in session.scalars(select(Structure).where(Structure.id.in_(set(keys))))}
 
 
 def structures_to_choose(session: Session, user: User) -> list[tuple[UUID, UUID, str]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from fastapi import Response
 from sqlalchemy import select
 
 from service.access import CurrentUser, SessionDep
@@ -13,7 +12,7 @@ from service.errors import NotFound
 from service.store.structures import operations
 from service.store.structures.operations import StructureVersion
 from service.store.structures.schemas import StructureIn, StructureOut, StructurePatch
-from service.web import Confirm, api_router, require_usual
+from service.web import api_router
 
 router = api_router(tags=["structures"])
 nouns = NounRoutes(
@@ -21,22 +20,14 @@ nouns = NounRoutes(
 )
 
 
-@router.post("/projects/{project_id}/structures", status_code=201)
-def create_structure(
-    project_id: UUID,
-    body: StructureIn,
-    session: SessionDep,
-    user: CurrentUser,
-    response: Response,
-    confirm: Confirm = False,
-) -> StructureOut:
-    """Describe a structure: geometry, density and either plies or a homogenised material, nominal values."""
-    require_usual(body, confirm)
-    structure = operations.create_structure(session, user, project_id, body)
-    response.headers["Location"] = f"/api/v1/structures/{structure.id}"
-    return nouns.tagged(session, structure, response)
-
-
+nouns.creating(
+    "create_structure",
+    "Describe a structure: geometry, density and either plies or a homogenised material, nominal values.",
+    StructureIn,
+    operations.create_structure,
+    tagged=True,
+    measured=True,
+)
 nouns.listing("list_structures", "Structures of a project.", hides=True)
 nouns.getting("get_structure", "A structure in its current version.", tagged=True)
 

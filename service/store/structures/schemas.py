@@ -10,12 +10,12 @@ from typing import Annotated, Any, Self
 from uuid import UUID
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
 from fecore.body import generators as core
+from fecore.body.laminate import OrthotropicMaterial
 from fecore.errors import InputError
 from service.store.structures.shapes import Ply, Poisson, Shape, check_poisson
-from service.web import Name, StrictModel, example
+from service.web import Name, StrictModel, example, wrong
 from service.web.bodies import Meta, Tags
 from service.web.quantities import (
     DENSITY_SD,
@@ -48,9 +48,7 @@ class Geometry(StrictModel):
     def _thinner_than_long(cls, thickness: float, info: ValidationInfo) -> float:
         length = info.data.get("length_m")
         if length is not None and thickness >= length:
-            raise PydanticCustomError(
-                "not_a_strip", "a thickness of {t} m is not below the length of {l} m", {"t": thickness, "l": length}
-            )
+            raise wrong(f"a thickness of {thickness} m is not below the length of {length} m")
         return thickness
 
 
@@ -68,6 +66,11 @@ class Material(StrictModel):
     @classmethod
     def _positive_definite(cls, nu: float, info: ValidationInfo) -> float:
         return check_poisson(nu, info.data.get("Ex_Pa"), info.data.get("Ey_Pa"))
+
+    def to_core(self, density: float) -> OrthotropicMaterial:
+        """The core's material, with a density in kg/m³."""
+        constants = {name.removesuffix("_Pa"): value for name, value in self}
+        return OrthotropicMaterial(**constants, density=density)
 
 
 class Laminate(StrictModel):
@@ -159,35 +162,29 @@ class StructureIn(StrictModel):
             name for name in ("shape", "model", "geometry", "laminate", "material", "pieces") if getattr(self, name)
         ]
         if len(named) > 1 and named[0] in ("shape", "model"):
-            raise PydanticCustomError(
-                "one_body", "a {body} has its own {others}", {"body": named[0], "others": " and ".join(named[1:])}
-            )
+            raise wrong(f"a {named[0]} has its own {' and '.join(named[1:])}")
         return self
 
     @model_validator(mode="after")
     def _pieces_on_it(self) -> Self:
         if self.pieces:
             if self.geometry is None:
-                raise PydanticCustomError("pieces_of_nothing", "pieces belong to a geometry; state it too")
+                raise wrong("pieces belong to a geometry; state it too")
             try:
                 pieces = tuple(piece.to_core() for piece in self.pieces)
                 core.check_pieces(self.geometry.length_m, pieces)
             except InputError as error:
-                raise PydanticCustomError("pieces_do_not_fit", "{why}", {"why": str(error)}) from None
+                raise wrong(str(error)) from None
         return self
 
     @model_validator(mode="after")
     def _one_section(self) -> Self:
         if self.laminate is not None and self.material is not None:
-            raise PydanticCustomError("one_section", "state a laminate or a material, not both")
+            raise wrong("state a laminate or a material, not both")
         if self.laminate is not None and self.geometry is not None:
             total, measured = sum(ply.thickness_m for ply in self.laminate.plies), self.geometry.thickness_m
             if abs(total - measured) > THICKNESS_AGREEMENT * measured:
-                raise PydanticCustomError(
-                    "thickness_disagrees",
-                    "the plies are {total} m thick together, the geometry says {measured} m",
-                    {"total": float(f"{total:.6g}"), "measured": measured},
-                )
+                raise wrong(f"the plies are {total:.6g} m thick together, the geometry says {measured} m")
         return self
 
 

@@ -6,7 +6,6 @@ import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
-from pydantic_core import PydanticCustomError
 
 from fecore.body import generators as core
 from fecore.body.laminate import OrthotropicMaterial
@@ -14,7 +13,7 @@ from fecore.body.laminate import Ply as CorePly
 from fecore.body.mesh import Mesh
 from fecore.body.sections import ShellSection
 from fecore.errors import InputError
-from service.web import StrictModel, example
+from service.web import StrictModel, example, wrong
 from service.web.quantities import LENGTH, PLY_THICKNESS, THICKNESS, WIDTH, Density, Length, Modulus
 
 Poisson = Annotated[float, Field(gt=-10, lt=10)]
@@ -33,10 +32,9 @@ MOST_ELEMENTS = 6000
 def check_poisson(nu: float, along: float | None, across: float | None) -> float:
     """Refuse ν with ν² E_across / E_along ≥ 1: the plane-stress stiffness would not be positive definite."""
     if along is not None and across is not None and nu * nu * across / along >= 1:
-        raise PydanticCustomError(
-            "not_positive_definite",
-            "{nu} makes the stiffness not positive definite: its magnitude must be below {limit}, the root of E1/E2",
-            {"nu": nu, "limit": float(f"{math.sqrt(along / across):.6g}")},
+        raise wrong(
+            f"{nu} makes the stiffness not positive definite: its magnitude must be below {math.sqrt(along / across):.6g}, "
+            "the root of E1/E2"
         )
     return nu
 
@@ -122,16 +120,11 @@ class Section(StrictModel):
         materials = [each for each in (self.material, self.isotropic) if each is not None]
         named = (self.thickness_m is not None and len(materials) == 1) + bool(self.plies) + bool(self.held_dofs)
         if named != 1 or (materials and self.thickness_m is None):
-            raise PydanticCustomError(
-                "section",
-                "state thickness_m and a material or isotropic one, or plies, or held_dofs: one of these alone",
-            )
+            raise wrong("state thickness_m and a material or isotropic one, or plies, or held_dofs: one of these alone")
         if any(each.density_kg_m3 is None for each in (*materials, *(self.plies or ()))):
-            raise PydanticCustomError(
-                "section", "a density_kg_m3 is missing: a mesh has none, and nothing would vibrate"
-            )
+            raise wrong("a density_kg_m3 is missing: a mesh has none, and nothing would vibrate")
         if self.axis is not None and not any(self.axis):
-            raise PydanticCustomError("section", "the axis has no direction")
+            raise wrong("the axis has no direction")
         return self
 
 
@@ -184,7 +177,7 @@ class Shape(StrictModel):
     @classmethod
     def _strips_alone_are_flat(cls, height: float | None, info: ValidationInfo) -> float | None:
         if info.data.get("kind") == "strip" and height is not None:
-            raise PydanticCustomError("flat", "a strip has no height; its wall has a thickness")
+            raise wrong("a strip has no height; its wall has a thickness")
         return height
 
     @field_validator("ribs_m")
@@ -192,9 +185,7 @@ class Shape(StrictModel):
     def _panels_alone_have_ribs(cls, ribs: list[float], info: ValidationInfo) -> list[float]:
         kind = info.data.get("kind")
         if kind is not None and bool(ribs) != (kind == "panel"):
-            raise PydanticCustomError(
-                "ribs", "{what}", {"what": "a panel has at least one rib" if kind == "panel" else f"{kind} has no ribs"}
-            )
+            raise wrong("a panel has at least one rib" if kind == "panel" else f"{kind} has no ribs")
         return ribs
 
     @field_validator("walls")
@@ -204,10 +195,7 @@ class Shape(StrictModel):
             return walls
         wanted = WALLS.get(kind, ("flange", "web"))
         if set(walls) != set(wanted):
-            raise PydanticCustomError(
-                "walls", "are {found}; {kind} has {wanted}",
-                {"found": ", ".join(walls) or "none", "kind": kind, "wanted": " and ".join(wanted)},
-            )  # fmt: skip
+            raise wrong(f"are {', '.join(walls) or 'none'}; {kind} has {' and '.join(wanted)}")
         for name, wall in walls.items():
             _check_wall(name, wall, common=info.data.get("material") is not None)
         return {name: walls[name] for name in wanted}
@@ -220,7 +208,7 @@ class Shape(StrictModel):
         try:
             cls.model_construct(**info.data, walls=walls).mesh()
         except InputError as error:
-            raise PydanticCustomError("no_shape", "{why}", {"why": str(error)}) from None
+            raise wrong(str(error)) from None
         return walls
 
     def mesh(self, elements: int = ELEMENTS) -> Mesh:
@@ -280,12 +268,8 @@ class Shape(StrictModel):
 def _check_wall(name: str, wall: Wall, *, common: bool) -> None:
     """A wall has plies, or a thickness and a material."""
     if wall.plies and (wall.material or wall.thickness_m):
-        raise PydanticCustomError(
-            "wall", "{name}: state plies, or a thickness of one material, not both", {"name": name}
-        )
+        raise wrong(f"{name}: state plies, or a thickness of one material, not both")
     if not wall.plies and wall.thickness_m is None:
-        raise PydanticCustomError("wall", "{name} states neither thickness_m nor plies", {"name": name})
+        raise wrong(f"{name} states neither thickness_m nor plies")
     if not wall.plies and not wall.material and not common:
-        raise PydanticCustomError(
-            "wall", "{name} states no material, and the shape states none for all walls", {"name": name}
-        )
+        raise wrong(f"{name} states no material, and the shape states none for all walls")

@@ -169,15 +169,11 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     if structure.laminate is not None:
         # Shear stresses that balance bending ply by ply: for plies alike that is κ = 5/6, in a sandwich the core gives way.
         plies = [ply.to_core(density) for ply in structure.laminate.plies]
-        material = homogenise(section(plies))
         # The structure's own thickness and density were measured on the whole; the plies' are nominal.
-        material = replace(material, density=density)
-        return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
-    m = structure.material
-    assert m is not None, "a structure has a laminate or a material"
-    material = OrthotropicMaterial(
-        Ex=m.Ex_Pa, Ey=m.Ey_Pa, Gxy=m.Gxy_Pa, Gxz=m.Gxz_Pa, Gyz=m.Gyz_Pa, nu_xy=m.nu_xy, density=density
-    )
+        material = replace(homogenise(section(plies)), density=density)
+    else:
+        assert structure.material is not None, "a structure has a laminate or a material"
+        material = structure.material.to_core(density)
     return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
 
 

@@ -27,8 +27,8 @@ from service.compute.processing import ProcessingInputs
 from service.compute.updating import Hits, JointBody, JointCampaign, JointInputs, UpdateInputs
 from service.jobs.child import PURGED
 from service.jobs.process import ChildEnded
-from service.store.campaigns.operations import campaign_of, campaigns_of, frame_of
-from service.store.coupons.operations import batch_prior, name_and_sets
+from service.store.campaigns.operations import campaign_of, campaigns_of
+from service.store.coupons.operations import batch_for, summarise
 from service.store.frfs.data import MeasuredCampaign, MeasuredFrfs, load_measured_campaign
 from service.store.modes.operations import load_modes
 from service.store.records.processings import load_records
@@ -49,13 +49,12 @@ from service.store.updating.schemas import USUAL, BatchJobIn, InputsIn, RecipeIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
 
-def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs:
+def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInputs:
     """Everything that a queued update needs.
 
     Raises:
         InputError: the campaign has neither FRFs nor time blocks, or its contents do not fit together.
     """
-    job = session.get_one(UpdateJob, job_id)
     recipe = RecipeIn.model_validate(job.recipe)
     campaign = _as_of(session, job.campaign_id, job.structure_version_id)
     records = None
@@ -72,13 +71,12 @@ def load_update(session: Session, job_id: UUID, workspace: Path) -> UpdateInputs
     parameters, prior_warnings = recipe_parameters(session, recipe, specimen)
     core = inputs.to_core()
     left_in = used.window_remark if used is not None and core.window_rate is None else []
-    frame = frame_of(campaign_of(session, job.campaign_id))
     frfs = None if used is None else used.frfs
-    axes = frame.point_axes(campaign.points)
+    axes = campaign.frame.point_axes(campaign.points)
     measured = None if records else Measurement(frfs, campaign.points, modes, roving_mass(campaign), core, axes)
     return UpdateInputs(
         measurement=measured,
-        hits=None if records is None else Hits(records, campaign.points, frame, _roving_over(campaign), core),
+        hits=None if records is None else Hits(records, campaign.points, campaign.frame, _roving_over(campaign), core),
         specimen=specimen,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
@@ -98,14 +96,13 @@ def body_for(
     return body_of(structure, boundary, recipe, masses, model)
 
 
-def load_joint(session: Session, job_id: UUID, _workspace: Path) -> JointInputs:
+def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInputs:
     """Everything that a queued joint update needs.
 
     Raises:
         InputError: a campaign has nothing to update with, or cannot be taken together with the others.
         ChildEnded: a campaign was purged since.
     """
-    row = session.get_one(JointUpdate, job_id)
     request = UpdateBatchIn.model_validate(row.request)
     if len(campaigns_of(session, {job.campaign_id for job in request.jobs})) < len(request.jobs):
         raise ChildEnded(PURGED)
@@ -141,8 +138,7 @@ def _measured(
     """The largest set of FRFs, the recipe's modes in the specimen's frame, and how well the inputs are known."""
     used, modes = campaign.frf_sets[0] if campaign.frf_sets else None, None
     if recipe.mode_set is not None:
-        frame = frame_of(campaign_of(session, campaign.campaign_id))
-        modes = modes_in_frame(load_modes(session, recipe.mode_set), frame)
+        modes = modes_in_frame(load_modes(session, recipe.mode_set), campaign.frame)
     window = (None, None) if used is None else used.window
     return used, modes, recipe.inputs.or_as_stated(campaign.structure.inputs, campaign.inputs, window)
 
@@ -204,9 +200,9 @@ def recipe_parameters(session: Session, recipe: RecipeIn, body: Body) -> tuple[t
     parameters: Sequence[Parameter] = recipe.parameters_of(body)
     if recipe.prior_from_coupon_batch is None:
         return tuple(parameters), []
-    summary = batch_prior(session, recipe.prior_from_coupon_batch)
-    _, sets = name_and_sets(session, recipe.prior_from_coupon_batch)
-    measured = {own: name for name, names in coupon_constants(body, sets).items() for own in names}
+    batch = batch_for.row(session, recipe.prior_from_coupon_batch)
+    summary = summarise(session, batch)
+    measured = {own: name for name, names in coupon_constants(body, batch.sets).items() for own in names}
     warnings = [f"coupons: {warning}" for warning in summary.warnings]
     filled, without_scatter = [], []
     for parameter in parameters:
@@ -334,7 +330,7 @@ def _campaign(
         angle_deg=job.angle_deg,
     )
     used, modes, inputs = _measured(session, campaign, recipe)
-    axes = frame_of(campaign_of(session, campaign.campaign_id)).point_axes(campaign.points)
+    axes = campaign.frame.point_axes(campaign.points)
     frfs = None if used is None else used.frfs
     return JointCampaign(
         name=names[0],
@@ -360,12 +356,12 @@ def _coupons(
     wanted = {p.name for p in parameters if not p.fixed and not p.tied_to}
     found, warnings = [], []
     for key in request.coupon_batches:
-        summary: Any = batch_prior(session, key)
+        batch = batch_for.row(session, key)
+        summary = summarise(session, batch)
         warnings += [f"coupons: {text}" for text in summary.warnings]
-        batch, sets = name_and_sets(session, key)
-        of_body = coupon_constants(body, sets)
+        of_body = coupon_constants(body, batch.sets)
         for name, prior in summary.priors.items():
-            said = prior.mean, prior.standard_deviation, f"coupon batch {batch}", summary.constants[name].n or 1
+            said = prior.mean, prior.standard_deviation, f"coupon batch {batch.name}", summary.constants[name].n or 1
             owns = wanted.intersection(of_body.get(name, ()))
             found += [Coupon(own, *said) for own in sorted(owns)]
     return tuple(found), tuple(warnings)

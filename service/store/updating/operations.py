@@ -16,14 +16,13 @@ from service.access import Lookup, User
 from service.access.demands import require_demanded
 from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
 from service.errors import Invalid
-from service.jobs.kinds import CORE_LIBRARIES, JobKind
+from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.queue import one_at_a_time
 from service.jobs.resource import JobNoun
-from service.store.campaigns.operations import campaign_for
+from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.coupons.operations import batch_for
 from service.store.frfs.operations import frf_extents
-from service.store.modes.identifications import keep_identified
-from service.store.modes.operations import mode_set_for
+from service.store.modes.operations import keep_identified, mode_set_for
 from service.store.records.processings import keep_processing
 from service.store.storage import book, require_room
 from service.store.structures.operations import present_structure
@@ -44,23 +43,22 @@ if TYPE_CHECKING:
 Row = TypeVar("Row", UpdateJob, JointUpdate)
 
 
-def _store(session: Session, job_id: UUID, items: Iterator[UpdateOutput]) -> None:
-    row = session.get_one(UpdateJob, job_id)
+def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> None:
     for output in items:
         document = describe_result(output.result, output.identification, output.warnings, output.provenance)
         if output.processing is not None and not frf_extents(session, row.campaign_id):
             options = RecipeIn.model_validate(row.recipe).processing
-            done = keep_processing(session, job_id, row.campaign_id, options, output.processing)
-            document["provenance"]["processing"] = str(job_id)
+            done = keep_processing(session, row.id, row.campaign_id, options, output.processing)
+            document["provenance"]["processing"] = str(row.id)
             document["provenance"]["frfs"] = [{"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]]
         if output.identified is not None:
             found = document["identification"]
             kept = keep_identified(
-                session, row.campaign_id, "identified by an update", output.identified, found, job_id=job_id
+                session, row.campaign_id, "identified by an update", output.identified, found, job_id=row.id
             )
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
-        book(session, row.project_id, "results", size, campaign_id=row.campaign_id)
+        book(session, campaign_for, campaign_of(session, row.campaign_id), "results", size)
         _keep(session, row, document, output.prediction)
 
 
@@ -79,28 +77,22 @@ def _keep(session: Session, job: UpdateJob, document: dict[str, Any], prediction
     session.add(UpdateResult(id=job.id, campaign_id=job.campaign_id, constants=others, **stored))
 
 
-def _store_joint(session: Session, job_id: UUID, items: Iterator[JointOutput]) -> None:
-    row = session.get_one(JointUpdate, job_id)
+def _store_joint(session: Session, row: JointUpdate, items: Iterator[JointOutput]) -> None:
     for output in items:
         document = describe_joint_result(output.result, output.warnings, output.sources, output.provenance)
-        book(session, row.project_id, "results", len(json.dumps(document)))
+        book(session, joint_update_for, row, "results", len(json.dumps(document)))
         row.document = document
 
 
-UPDATE = JobKind("update", load=load_update, compute=compute_update, store=_store, libraries=CORE_LIBRARIES)
-JOINT_UPDATE = JobKind(
-    "joint_update", load=load_joint, compute=compute_joint, store=_store_joint, libraries=CORE_LIBRARIES
-)
-
-
 update_job_for = Lookup(UpdateJob, "update job", "campaign_id", campaign_for, deleted_owner=True)
-"""The update job, if the user has at least a role in its project; a job outlives its campaign's deletion."""
-
-
+"""A job outlives its campaign's deletion."""
 joint_update_for = Lookup(JointUpdate, "joint update", "project_id")
-"""The joint update, if the user has at least a role in its project."""
-UPDATES = JobNoun(UPDATE, update_job_for, "update-jobs")
-JOINT_UPDATES = JobNoun(JOINT_UPDATE, joint_update_for, "joint-updates")
+UPDATES = JobNoun(
+    "update-jobs", update_job_for, load_update, compute_update, _store, "update", libraries=CORE_LIBRARIES
+)
+JOINT_UPDATES = JobNoun(
+    "joint-updates", joint_update_for, load_joint, compute_joint, _store_joint, libraries=CORE_LIBRARIES
+)
 
 
 def start_update(
@@ -231,9 +223,7 @@ def joint_document(session: Session, row: JointUpdate) -> dict[str, Any]:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    if row.document is None:
-        raise JOINT_UPDATES.no_result(session, row)
-    return row.document
+    return JOINT_UPDATES.result(session, row, row.document)
 
 
 def result_document(session: Session, row: UpdateJob) -> dict[str, Any]:
@@ -268,10 +258,7 @@ def label_result(session: Session, user: User, row: UpdateJob, labels: Labels) -
 
 
 def _result(session: Session, row: UpdateJob) -> UpdateResult:
-    result = session.get(UpdateResult, row.id)
-    if result is None:
-        raise UPDATES.no_result(session, row)
-    return result
+    return UPDATES.result(session, row, session.get(UpdateResult, row.id))
 
 
 def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
@@ -280,10 +267,7 @@ def result_arrays(session: Session, row: UpdateJob) -> StoredArrays:
     Raises:
         Conflict: the job has none, yet or ever; the message says which.
     """
-    found = arrays_of(session, row.id)
-    if found is None:
-        raise UPDATES.no_result(session, row)
-    return found
+    return UPDATES.result(session, row, arrays_of(session, row.id))
 
 
 def arrays_of(session: Session, key: UUID) -> StoredArrays | None:

@@ -44,9 +44,11 @@ router = api_router(tags=["update jobs"])
 
 
 def _described(session: Session, rows: Sequence[tuple[UpdateJob, Job]]) -> list[UpdateJobOut]:
-    names = {campaign.id: campaign.name for campaign in campaigns_of(session, {row.campaign_id for row, _ in rows})}
+    campaigns = campaigns_of(session, {row.campaign_id for row, _ in rows})
     return [
-        shown_as(UpdateJobOut, row, **job_state(job), priority=job.priority, campaign_name=names[row.campaign_id])
+        shown_as(
+            UpdateJobOut, row, **job_state(job), priority=job.priority, campaign_name=campaigns[row.campaign_id].name
+        )
         for row, job in rows
     ]
 

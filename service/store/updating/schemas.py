@@ -23,19 +23,7 @@ from service.store.campaigns.schemas import CampaignInputs
 from service.store.modes.schemas import Band, PolesIn
 from service.store.records.schemas import ProcessingIn
 from service.store.structures.schemas import StructureInputs
-from service.web import Int64, Name, StrictModel, example
-from service.web.quantities import (
-    DENSITY,
-    DENSITY_SD,
-    LENGTH,
-    LENGTH_SD,
-    MODULUS,
-    MODULUS_SD,
-    THICKNESS,
-    THICKNESS_SD,
-    WIDTH,
-    Quantity,
-)
+from service.web import Int64, Name, StrictModel, example, quantities
 
 DampingModel = Literal[
     "rayleigh",
@@ -51,11 +39,13 @@ DampingModel = Literal[
 ]
 
 PRIORS = {
-    **dict.fromkeys(("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"), (MODULUS, MODULUS_SD)),
-    "density": (DENSITY, DENSITY_SD),
-    "length": (LENGTH, LENGTH_SD),
-    "width": (WIDTH, LENGTH_SD),
-    "thickness": (THICKNESS, THICKNESS_SD),
+    **dict.fromkeys(
+        ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "E1", "E2", "G12", "G13", "G23"), (quantities.MODULUS, quantities.MODULUS_SD)
+    ),
+    "density": (quantities.DENSITY, quantities.DENSITY_SD),
+    "length": (quantities.LENGTH, quantities.LENGTH_SD),
+    "width": (quantities.WIDTH, quantities.LENGTH_SD),
+    "thickness": (quantities.THICKNESS, quantities.THICKNESS_SD),
 }
 """What mean and standard deviation of a parameter measure, by its kind."""
 
@@ -74,7 +64,7 @@ class ParameterIn(StrictModel):
         None, description="follows that parameter in the ratio of the nominal values, give or take prior_sd"
     )
 
-    def measured(self) -> Iterator[tuple[str, float, Quantity]]:
+    def measured(self) -> Iterator[tuple[str, float, quantities.Quantity]]:
         """Mean and spread of the prior, as what the parameter is."""
         if (kinds := PRIORS.get(kind_of(self.name))) is not None:
             yield "prior_mean", self.prior_mean or 0.0, kinds[0]

@@ -17,10 +17,7 @@ class UpdateJob(Base):
     """One update of a campaign; its key is its job's, and so is its status."""
 
     __tablename__ = "update_jobs"
-    __table_args__ = (
-        Index(None, "campaign_id", "id"),
-        Index(None, "project_id", "idempotency_key", unique=True),
-    )
+    __table_args__ = (Index(None, "campaign_id", "id"), Index(None, "project_id", "idempotency_key", unique=True))
 
     id: Mapped[UUID] = mapped_column(ForeignKey("jobs.id", deferrable=True), primary_key=True)
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))

@@ -10,9 +10,9 @@ from fecore.body.supports import PointMass, Spring, edges, of_boundary
 from fecore.dynamics.eigen import normal_modes
 from fecore.frf import along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
+from tests.support.fits import update_elastic
 from tests.support.plates import PAPER, coefficients, matrices, paper_section, plate, solve
 
 MESH = (0.5, 0.04), (20, 2)

@@ -37,7 +37,7 @@ from service.jobs import aside, process
 from service.jobs.child import Failure, Item
 from service.jobs.process import LOST, ChildEnded
 from service.store.coupons import routes as bodies
-from service.store.records.decisions import decisions
+from service.store.records.processings import decisions
 from service.store.records.schemas import OverruleIn
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_specimen

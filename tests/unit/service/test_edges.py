@@ -15,9 +15,9 @@ from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid
 from service.jobs.child import CHECKPOINT_BYTES, _Reporter
 from service.settings import Settings, SettingsFileError
-from service.show.figures.shapes import aligned
-from service.show.pages.grid import draw_grid
+from service.show.figures.modes import aligned
 from service.show.pages.numbers import in_unit, number, percent, seconds_between, size
+from service.show.pages.viewer import draw_grid
 from service.store.campaigns.operations import from_csv
 
 NOON = datetime(2026, 3, 2, 12, tzinfo=UTC)

@@ -9,17 +9,23 @@ import numpy as np
 import pytest
 
 from service.errors import Conflict, NotFound
-from service.show.figures.budget import OTHERS, budget_figure
-from service.show.figures.correlation import PointValues, points_figure
 from service.show.figures.coupon import coupon_figure
-from service.show.figures.frf import FrfCurves, Spread, frf_figure
-from service.show.figures.hits import HitShown, PointShown, hits_figure
+from service.show.figures.frfs import (
+    FrfCurves,
+    HitShown,
+    PointShown,
+    PointValues,
+    Spread,
+    frf_figure,
+    hits_figure,
+    points_figure,
+)
 from service.show.figures.marks import Figure, Region
-from service.show.figures.parameters import parameters_figure
+from service.show.figures.modes import MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.screen import numbers, screen
-from service.show.figures.series import series_figure
-from service.show.figures.shapes import MOST_ROWS, ShapePair, shapes_figure
-from service.show.pages.grid import draw_grid
+from service.show.figures.trend import series_figure
+from service.show.figures.updates import OTHERS, budget_figure, parameters_figure
+from service.show.pages.viewer import draw_grid
 from service.show.reports import update_report
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from service.show.figures.joining import chains, joined, joined_as
+from service.show.figures.modes import chains, joined, joined_as
 
 
 def test_a_grid_is_joined_along_its_rows_and_columns() -> None:

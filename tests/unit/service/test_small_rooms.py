@@ -23,7 +23,7 @@ from service.errors import Invalid, NotFound, UnsupportedMediaType
 from service.jobs.worker import _clear_if_dead, run_to_end
 from service.monitoring.schemas import WatchedIn
 from service.settings import Settings
-from service.show.guide.markdown import _lead
+from service.show.guide.contents import _lead
 from service.show.reports.as_html import as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Bullets, Heading, Letterhead, PageBreak, Paragraph, Report, Table

@@ -6,9 +6,9 @@ case        executive and case control: which sets hold
 frames      coordinate systems and grids
 labels      names of sets from the comments of pre-processors
 materials   MAT1, MAT2, MAT8
+deck        its cards, and these four for all readers of cards
 shells      plates and laminates
 shapes      cross sections by their dimensions
-sections    properties of bars, beams and rods
 beams       bars, beams and rods
 carried     masses and springs, and mass that is spread
 held        rigid elements and constraints

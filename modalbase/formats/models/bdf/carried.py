@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from modalbase.formats.models.bdf.card import Card, whole
+from modalbase.formats.models.bdf.card import Card, numbered, whole
 from modalbase.formats.models.bdf.case import Case
-from modalbase.formats.models.bdf.frames import Grids
-from modalbase.formats.models.bdf.unused import Notes
+from modalbase.formats.models.bdf.deck import Deck
+from modalbase.formats.models.bdf.labels import PLATES, PROFILES
 from modalbase.formats.models.model import Floats, PointMass, Spring
 
 _LOWER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))  # I11 I21 I22 I31 I32 I33
 _ROUND_OFF = 1e-6  # of an inertia that is not quite one
-_OF_SHELLS = ("PSHELL", "PCOMP", "PCOMPG")
-_OF_BEAMS = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
-SPREAD = ("NSM", "NSM1", "NSML", "NSML1", "NSMADD")
 
 Vector = tuple[float, float, float]
 
 
-def read_masses(cards: Iterable[Card], grids: Grids, mass_factor: float) -> Iterator[PointMass]:
+def read_masses(deck: Deck) -> Iterator[PointMass]:
     """CONM2: mass, place of its centre, and inertia about that.
 
     Raises:
         FormatError: a mass is negative, or an inertia is of no body.
     """
-    for card in cards:
+    grids, mass_factor = deck.grids, deck.mass_factor
+    for card in deck.elements("CONM2"):
         card.integer(0, "EID")
         row = grids.row(card, 1, "G")
         mass = card.real(3, "M", 0.0)
@@ -49,20 +46,25 @@ def read_masses(cards: Iterable[Card], grids: Grids, mass_factor: float) -> Iter
         yield PointMass(row, mass * mass_factor, card.line, rows, _vector(offset))
 
 
-@dataclass(frozen=True)
-class Springs:
-    """Reader of springs.
+def read_springs(deck: Deck) -> Iterator[Spring]:
+    """CELAS1, CELAS2 and CBUSH."""
+    springs = _Springs(deck)
+    for card in deck.elements("CELAS1", "CELAS2", "CBUSH"):
+        yield from springs.bush(card) if card.name == "CBUSH" else springs.scalar(card)
 
-    Attributes:
-        grids, notes: of the deck.
-        properties: PELAS, which may stand two on a card: stiffness by number.
-        bushes: PBUSH by number.
-    """
 
-    grids: Grids
-    notes: Notes
-    properties: dict[int, float]
-    bushes: dict[int, Card]
+class _Springs:
+    """Reader of springs, with what PBUSH and PELAS state; two PELAS may stand on a card."""
+
+    def __init__(self, deck: Deck) -> None:
+        self.grids, self.notes = deck.grids, deck.notes
+        self.bushes = numbered(deck.take("PBUSH"), "property", "PID")
+        self.properties = {
+            card.integer(at, "PID"): card.real(at + 1, "K")
+            for card in deck.take("PELAS")
+            for at in (0, 4)
+            if at == 0 or card.text(at)
+        }
 
     def scalar(self, card: Card) -> Iterator[Spring]:
         """CELAS1 and CELAS2: between components of two grids, or to the ground."""
@@ -157,13 +159,6 @@ class Springs:
         return arms if any(map(any, arms)) else None
 
 
-def spring_properties(cards: Iterable[Card]) -> dict[int, float]:
-    """Stiffness of PELAS by number; a card holds one or two."""
-    return {
-        card.integer(at, "PID"): card.real(at + 1, "K") for card in cards for at in (0, 4) if at == 0 or card.text(at)
-    }
-
-
 def _bush_stiffness(card: Card) -> dict[int, float]:
     """Stiffness by dof, of the line that is marked K."""
     for at in range(1, len(card), 8):
@@ -177,36 +172,25 @@ def _vector(values: Floats) -> Vector:
     return x, y, z
 
 
-def read_nonstructural(
-    cards: dict[str, list[Card]], case: Case, known: dict[str, set[int]], mass_factor: float, notes: Notes
-) -> tuple[dict[int, float], dict[int, float]]:
-    """Mass per area by property of shells, and per length by property of beams, of the set that the case control selects.
-
-    Args:
-        cards: of the deck by name.
-        case: its case control.
-        known: numbers of properties by their cards' name.
-        mass_factor: PARAM WTMASS.
-        notes: what is lost.
-    """
+def spread_masses(deck: Deck) -> tuple[dict[int, float], dict[int, float]]:
+    """Mass per area by property of shells, and per length by property of beams, of the set that the case control selects."""
     shells: dict[int, float] = {}
     beams: dict[int, float] = {}
-    selected = _selected(cards.get("NSMADD", ()), case)
-    for card in (card for name in SPREAD for card in cards.get(name, ())):
-        if card.name == "NSMADD":
-            continue
-        if case.is_stated and card.integer(0, "SID") not in selected:
-            notes.add(
-                card, f"{card.name} of another set", "non-structural mass that the deck does not select is not used"
-            )
+    cards, joining = deck.take("NSM", "NSM1", "NSML", "NSML1"), deck.take("NSMADD")
+    selected = _selected(joining, deck.case)
+    for card in cards:
+        if deck.case.is_stated and card.integer(0, "SID") not in selected:
+            loss = "non-structural mass that the deck does not select is not used"
+            deck.notes.add(card, f"{card.name} of another set", loss)
             continue
         kind = card.text(1)
-        if card.name.startswith("NSML") or kind not in (*_OF_SHELLS, *_OF_BEAMS):
-            notes.add(card, card.name, f"non-structural mass by {kind or 'nothing'} is not used", True)
+        if card.name.startswith("NSML") or kind not in (*PLATES, *PROFILES):
+            deck.notes.add(card, card.name, f"non-structural mass by {kind or 'nothing'} is not used", True)
             continue
-        target = shells if kind in _OF_SHELLS else beams
-        for number, value in _values(card, known.get(kind, set())):
-            target[number] = target.get(number, 0.0) + value * mass_factor
+        plates = {number for number, plate in deck.plates.items() if plate.name == kind}
+        target = shells if kind in PLATES else beams
+        for number, value in _values(card, plates if kind in PLATES else set(deck.profiles[kind])):
+            target[number] = target.get(number, 0.0) + value * deck.mass_factor
     return shells, beams
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card, whole
-from modalbase.formats.models.bdf.case import Case
+from modalbase.formats.models.bdf.deck import Deck
 from modalbase.formats.models.bdf.frames import BASIC, Grids
-from modalbase.formats.models.bdf.unused import Notes
 from modalbase.formats.models.model import Floats, Link, Support
 
-Cards = Mapping[str, list[Card]]
 ALL = (0, 1, 2, 3, 4, 5)
 
 
@@ -56,7 +54,7 @@ def _turned(grids: Grids, row: int, dofs: tuple[int, ...]) -> Floats | None:
     return None if np.allclose(axes, BASIC.axes, atol=1e-12) else axes
 
 
-def read_links(cards: Iterable[Card], grids: Grids, notes: Notes) -> list[Link]:
+def read_links(deck: Deck) -> list[Link]:
     """RBE2, RBE3 and RBAR.
 
     Raises:
@@ -64,24 +62,24 @@ def read_links(cards: Iterable[Card], grids: Grids, notes: Notes) -> list[Link]:
     """
     found: list[Link] = []
     led: dict[int, dict[int, Card]] = {}
-    for card in cards:
+    numbers = deck.grids.numbers
+    for card in deck.elements(*_READERS):
         card.integer(0, "EID")
-        for link in _READERS[card.name](card, grids, notes):
+        for link in _READERS[card.name](card, deck):
             if link.node in link.leaders:
-                raise card.error(f"grid {grids.numbers[link.node]} leads itself")
+                raise card.error(f"grid {numbers[link.node]} leads itself")
             own = led.setdefault(link.node, {})
             for dof in link.dofs:
                 if dof in own and own[dof] is not card:
                     other = f"{own[dof].title} (line {own[dof].line})"
-                    raise card.error(
-                        f"grid {grids.numbers[link.node]} is led by {other} already, in component {dof + 1}"
-                    )
+                    raise card.error(f"grid {numbers[link.node]} is led by {other} already, in component {dof + 1}")
                 own[dof] = card
             found.append(link)
     return found
 
 
-def _rbe2(card: Card, grids: Grids, _: Notes) -> Iterator[Link]:
+def _rbe2(card: Card, deck: Deck) -> Iterator[Link]:
+    grids = deck.grids
     leader, dofs = grids.row(card, 1, "GN"), card.dofs(2, "CM")
     rows = dict.fromkeys(listed(card, 3, grids, "GM"))
     if not rows:
@@ -90,7 +88,8 @@ def _rbe2(card: Card, grids: Grids, _: Notes) -> Iterator[Link]:
         yield Link(row, (leader,), dofs, card.line, axes=_turned(grids, row, dofs))
 
 
-def _rbar(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
+def _rbar(card: Card, deck: Deck) -> Iterator[Link]:
+    grids = deck.grids
     ends = grids.row(card, 1, "GA"), grids.row(card, 2, "GB")
     lead = [card.dofs(3 + k, name, "0") for k, name in enumerate(("CNA", "CNB"))]
     for leader, follower, index in ((0, 1, 6), (1, 0, 5)):
@@ -98,10 +97,11 @@ def _rbar(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
             dofs = card.dofs(index, "CM", "123456") or ALL
             yield Link(ends[follower], (ends[leader],), dofs, card.line, axes=_turned(grids, ends[follower], dofs))
             return
-    notes.add(card, "RBAR led by both ends", "a rigid bar that both ends lead in part is not used", True)
+    deck.notes.add(card, "RBAR led by both ends", "a rigid bar that both ends lead in part is not used", True)
 
 
-def _rbe3(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
+def _rbe3(card: Card, deck: Deck) -> Iterator[Link]:
+    grids = deck.grids
     node, dofs = grids.row(card, 2, "REFGRID"), card.dofs(3, "REFC")
     weights: dict[int, float] = {}
     weight, expects = 0.0, "weight"
@@ -118,9 +118,9 @@ def _rbe3(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
             components = card.dofs(index, "C")
             expects = "grid"
             if not {0, 1, 2} <= set(components):
-                notes.add(card, "RBE3 without C = 123", "leaders are read with all three displacements", True)
+                deck.notes.add(card, "RBE3 without C = 123", "leaders are read with all three displacements", True)
             elif len(components) > 3:
-                notes.add(card, "RBE3 with C = 123456", "leaders are read without their rotations")
+                deck.notes.add(card, "RBE3 with C = 123456", "leaders are read without their rotations")
         else:
             rows, taken = _span(card, fields[at - 1 : at + 2], grids, "G")
             at += taken - 1
@@ -136,13 +136,14 @@ def _rbe3(card: Card, grids: Grids, notes: Notes) -> Iterator[Link]:
 _READERS = {"RBE2": _rbe2, "RBE3": _rbe3, "RBAR": _rbar}
 
 
-def read_supports(cards: Cards, case: Case, grids: Grids, notes: Notes) -> list[Support]:
+def read_supports(deck: Deck) -> list[Support]:
     """Constraints of the set that holds, and those that grids state themselves."""
-    holding = _holding(cards, case, notes)
+    grids, cards, joined = deck.grids, deck.take("SPC", "SPC1"), deck.take("SPCADD")
+    holding = _holding(deck, cards, joined)
     rows: dict[tuple[int, tuple[int, ...]], list[int]] = {}
-    for card in (*cards.get("SPC", ()), *cards.get("SPC1", ())):
+    for card in cards:
         if card.integer(0, "SID") not in holding:
-            notes.add(
+            deck.notes.add(
                 card, f"{card.name} of another set", "constraints of sets that the deck does not select are not used"
             )
         elif card.name == "SPC":
@@ -171,16 +172,14 @@ def _parted(grids: Grids, rows: list[int], dofs: tuple[int, ...], line: int) -> 
         yield Support(np.array(plain, dtype=np.int64), dofs, line)
 
 
-def _holding(cards: Cards, case: Case, notes: Notes) -> set[int]:
+def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
     """Numbers of the sets that hold, with those that an SPCADD joins."""
-    joined = {card.integer(0, "SID"): card for card in cards.get("SPCADD", ())}
-    stated = {card.integer(0, "SID") for name in ("SPC", "SPC1") for card in cards.get(name, ())}
+    case, notes = deck.case, deck.notes
+    joined = {card.integer(0, "SID"): card for card in joining}
+    stated = {card.integer(0, "SID") for card in cards}
     for value, line in case.others.get("SPC", ()):
-        notes.at(
-            line,
-            "SPC of another subcase",
-            f"the modes are read with SPC = {case.selected.get('SPC', 'none')}, not {value}",
-        )
+        loss = f"the modes are read with SPC = {case.selected.get('SPC', 'none')}, not {value}"
+        notes.add(line, "SPC of another subcase", loss)
     selected = case.number("SPC")
     if selected is None:
         if case.is_stated or not stated:
@@ -191,13 +190,13 @@ def _holding(cards: Cards, case: Case, notes: Notes) -> set[int]:
             return stated
         else:
             names = ", ".join(map(str, sorted(stated)))
-            line = min(card.line for name in ("SPC", "SPC1") for card in cards.get(name, ()))
-            notes.at(line, "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
+            line = min(card.line for card in cards)
+            notes.add(line, "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
             return stated
     by = joined.get(selected)
     holding = {selected} if by is None else {whole(text) or 0 for _, text in by.words(1)}
     for missing in sorted(holding - stated):
         who = "the case control selects" if by is None else f"{by.title} joins"
         loss = f"{who} SPC = {missing}, which is not in the deck; nothing is held by it"
-        notes.at(1 if by is None else by.line, "SPC", loss, True)
+        notes.add(1 if by is None else by.line, "SPC", loss, True)
     return holding

@@ -19,7 +19,10 @@ _NEXT = (
     re.compile(r"\$\s*Pset:\s*\"([^\"]*)\""),
     re.compile(r"\$\*?\s.*\bProperty\s*:\s*(.*)", re.IGNORECASE),
 )
-_PROPERTIES = frozenset(("PSHELL", "PCOMP", "PCOMPG", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE"))
+PLATES = ("PSHELL", "PCOMP", "PCOMPG")
+PROFILES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
+"""Cards of properties: of shells; of bars, beams and rods."""
+
 _LONGEST = 60
 
 
@@ -47,7 +50,7 @@ class Labels:
 
     def see(self, card: Card) -> None:
         """Give the next property the name that stood before it."""
-        if self._next and card.name in _PROPERTIES:
+        if self._next and card.name in (*PLATES, *PROFILES):
             self.following[card.name, card.text(0)] = self._next
             self._next = ""
 

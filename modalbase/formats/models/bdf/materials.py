@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.bdf.unused import Notes
+from modalbase.formats.models.losses import Losses
 from modalbase.formats.models.model import Material
 
 _COUPLING = 1e-6  # of G11 and G22, below which a MAT2 has its axes along its symmetry
@@ -31,7 +31,7 @@ class Materials:
 
     cards: dict[int, Card]
     mass_factor: float
-    notes: Notes
+    notes: Losses
     found: dict[str, Material] = field(default_factory=dict)
 
     def get(self, user: Card, index: int, what: str) -> Material:
@@ -62,7 +62,7 @@ class Materials:
         return Material(str(card.integer(0, "MID")), constants, card.line, places, card.file)
 
 
-def _isotropic(card: Card, _: Notes) -> dict[str, float]:
+def _isotropic(card: Card, _: Losses) -> dict[str, float]:
     """E, G and ν: two are given, and the third follows from E = 2 G (1 + ν)."""
     given = {name: card.text(index) != "" for name, index in (("E", 1), ("G", 2), ("nu", 3))}
     if not given["E"] and not given["G"]:
@@ -82,7 +82,7 @@ def _isotropic(card: Card, _: Notes) -> dict[str, float]:
     return {"E": E, "nu": nu, "G": G}
 
 
-def _orthotropic(card: Card, notes: Notes) -> dict[str, float]:
+def _orthotropic(card: Card, notes: Losses) -> dict[str, float]:
     E1, E2 = card.positive(1, "E1"), card.positive(2, "E2")
     nu, G12 = card.real(3, "NU12", 0.0), card.positive(4, "G12")
     if not nu**2 * E2 < E1:
@@ -95,7 +95,7 @@ def _orthotropic(card: Card, notes: Notes) -> dict[str, float]:
     return {"E1": E1, "E2": E2, "nu12": nu, "G12": G12, "G13": G13 or G12, "G23": G23 or G12}
 
 
-def _anisotropic(card: Card, notes: Notes) -> dict[str, float]:
+def _anisotropic(card: Card, notes: Losses) -> dict[str, float]:
     """Plane-stress stiffness by its entries; what couples stretch and shear is lost."""
     g11, g12, g13, g22, g23, g33 = (card.real(1 + k, f"G{name}", 0.0) for k, name in enumerate(_ENTRIES))
     if not (g11 > 0 and g22 > 0 and g33 > 0 and g12**2 < g11 * g22):

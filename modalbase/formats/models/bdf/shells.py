@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.bdf.frames import Grids
-from modalbase.formats.models.bdf.labels import Labels
-from modalbase.formats.models.bdf.materials import Materials
-from modalbase.formats.models.bdf.unused import Notes
-from modalbase.formats.models.measures import normals_of
+from modalbase.formats.models.bdf.deck import Deck
+from modalbase.formats.models.check import normals_of
 from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
 
 _BENDING = 1.0, 1e-3  # 12I/T³ of a plate, and how near to it
@@ -42,7 +39,6 @@ LAYOUTS = {
     "CQUAD8": _Layout("quad8", (2, 3, 4, 5, 6, 7, 8, 9), 14, 15, (10, 11, 12, 13), 16),
     "CTRIA6": _Layout("tri6", (2, 3, 4, 5, 6, 7), 8, 9, (10, 11, 12), 13),
 }
-PROPERTIES = ("PSHELL", "PCOMP", "PCOMPG")
 
 
 @dataclass
@@ -76,30 +72,23 @@ class _Group:
     own_thickness: dict[int, list[float]] = field(default_factory=dict)
 
 
-@dataclass
 class Shells:
     """Reader of shells.
 
     Attributes:
-        properties: their cards by number.
-        materials, grids, labels, notes: of the deck.
-        extra: non-structural mass per area by property.
         sections: of the sets that elements use, by name.
     """
 
-    properties: dict[int, Card]
-    materials: Materials
-    grids: Grids
-    labels: Labels
-    notes: Notes
-    extra: dict[int, float]
-    sections: dict[str, ShellSection] = field(default_factory=dict)
-    _read: dict[int, _Property] = field(default_factory=dict)
+    def __init__(self, deck: Deck, extra: Mapping[int, float]) -> None:
+        """Of a deck, and non-structural mass per area by property."""
+        self.sections: dict[str, ShellSection] = {}
+        self._deck, self._extra = deck, extra
+        self._read: dict[int, _Property] = {}
 
-    def blocks(self, cards: Iterable[Card]) -> list[Elements]:
+    def blocks(self) -> list[Elements]:
         """Elements by kind and set, in the order in which these appear."""
         groups: dict[tuple[str, int], _Group] = {}
-        for card in cards:
+        for card in self._deck.elements(*LAYOUTS):
             layout = LAYOUTS[card.name]
             if card.name in ("CQUAD8", "CTRIA6"):
                 layout = _without_middles(card, layout)
@@ -113,11 +102,11 @@ class Shells:
 
     def _take(self, group: _Group, card: Card, number: int) -> None:
         layout, at = LAYOUTS[card.name], len(group.numbers)
-        rows, fields = self.grids.by_text, card.fields
+        rows, fields = self._deck.grids.by_text, card.fields
         try:  # what almost all elements are
             nodes = [rows[fields[index]] for index in group.layout.grids]
         except (KeyError, IndexError):
-            nodes = [self.grids.row(card, i, f"G{k}") for k, i in enumerate(group.layout.grids, start=1)]
+            nodes = [self._deck.grids.row(card, i, f"G{k}") for k, i in enumerate(group.layout.grids, start=1)]
         if len(set(nodes)) < len(nodes):
             raise card.error("a grid stands in it twice; a corner less makes a CTRIA3", 2)
         group.numbers.append(number)
@@ -126,7 +115,7 @@ class Shells:
         angle = 0.0
         if card.text(layout.angle):
             if card.is_integer(layout.angle):
-                self.grids.system(card, layout.angle, "MCID")
+                self._deck.grids.system(card, layout.angle, "MCID")
                 group.special[at] = card.integer(layout.angle, "MCID")
             else:
                 angle = card.real(layout.angle, "THETA")
@@ -154,18 +143,18 @@ class Shells:
 
     def _property(self, card: Card, number: int) -> _Property:
         if number not in self._read:
-            source = self.properties.get(number)
+            source = self._deck.plates.get(number)
             if source is None:
                 raise card.wrong(1, "PID", f"a property of shells; there is no PSHELL or PCOMP {number}")
             reader = self._plate if source.name == "PSHELL" else self._laminate
-            self._read[number] = reader(source, self.labels.of(source.name, number))
+            self._read[number] = reader(source, self._deck.labels.of(source.name, number))
         return self._read[number]
 
     def _plate(self, card: Card, name: str) -> _Property:
         bending_only = not card.text(1)
-        material = self.materials.get(card, 3 if bending_only else 1, "MID1")
+        material = self._deck.materials.get(card, 3 if bending_only else 1, "MID1")
         thickness = card.positive(2, "T") if card.text(2) else 0.0
-        notes = self.notes
+        notes = self._deck.notes
         if bending_only:
             notes.add(card, "PSHELL without MID1", "it bends alone in the deck; here it stretches too", True)
         elif not card.text(3):
@@ -182,9 +171,8 @@ class Shells:
             abs(card.real(6, "TS/T", _SHEAR[0]) - _SHEAR[0]) > _SHEAR[1] or card.text(5) != card.text(1)
         ):
             notes.add(card, "PSHELL MID3, TS/T", "it shears as a plate of MID1 with TS/T = 5/6 here", True)
-        extra = card.real(7, "NSM", 0.0) * self.materials.mass_factor + self.extra.get(card.integer(0, "PID"), 0.0)
         ply = Ply(material.name, thickness, place=card.place(2))
-        return _Property(card, name, (ply,), card.real(12, "ZOFFS", 0.0), extra, material.is_isotropic)
+        return _Property(card, name, (ply,), card.real(12, "ZOFFS", 0.0), self._mass(card, 7), material.is_isotropic)
 
     def _laminate(self, card: Card, name: str) -> _Property:
         step = 8 if card.name == "PCOMPG" else 4
@@ -199,7 +187,7 @@ class Shells:
                     continue
                 break
             if card.text(at + shift):
-                found = self.materials.get(card, at + shift, "MID")
+                found = self._deck.materials.get(card, at + shift, "MID")
                 material, isotropic = found.name, isotropic and found.is_isotropic
             elif not material:
                 raise card.wrong(at + shift, "MID1", "the material of the first ply")
@@ -213,15 +201,20 @@ class Shells:
         if lamina == "SYM":
             plies += plies[::-1]
         elif lamina and lamina not in ("BLANK", "NO"):
-            self.notes.add(card, f"{card.name} LAM={lamina}", "the laminate is read with all of its stiffness", True)
+            self._deck.notes.add(
+                card, f"{card.name} LAM={lamina}", "the laminate is read with all of its stiffness", True
+            )
         total = sum(ply.thickness for ply in plies)
         offset = card.real(1, "Z0", -total / 2) + total / 2
-        extra = card.real(2, "NSM", 0.0) * self.materials.mass_factor + self.extra.get(card.integer(0, "PID"), 0.0)
-        return _Property(card, name, tuple(plies), offset, extra, isotropic)
+        return _Property(card, name, tuple(plies), offset, self._mass(card, 2), isotropic)
+
+    def _mass(self, card: Card, index: int) -> float:
+        """Non-structural mass per area of a property."""
+        return card.real(index, "NSM", 0.0) * self._deck.mass_factor + self._extra.get(card.integer(0, "PID"), 0.0)
 
     def _block(self, group: _Group) -> Elements:
         section, nodes = group.section, np.array(group.nodes, dtype=np.int64)
-        normals, sides = _frames(self.grids.places[nodes], group.cards)
+        normals, sides = _frames(self._deck.grids.places[nodes], group.cards)
         axes = _turned(sides, normals, np.radians(group.angles))
         for at, number in group.special.items():
             axes[at] = self._projected(group.cards[at], number, nodes[at], normals[at], section) or axes[at]
@@ -244,7 +237,7 @@ class Shells:
         self, card: Card, number: int, nodes: Floats, normal: Floats, section: _Property
     ) -> tuple[float, float, float] | None:
         """Axis 1 of a coordinate system on an element; None where it has none and needs none."""
-        axis = self.grids.systems[number].axes_at(self.grids.places[nodes].mean(axis=0))[0]
+        axis = self._deck.grids.systems[number].axes_at(self._deck.grids.places[nodes].mean(axis=0))[0]
         flat = axis - (axis @ normal) * normal
         size = float(np.linalg.norm(flat))
         if size < 1e-6:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.model import Ignored, where
+from modalbase.formats.models.losses import Losses
+from modalbase.formats.models.model import where
 
 _SOLIDS = frozenset(("CHEXA", "CTETRA", "CPENTA", "CPYRAM", "CPYRA", "CHEXA8", "CHEXA20", "CHEX8", "CHEX20", "CIHEX1"))
 
@@ -56,27 +56,7 @@ _TABLE = [
 _STIFFENED_DRILLING = 100.0  # K6ROT that Nastran itself takes
 
 
-@dataclass
-class Notes:
-    """What is lost, collected by name."""
-
-    _found: dict[tuple[str, str, bool], list[int]] = field(default_factory=dict)
-
-    def add(self, card: Card, name: str, loss: str, changes: bool = False) -> None:
-        """Note a card, or what it says, under a name."""
-        self.at(card.line, name, loss, changes)
-
-    def at(self, line: int, name: str, loss: str, changes: bool = False) -> None:
-        """Note a line."""
-        self._found.setdefault((name, loss, changes), []).append(line)
-
-    def ignored(self) -> tuple[Ignored, ...]:
-        """All of it, what changes modes first."""
-        found = [Ignored(name, tuple(lines), loss, changes) for (name, loss, changes), lines in self._found.items()]
-        return tuple(sorted(found, key=lambda one: not one.changes))
-
-
-def note_unused(cards: Mapping[str, Iterable[Card]], notes: Notes) -> None:
+def note_unused(cards: Mapping[str, Iterable[Card]], notes: Losses) -> None:
     """Note cards that no reader took."""
     for name, group in cards.items():
         loss, changes = _loss(name)
@@ -107,7 +87,7 @@ def _loss(name: str) -> tuple[str, bool]:
     return "not used: a card that is not known here", True
 
 
-def note_params(cards: Iterable[Card], notes: Notes) -> None:
+def note_params(cards: Iterable[Card], notes: Losses) -> None:
     """Note PARAM cards; WTMASS is used elsewhere."""
     for card in cards:
         name = card.text(0)

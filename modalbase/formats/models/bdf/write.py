@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from textwrap import wrap
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.models.bdf.beams import rod_key
 from modalbase.formats.models.bdf.card import Card, number, whole
 from modalbase.formats.models.bdf.lines import cards_of, split_deck
-from modalbase.formats.models.bdf.sections import rod_key
 from modalbase.formats.models.changes import Number
 from modalbase.formats.models.edits import Constants, Edits, Writing
 from modalbase.formats.models.model import FiniteElementModel, Material

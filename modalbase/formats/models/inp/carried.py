@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalbase.formats.models.check import sizes
 from modalbase.formats.models.inp.lines import Card, Row
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.mesh import Element, Mesh
 from modalbase.formats.models.inp.orientations import System
 from modalbase.formats.models.inp.sections import Part, Sections
-from modalbase.formats.models.measures import sizes
 from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring
 
 PROPERTIES = {"mass": "MASS", "inertia": "ROTARYINERTIA", "spring": "SPRING"}
@@ -68,7 +68,7 @@ class Carried:
 
     def _spring(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
         if "NONLINEAR" in card.parameters:
-            self._losses.add(card, "a spring that is not linear", changes=True)
+            self._losses.note(card, "a spring that is not linear", changes=True)
             return
         system = part.system(card.get("ORIENTATION"), card)
         for element in elements:
@@ -140,7 +140,7 @@ def spread_mass(
     beams = {isinstance(sections.found[name], BeamSection) for name in names}
     fits = {"MASSPERAREA": beams == {False}, "MASSPERLENGTH": beams == {True}, "TOTALMASS": len(beams) == 1}
     if not whole or not fits.get(units, False):
-        losses.add(card, "spread mass on part of a set, on shells and beams at once, or in other units", changes=True)
+        losses.note(card, "spread mass on part of a set, on shells and beams at once, or in other units", changes=True)
         return
     if units == "TOTALMASS":
         places = np.array(mesh.places)

@@ -1,14 +1,288 @@
-"""Supports: *BOUNDARY of the initial state and of steps up to that of the modes."""
+"""Constraints between nodes (rigid bodies, couplings, multi-point constraints, equations and ties), and supports.
+
+*BOUNDARY counts of the initial state and of steps up to that of the modes.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from modalbase.formats.models.inp.constraints import dof_range
-from modalbase.formats.models.inp.lines import Card, Row
+from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.mesh import Mesh
-from modalbase.formats.models.model import Floats, Support
+from modalbase.formats.models.inp.orientations import System
+from modalbase.formats.models.inp.sections import Part
+from modalbase.formats.models.model import Floats, Integers, Link, Support
+
+ALL = (0, 1, 2, 3, 4, 5)
+COINCIDENT = 1e-6
+"""Nodes of a tie or equation this close, by the model's size, are at one place."""
+
+NAMES = card_names("MPC RIGIDBODY COUPLING KINEMATIC DISTRIBUTING KINEMATICCOUPLING DISTRIBUTINGCOUPLING EQUATION TIE")
+
+
+class Constraints:
+    """Constraints as they are read.
+
+    Attributes:
+        links: nodes that others lead.
+        supports: dofs that an equation of one term holds.
+        surfaces: cards *SURFACE with their scopes, by scope and folded name.
+    """
+
+    def __init__(self, mesh: Mesh, losses: Losses, axes: dict[int, Floats]) -> None:
+        self.links: list[Link] = []
+        self.supports: list[Support] = []
+        self.surfaces: dict[tuple[str, str], tuple[Card, str]] = {}
+        self._mesh, self._losses, self._axes = mesh, losses, axes
+        self._places = np.array(mesh.places).reshape(-1, 3)
+        self._near = COINCIDENT * float(np.linalg.norm(np.ptp(self._places, axis=0))) if len(self._places) else 0.0
+        self._coupling: tuple[Card, str] | None = None
+        self._merged: dict[tuple[int, int], tuple[set[int], int]] = {}
+
+    def read(self, card: Card, part: Part) -> None:
+        """Take a card of `NAMES`."""
+        if card.name == "COUPLING":
+            self._coupling = card, part.scope
+        elif card.name in ("KINEMATIC", "DISTRIBUTING"):
+            self._surface_coupling(card, part)
+        else:
+            {
+                "MPC": self._mpc,
+                "RIGIDBODY": self._rigid_body,
+                "KINEMATICCOUPLING": self._kinematic_coupling,
+                "DISTRIBUTINGCOUPLING": self._distributing_coupling,
+                "EQUATION": self._equations,
+                "TIE": self._tie,
+            }[card.name](card, part)
+
+    def finish(self) -> None:
+        """Gather the dofs that equations of two terms make equal."""
+        for (node, leader), (dofs, line) in self._merged.items():
+            self.links.append(Link(node, (leader,), tuple(sorted(dofs)), line))
+        self._merged.clear()
+
+    def _one(self, name: str, part: Part, where: Card | Row) -> int:
+        """A reference node, by number or by a set that has it alone."""
+        found = self._mesh.select_nodes(name, part.scope, where)
+        if len(found) != 1:
+            raise where.error(f"needs one node, and {name!r} has {len(found)}")
+        return int(found[0])
+
+    def _rigid(
+        self, nodes: Integers, leader: int, dofs: tuple[int, ...], line: int, system: System | None = None
+    ) -> None:
+        led = nodes[nodes != leader]
+        axes = [None] * len(led) if system is None or dofs == ALL else system.at(self._places[led])
+        self.links += [
+            Link(node, (leader,), dofs, line, axes=own) for node, own in zip(led.tolist(), axes, strict=True)
+        ]
+
+    def _mpc(self, card: Card, part: Part) -> None:
+        for row in card.rows:
+            kind, names = row.parted
+            if kind.upper() not in ("BEAM", "TIE", "PIN") or len(names) != 2:
+                self._losses.note(row, f"a constraint of type {kind[:12].upper()} between nodes", changes=True)
+                continue
+            led, leaders = (self._mesh.select_nodes(name, part.scope, row) for name in names)
+            if len(leaders) != 1:
+                raise row.error(f"has {len(leaders)} nodes that lead, expected one")
+            leader = int(leaders[0])
+            dofs = ALL[:3] if kind.upper() == "PIN" else ALL
+            apart = np.linalg.norm(self._places[led] - self._places[leader], axis=1)
+            if kind.upper() != "BEAM" and np.any(apart > self._near):
+                self._losses.note(row, f"{kind.upper()} between nodes that are apart", changes=True)
+                continue
+            self._rigid(led, leader, dofs, row.line)
+
+    def _rigid_body(self, card: Card, part: Part) -> None:
+        leader = self._one(card.needs("REF NODE"), part, card)
+        if card.get("ROT NODE"):
+            self._losses.note(card, "the ROT NODE: supports and masses that act on it", changes=True)
+        for parameter, dofs in (("ELSET", ALL), ("NSET", ALL), ("TIE NSET", ALL), ("PIN NSET", ALL[:3])):
+            if not (name := card.get(parameter)):
+                continue
+            if parameter == "ELSET":
+                elements = self._mesh.select_elements(name, part.scope, card).tolist()
+                every = {node for at in elements for node in self._mesh.elements[at].nodes}
+                nodes = np.array(sorted(every), dtype=np.int64)
+            else:
+                nodes = self._mesh.select_nodes(name, part.scope, card)
+            self._rigid(nodes, leader, dofs, card.line)
+
+    def _surface_coupling(self, card: Card, part: Part) -> None:
+        if self._coupling is None:
+            raise card.error("stands before any *COUPLING, to which it would belong")
+        coupling, _ = self._coupling
+        leader = self._one(coupling.needs("REF NODE"), part, coupling)
+        nodes = self._surface(coupling.needs("SURFACE"), part, coupling)
+        if radius := coupling.get("INFLUENCE RADIUS"):
+            near = np.linalg.norm(self._places[nodes] - self._places[leader], axis=1)
+            limit = np.inf if radius.upper() == "WORLD" else coupling.number(radius, "the influence radius")
+            nodes = nodes[near <= limit]
+        nodes = nodes[nodes != leader]
+        if not nodes.size:
+            raise coupling.error("couples no node")
+        system = part.system(coupling.get("ORIENTATION"), coupling)
+        dofs = self._dofs(card)
+        if card.name == "KINEMATIC":
+            self._rigid(nodes, leader, dofs, coupling.line, system)
+            return
+        if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
+            self._losses.note(card, "weights that fall with the distance: all are taken alike", changes=True)
+        axes = None if system is None or dofs == ALL else system.at(self._places[[leader]])[0]
+        self.links.append(Link(leader, tuple(nodes.tolist()), dofs, coupling.line, axes=axes))
+
+    def _dofs(self, card: Card) -> tuple[int, ...]:
+        """Of lines of first and last dof; all where there is none."""
+        found: set[int] = set()
+        for row in card.rows:
+            fields = [text for text in row.fields if text]
+            if fields:
+                found |= set(dof_range(fields, row))
+        return tuple(sorted(found)) or ALL
+
+    def _kinematic_coupling(self, card: Card, part: Part) -> None:
+        leader = self._one(card.needs("REF NODE"), part, card)
+        system = part.system(card.get("ORIENTATION"), card)
+        for row in card.rows:
+            name, rest = row.parted
+            nodes = self._mesh.select_nodes(name, part.scope, row)
+            dofs = tuple(dof_range(rest, row)) if rest else ALL
+            self._rigid(nodes, leader, dofs, row.line, system)
+
+    def _distributing_coupling(self, card: Card, part: Part) -> None:
+        chosen = self._mesh.select_elements(card.needs("ELSET"), part.scope, card).tolist()
+        if len(chosen) != 1 or self._mesh.elements[chosen[0]].type.name != "DCOUP3D":
+            raise card.error("needs one element of type DCOUP3D")
+        leaders: dict[int, float] = {}
+        for row in card.rows:
+            name, rest = row.parted
+            weight = rest[0] if rest else "1"
+            value = row.number(weight, "the weight")
+            if not 0 < value < 1e12:
+                raise row.error(f"has the weight {value:g}, expected one above 0")
+            leaders |= dict.fromkeys(self._mesh.select_nodes(name, part.scope, row).tolist(), value)
+        node = self._mesh.elements[chosen[0]].nodes[0]
+        leaders.pop(node, None)
+        if not leaders:
+            raise card.error("couples no node")
+        self.links.append(Link(node, tuple(leaders), ALL, card.line, tuple(leaders.values())))
+
+    def _equations(self, card: Card, part: Part) -> None:
+        rows = iter(card.rows)
+        for row in rows:
+            terms = row.whole(row.fields[0] if row.fields else "", "the number of terms")
+            if not 1 <= terms <= 100_000:
+                raise row.error(f"has {terms} terms, expected at least 1")
+            fields: list[str] = []
+            while len(fields) < 3 * terms:
+                following = next(rows, None)
+                if following is None:
+                    raise row.error(
+                        f"has {len(fields) // 3} of {terms} terms of node, dof and coefficient; is the file cut?"
+                    )
+                fields += following.fields[: 3 * terms - len(fields)] or [""]
+            self._equation(row, [fields[k : k + 3] for k in range(0, 3 * terms, 3)], part)
+
+    def _equation(self, row: Row, terms: list[list[str]], part: Part) -> None:
+        """One whose two terms make dofs of nodes at one place equal is a link; one of one term a support."""
+        nodes = [self._mesh.select_nodes(term[0], part.scope, row) for term in terms]
+        dofs = [row.whole(term[1], "a dof") - 1 for term in terms]
+        factors = [row.number(term[2], "a coefficient") for term in terms]
+        turned = any(node in self._axes for some in nodes for node in some.tolist())
+        if len(terms) == 1 and 0 <= dofs[0] <= 5 and factors[0] and not turned:
+            self.supports.append(Support(nodes[0], (dofs[0],), row.line))
+            return
+        if (
+            len(terms) == 2
+            and dofs[0] == dofs[1]
+            and 0 <= dofs[0] <= 5
+            and not turned
+            and factors[0] == -factors[1] != 0
+        ):
+            a, b = nodes
+            if len(a) == len(b) == 1 and np.linalg.norm(self._places[a] - self._places[b]) <= self._near:
+                found, _ = self._merged.setdefault((int(a[0]), int(b[0])), (set(), row.line))
+                found.add(dofs[0])
+                return
+        self._losses.note(row, "an equation between dofs, other than that nodes at one place move alike", changes=True)
+
+    def _tie(self, card: Card, part: Part) -> None:
+        """Nodes of the first surface that lie on nodes of the second are led by them."""
+        for row in card.rows:
+            names = row.fields
+            if len(names) < 2:
+                raise row.error("expected two surfaces: the one tied, and the one that leads")
+            led, leading = (self._surface(name, part, row) for name in names[:2])
+            pairs = self._coincident(led, leading)
+            for node, leader in pairs:
+                self.links.append(Link(node, (leader,), ALL, row.line))
+            if missed := len(set(led.tolist()) - set(leading.tolist())) - len(pairs):
+                self._losses.note(
+                    row, f"a tie of {missed} node(s) that lie on no node of the other surface", changes=True
+                )
+
+    def _coincident(self, led: Integers, leading: Integers) -> list[tuple[int, int]]:
+        """Pairs of nodes at one place, each led one once.
+
+        Nodes at one place are so along any line; one that lies askew to all walls leaves few others to compare.
+        """
+        along = self._places @ _ASKEW
+        leading = leading[np.argsort(along[leading])]
+        first = np.searchsorted(along[leading], along[led] - self._near)
+        last = np.searchsorted(along[leading], along[led] + self._near, side="right")
+        found = []
+        for k in np.flatnonzero(last > first).tolist():
+            near = leading[first[k] : last[k]]
+            apart = np.linalg.norm(self._places[near] - self._places[led[k]], axis=1)
+            others = near[(apart <= self._near) & (near != led[k])]
+            if others.size:
+                found.append((int(led[k]), int(others[0])))
+        return found
+
+    def _surface(self, name: str, part: Part, where: Card | Row) -> Integers:
+        """Nodes of a surface, or of a set of nodes."""
+        inside, dot, last = folded(name).rpartition(".")
+        scope = inside if dot and inside in self._mesh.scopes else part.scope
+        found = self.surfaces.get((scope, last if scope == inside else folded(name)))
+        if found is None:
+            return self._mesh.select_nodes(name, part.scope, where)
+        card, scope = found
+        nodes: set[int] = set()
+        for row in card.rows:
+            first, face = [*row.fields, "", ""][:2]
+            if card.get("TYPE").upper() == "NODE":
+                nodes |= set(self._mesh.select_nodes(first, scope, row).tolist())
+            else:
+                for at in self._mesh.select_elements(first, scope, row).tolist():
+                    nodes |= set(self._face(at, face.upper(), row))
+        return np.array(sorted(nodes), dtype=np.int64)
+
+    def _face(self, at: int, face: str, row: Row) -> tuple[int, ...]:
+        """Nodes of an element's face: all of a shell's, or those of its side E1 … E4 (S3 … S6 in CalculiX)."""
+        element = self._mesh.elements[at]
+        if element.type.role != "shell" or face in ("", "SPOS", "SNEG", "S1", "S2", "POS", "NEG"):
+            return element.nodes
+        corners = 3 if element.type.kind in ("tri3", "tri6") else 4
+        side = {"E": -1, "S": -3}.get(face[:1])
+        if side is None or not face[1:].isdigit() or not 0 <= (k := int(face[1:]) + side) < corners:
+            raise row.error(f"names the face {face}, expected SPOS, SNEG or E1 to E{corners}")
+        nodes = element.nodes
+        return (nodes[k], nodes[(k + 1) % corners], *nodes[corners + k : corners + k + 1])
+
+
+_ASKEW = np.array([0.5405, 0.6214, 0.5671])
+
+
+def dof_range(fields: list[str], row: Row) -> range:
+    """Dofs from 0 of first and last."""
+    first = row.whole(fields[0], "the first dof")
+    last = row.whole(fields[1], "the last dof") if len(fields) > 1 and fields[1] else first
+    if not 1 <= first <= last <= 6:
+        raise row.error(f"names the dofs {first} to {last}, expected 1 ≤ first ≤ last ≤ 6")
+    return range(first - 1, last)
+
 
 _NAMED = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
@@ -47,7 +321,7 @@ def supports(
 
 def _of_card(card: Card, scope: str, mesh: Mesh, axes: dict[int, Floats], losses: Losses) -> list[Support]:
     if "SUBMODEL" in card.parameters:
-        losses.add(card, "motion that another model prescribes", changes=True)
+        losses.note(card, "motion that another model prescribes", changes=True)
         return []
     found: list[Support] = []
     for row in card.rows:
@@ -76,7 +350,7 @@ def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
         raise row.error(f"holds {fields[0][:20]!r}, expected {', '.join(_NAMED)}, or the first and last dof")
     first = row.whole(fields[0], "the first dof")
     if first > 6:
-        losses.add(row, "dofs above 6, such as temperature", changes=False)
+        losses.note(row, "dofs above 6, such as temperature", changes=False)
         return ()
     return tuple(dof_range(fields, row))
 
@@ -97,4 +371,4 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
             and names & _LOADS
             and (nonlinear or ("PERTURBATION" in steps[modes][0].parameters and not plain))
         ):
-            losses.add(step[0], "a state of stress before the modes, which stiffens or softens", changes=True)
+            losses.note(step[0], "a state of stress before the modes, which stiffens or softens", changes=True)

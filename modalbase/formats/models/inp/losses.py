@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from modalbase.formats.models import losses
 from modalbase.formats.models.inp.lines import Card, Row
-from modalbase.formats.models.model import Ignored
 
 _HARMLESS = {
     "requests for output": (
@@ -68,16 +68,13 @@ _LOSSES = {name: (loss, False) for loss, names in _HARMLESS.items() for name in 
 _LOSSES |= {name: (loss, True) for loss, names in _CHANGES.items() for name in names.split()}
 
 
-class Losses:
-    """Cards that were not used, gathered by name and loss."""
+class Losses(losses.Losses):
+    """Cards that were not used, under the names that the user wrote."""
 
-    def __init__(self) -> None:
-        self._lines: dict[tuple[str, str, bool], list[int]] = {}
-
-    def add(self, where: Card | Row, loss: str, *, changes: bool) -> None:
+    def note(self, where: Card | Row, loss: str, *, changes: bool) -> None:
         """Note a card, or a line of one."""
         label = where.label if isinstance(where, Card) else where.card
-        self._lines.setdefault((label.upper(), loss, changes), []).append(where.line)
+        self.add(where, label.upper(), loss, changes)
 
     def unused(self, card: Card) -> None:
         """Note a card by what is known of it; one that is unknown may change modes."""
@@ -85,10 +82,4 @@ class Losses:
         loss, changes = _LOSSES.get(card.name, unknown)
         if card.name == "INITIALCONDITIONS" and card.get("TYPE").upper() == "STRESS":
             loss, changes = "stresses, which stiffen", True
-        self.add(card, loss, changes=changes)
-
-    @property
-    def found(self) -> tuple[Ignored, ...]:
-        """All, those that change modes first."""
-        every = [Ignored(card, tuple(lines), loss, changes) for (card, loss, changes), lines in self._lines.items()]
-        return tuple(sorted(every, key=lambda each: not each.changes))
+        self.note(card, loss, changes=changes)

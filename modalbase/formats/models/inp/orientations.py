@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from modalbase.formats.models.check import axis_without_system
 from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.mesh import Mesh, Move, frame
-from modalbase.formats.models.measures import axis_without_system
 from modalbase.formats.models.model import Floats, Integers
 
 

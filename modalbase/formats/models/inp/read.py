@@ -9,8 +9,7 @@ import numpy as np
 
 from modalbase.formats.models.check import check
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
-from modalbase.formats.models.inp.constraints import NAMES, Constraints
-from modalbase.formats.models.inp.held import note_prestress, supports
+from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
 from modalbase.formats.models.inp.lines import Card, card_names, folded, read_cards, squeezed
 from modalbase.formats.models.inp.losses import Losses
 from modalbase.formats.models.inp.materials import Materials
@@ -70,7 +69,7 @@ def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
     materials = Materials()
     materials.read([card for _, cards, _ in scopes for card in cards])
     for card in materials.hot:
-        losses.add(card, "constants at other temperatures: those of the first line are taken", changes=True)
+        losses.note(card, "constants at other temperatures: those of the first line are taken", changes=True)
     return _Reading(deck, losses, mesh, materials).model(scopes)
 
 
@@ -251,10 +250,10 @@ class _Reading:
         """Note what a section says beyond what is read, or in two ways."""
         for parameter in ("DENSITY", "BENDING ONLY", "MEMBRANE ONLY", "STIFFNESS MODIFIER"):
             if card.name in SHELLS and squeezed(parameter) in card.parameters:
-                self._losses.add(card, f"the parameter {parameter} of a section", changes=True)
+                self._losses.note(card, f"the parameter {parameter} of a section", changes=True)
         if card.get("SECTION").upper() == "CIRC" and len(card.first.fields) == 1 and not part.scope:
             loss = "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as CalculiX does"
-            self._losses.add(card, loss, changes=True)
+            self._losses.note(card, loss, changes=True)
 
     def _thickness(self, part: Part, cards: list[Card]) -> dict[int, float]:
         """Of the nodes that *NODAL THICKNESS names, by row."""
@@ -270,7 +269,7 @@ class _Reading:
     def _note_types(self) -> None:
         for element in self._mesh.elements:
             if element.type.loss:
-                self._losses.add(element.row, element.type.loss, changes=element.type.changes)
+                self._losses.note(element.row, element.type.loss, changes=element.type.changes)
 
     def _note_unused(self) -> None:
         used = _USED | NAMES | set(SHELLS) | set(BEAMS) | set(PROPERTIES.values())

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from modalbase.formats.models.check import CORNERS, normals_of, unit
 from modalbase.formats.models.inp.beams import beam_section, directions
 from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import Element, Mesh, Move
 from modalbase.formats.models.inp.orientations import System, axis_of_shells
-from modalbase.formats.models.measures import CORNERS, normals_of, unit
 from modalbase.formats.models.model import BeamSection, Elements, Floats, Integers, Kind, Ply, ShellSection
 
 SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")

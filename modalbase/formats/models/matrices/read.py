@@ -10,10 +10,8 @@ import numpy as np
 import scipy
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.matrices.archive import read_archive
-from modalbase.formats.models.matrices.dmig import read_dmig
+from modalbase.formats.models.matrices.files import read_archive, read_dmig, read_dofs, read_nodes, read_text
 from modalbase.formats.models.matrices.model import CONSTANT, DOFS, Entries, MatrixModel, built, code
-from modalbase.formats.models.matrices.texts import read_dofs, read_nodes, read_text
 from modalbase.formats.models.model import Floats, Integers
 
 LIMIT_BYTES = 4_000_000_000

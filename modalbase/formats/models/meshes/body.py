@@ -9,8 +9,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile
-from modalbase.formats.models.check import check
-from modalbase.formats.models.measures import ALONG_NORMAL, CORNERS, axis_without_system, normals_of, unit
+from modalbase.formats.models.check import ALONG_NORMAL, CORNERS, axis_without_system, check, normals_of, unit
 from modalbase.formats.models.meshes.cells import SOLID
 from modalbase.formats.models.model import (
     Elements,

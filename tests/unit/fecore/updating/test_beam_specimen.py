@@ -12,10 +12,10 @@ from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof, along_z
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import update_elastic
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.cantilever import grid
+from tests.support.fits import update_elastic
 
 BEAM = BeamSpecimen(0.5, 0.04, 0.010, modulus=30e9, poisson=0.3, density=2012.0)
 EVERYTHING = [Parameter(name) for name in BEAM_CONSTANTS]

@@ -10,8 +10,7 @@ import pytest
 
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.conflicts import Conflict
-from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
+from fecore.updating.contradictions import SLIPS, Conflict, _Sources, compare_sources
 from fecore.updating.elastic import fit
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
@@ -108,7 +107,7 @@ def test_bodies_that_carry_nothing_are_not_said_to() -> None:
     """The evidence is a mean ratio of likelihoods, which without a mass exceeds 1/p with probability p at most."""
     for seed in range(3):
         checks = _Sources.of(fit(lay_out(strips(seed), MATERIAL_PARAMETERS, SCATTER, coupons()))).checks
-        masses = [each for each in checks if each.kind == "mass"]
+        masses = [check for check, _ in checks if check.kind == "mass"]
         assert [each.name for each in masses] == ["mass on campaign a", "mass on campaign b"]
         assert all(each.evidence < 0 and each.p == 1.0 for each in masses)
 

@@ -9,11 +9,11 @@ from fecore.body.specimen import CONSTANTS, Specimen
 from fecore.errors import UpdatingError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from fecore.updating.elastic import update_elastic
 from fecore.updating.elastic_result import NOISE
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS, TABLE_4
+from tests.support.fits import update_elastic
 
 
 def modes_of(forward: ForwardModel, theta: np.ndarray, count: int = 5) -> MeasuredModes:

@@ -15,7 +15,6 @@ from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import DISCRETISATION, discretise
-from fecore.updating.elastic import update_elastic
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
@@ -27,6 +26,7 @@ from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
+from tests.support.fits import update_elastic
 
 # What is not about the mesh is updated on a coarse one.
 COARSE = replace(BEAM, divisions=(20, 2))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.recording import read_wav_head
+from modalbase.formats.records.wav import read_wav_head
 
 KINDS = {"<u1": 1, "<i2": 1, "<i3": 1, "<i4": 1, "<f4": 3, "<f8": 3}
 VALUES = np.random.default_rng(4).uniform(-0.9, 0.9, (300_000, 2))

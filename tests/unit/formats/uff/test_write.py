@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from modalbase.formats.uff import Axis, CoordinateSystem, FileHeader, Frf, Function, GridPoint, ModeShape, Units
-from modalbase.formats.uff.drawing import read_151
+from modalbase.formats.uff.geometry import read_151
 from modalbase.formats.uff.text import Refusal
 from modalbase.formats.uff.write import encode, write_file
 from tests.support.uff import load

@@ -1,0 +1,223 @@
+"""What a structure has beside its campaigns: coupon tests, models that were sent, forecasts, monitors with their alarms."""
+
+from __future__ import annotations
+
+import json
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from modalbase.client.files import FRF_FORMATS, MESH_FORMATS, format_of, save_file
+from modalbase.client.finding import BATCH, MONITOR, Kind
+from modalbase.objects.jobs import Job, Stoppable
+from modalbase.objects.thing import Editable, Figure, Table, Thing
+
+if TYPE_CHECKING:
+    from modalbase.objects.frfs import Frfs
+
+
+class CouponBatch(Thing):
+    """Coupons of one plate and direction, tested to ASTM D3039 or D3518."""
+
+    noun = BATCH
+
+    def add_curve(self, file: str | Path, *, confirm: bool = False, **about: Any) -> dict[str, Any]:
+        """Add a specimen from a testing machine's file.
+
+        Args:
+            file: CSV of the machine.
+            confirm: take unusual dimensions and results as they are.
+            about: `dimensions`, `columns`, and where needed `standard`, `specimen` (by default the file's name) and the
+                others of `POST /coupon-batches/{id}/coupons`.
+
+        Raises:
+            ClientError: the file cannot be read so; the text says what is missing.
+        """
+        path = Path(file)
+        coupon = {"specimen": path.stem, **about}
+        fields = {"coupon": json.dumps(coupon)}
+        answer = self.lab.connection.submit(f"{self.address}/coupons", path, fields, confirm=confirm or None)
+        made: dict[str, Any] = answer["items"][0]
+        return made
+
+    def add_coupon(self, specimen: str, *, confirm: bool = False, **results: Any) -> dict[str, Any]:
+        """Add a specimen whose results are known: `E_Pa`, `G_Pa`, `nu`, `strength_Pa`, `standard` and so on; with `confirm`
+        unusual ones too.
+        """
+        body = {"specimen": specimen, **results}
+        answer = self.lab.connection.post(f"{self.address}/coupons", body, confirm=confirm or None)
+        made: dict[str, Any] = answer["items"][0]
+        return made
+
+    def coupons(self) -> Table:
+        """Its specimens with their results, SI."""
+        return Table(list(self.lab.connection.pages(f"{self.address}/coupons")), key="specimen")
+
+    def summary(self) -> dict[str, Any]:
+        """Statistics of the batch, the priors that follow, and warnings."""
+        return self.lab.connection.get(f"{self.address}/summary")
+
+    @property
+    def statistics(self) -> Table:
+        """Mean, standard deviation and coefficient of variation of each constant."""
+        return Table([{"name": name, **value} for name, value in self.summary()["constants"].items()])
+
+    def curve(self, specimen: str) -> dict[str, Any]:
+        """The raw curve of a specimen as numpy arrays in SI: force in N, strains in m/m, time in s, where it has them."""
+        import numpy as np
+
+        content = self.lab.rest.get_curve_data(self.coupons()[specimen]["id"], format="npz")
+        with np.load(BytesIO(content)) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+
+
+class Model(Job):
+    """A finite element model that was sent to a structure."""
+
+    noun = Kind("model", "models/{}", "structures/{}/models")
+
+    @property
+    def sets(self) -> Table:
+        """Its sets of elements: materials, area or length, thickness, mass."""
+        return Table(self._found["sets"], key="name")
+
+    @property
+    def materials(self) -> Table:
+        """Its materials with their constants, SI."""
+        return Table([{"name": one["name"], **one["constants"]} for one in self._found["materials"]], key="name")
+
+    @property
+    def junctions(self) -> Table:
+        """Lines along which walls meet, with the model of their joint."""
+        return Table(self._found["junctions"])
+
+    @property
+    def ignored(self) -> Table:
+        """Cards that were not used, and what is lost by that."""
+        return Table(self._found["ignored"])
+
+    @property
+    def _found(self) -> dict[str, Any]:
+        found: dict[str, Any] = self.wait().check().fields["found"]
+        return found
+
+    def save(self, file: str | Path) -> Path:
+        """Write the deck as it was sent."""
+        return save_file(self.lab.connection, f"structures/{self.fields['structure_id']}/model/original", file)
+
+    def summary(self) -> str:
+        """What was read, or why it was not."""
+        if not self.succeeded:
+            return super().summary()
+        found = self.fields["found"]
+        sets = ", ".join(f"{one['name']} ({one['mass_kg']:.4g} kg)" for one in found["sets"])
+        counts = ", ".join(f"{count} {name}" for name, count in found["counts"].items() if count)
+        lost = [f"{one['card']} was not used: {one['loss']}" for one in found["ignored"]]
+        joints = f"{len(found['junctions'])} lines where walls meet"
+        return "\n".join([f"{self.fields['filename']}: {counts}", f"sets: {sets}", joints, *lost])
+
+
+class Forecast(Stoppable):
+    """The solving of a structure's nominal model."""
+
+    noun = Kind("forecast", "forecasts/{}", "structures/{}/forecasts")
+
+    @property
+    def modes(self) -> Table:
+        """Its modes: frequency in Hz, kind, and how much of each the references and the points show."""
+        return Table(self._found["model_modes"], key="number")
+
+    @property
+    def points(self) -> Table:
+        """Where to hit and where to measure, m."""
+        return Table(self._found["points"], key="label")
+
+    @property
+    def _found(self) -> dict[str, Any]:
+        found: dict[str, Any] = self.wait().check().fields["found"]
+        return found
+
+    def frfs(self) -> Frfs:
+        """Accelerances of the model, as numpy arrays: every point to measure by every reference.
+
+        Raises:
+            ClientError: no `damping_ratio` was stated.
+        """
+        from modalbase.objects.frfs import Frfs
+
+        self.wait().check()
+        return Frfs.from_npz(self.lab.rest.get_forecast_frfs(self.fields["id"], format="npz"))
+
+    def save_frfs(self, file: str | Path) -> Path:
+        """Write the FRFs: `.uff` with sets 2411 and 58b, `.npz`, `.csv`, `.arrow` or `.json`.
+
+        Raises:
+            ClientError: the name says no format, or no `damping_ratio` was stated.
+        """
+        return self._written("frfs/data", file, FRF_FORMATS)
+
+    def shapes(self, file: str | Path, *, at: str = "nodes") -> Path:
+        """Write the mesh with the mode shapes: `.vtu` for viewers, or `.uff` with sets 2411, 2412 and 55.
+
+        Args:
+            file: what to write; the coordinates are the structure's.
+            at: `nodes` of the mesh, or the chosen `points`.
+
+        Raises:
+            ClientError: the name says no format.
+        """
+        return self._written("mesh", file, MESH_FORMATS, at=at)
+
+    def _written(self, part: str, file: str | Path, formats: dict[str, str], **query: Any) -> Path:
+        format_of(Path(file), formats)  # before one waits
+        self.wait().check()
+        return save_file(self.lab.connection, f"{self.address}/{part}", file, formats, **query)
+
+    def summary(self) -> str:
+        """Where to hit, and the modes; or why there are none."""
+        return f"{self._found['sentence']}\n{self.modes}" if self.succeeded else super().summary()
+
+
+class Monitor(Editable):
+    """A frozen recipe that runs on a structure's campaigns, with control charts of what it finds."""
+
+    noun = MONITOR
+
+    def run(self, campaign: Any = None, **how: Any) -> list[dict[str, Any]]:
+        """Run it now.
+
+        Args:
+            campaign: on this one; by default on all that are complete and not yet in the series.
+            how: `rerun`, `reason`.
+        """
+        body = {**({} if campaign is None else {"campaign": getattr(campaign, "id", campaign)}), **how}
+        runs: list[dict[str, Any]] = self.lab.connection.post(f"{self.address}/runs", body)["items"]
+        return runs
+
+    def runs(self) -> Table:
+        """What became of each run."""
+        return Table(list(self.lab.connection.pages(f"{self.address}/runs")), key="id")
+
+    def series(self, number: int | None = None) -> dict[str, Any]:
+        """Values with their uncertainty, baseline, limits, alarms and campaigns."""
+        return self.lab.connection.get(f"{self.address}/series", series=number)
+
+    def figure(self, parameter: str | None = None) -> Figure:
+        """The control chart of a parameter; by default of the first one that is watched."""
+        return Figure(self.lab, f"{self.address}/series/figure", {"parameter": parameter})
+
+    def alarms(self) -> list[Alarm]:
+        """Its alarms, newest first."""
+        found = self.lab.connection.pages("alarms", monitor=self.fields["id"])
+        return [Alarm(self.lab, fields) for fields in found]
+
+
+class Alarm(Thing):
+    """A change that a monitor has found."""
+
+    noun = Kind("alarm", "alarms/{}", "alarms")
+
+    def acknowledge(self, note: str) -> Alarm:
+        """Say that one has seen it, and what is done about it."""
+        self.fields = self.lab.rest.acknowledge_alarm(self.fields["id"], body={"note": note})
+        return self

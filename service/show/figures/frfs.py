@@ -1,0 +1,341 @@
+"""FRFs: the overlay of one (log magnitude, phase, coherence; measured, of the initial model, of the updated one); the hits of a
+point that it is made of; the agreement of measured and predicted ones, line by line (CSAC, CSF) and by point (SAC, FRAC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import cycle, pairwise
+from typing import Any
+
+import numpy as np
+
+from fecore.arrays import ComplexArray, FloatArray, IntArray
+from fecore.frf import Dof
+from fecore.normal import Z_95
+from service.show.figures.colors import ALARM, HELD_OUT, INITIAL, MEASURED, OUTSIDE, PALETTE, QUIET, UPDATED
+from service.show.figures.marks import (
+    Axis,
+    Band,
+    Curve,
+    Dash,
+    Figure,
+    Kind,
+    Mark,
+    Panel,
+    Points,
+    Region,
+    Rule,
+    Scale,
+    decades,
+    shortened,
+)
+
+MOST_LINES = 3200  # lines that a figure draws: of more, the least and the greatest measured magnitude of each stretch
+_ABOUT = 4.0  # how far the axis of the magnitude goes beyond what was measured
+UNITS = {"accelerance": "(m/s²)/N", "mobility": "(m/s)/N", "receptance": "m/N"}
+MODELS: dict[str, tuple[str, Dash]] = {"initial": (INITIAL, "dot"), "updated": (UPDATED, "dash")}
+
+
+def dof_name(dof: Dof) -> str:
+    """Point, sign and axis, such as `7+Z`."""
+    return f"{dof.point}{'+' if dof.sign > 0 else '−'}{('X', 'Y', 'Z', 'RX', 'RY', 'RZ')[dof.axis - 1]}"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How sure a predicted FRF is: (L,) standard deviations of ln|H| and of its phase in radians."""
+
+    log_magnitude: FloatArray
+    phase: FloatArray
+
+
+@dataclass(frozen=True)
+class FrfCurves:
+    """One FRF as measured and as the models predict it."""
+
+    title: str  # which FRF, in words
+    quantity: str  # accelerance, mobility or receptance
+    frequency_hz: FloatArray  # (L,)
+    measured: ComplexArray  # (L,) SI; None where only models are drawn
+    coherence: FloatArray | None = None  # (L,) γ², or None
+    # (L,) by name, `initial` and `updated`; empty of a campaign without an update
+    models: dict[str, ComplexArray] | None = None
+    spread: Spread | None = None  # of the updated model, or None
+    band_hz: tuple[float, float] | None = None  # the lines that were fitted; None without a fit
+    held_band_hz: tuple[float, float] | None = None  # lines that were held out of the fit, or None
+
+
+def frf_figure(curves: FrfCurves) -> Figure:
+    """The overlay of one FRF.
+
+    Args:
+        curves: what is drawn. The panel of the coherence is there where one was stored.
+    """
+    kept = thinned(np.abs(curves.measured))
+    hz = curves.frequency_hz[kept]
+    x = Axis("frequency [Hz]")
+    size = Axis(f"|{curves.quantity}| [{UNITS.get(curves.quantity, '')}]", *_decades(curves))
+    turns = Axis("phase [°]", range=(-190, 190), ticks={-180: "−180", -90: "−90", 0: "0", 90: "90", 180: "180"})
+    ups = ((0.38, 1.0), (0.0, 0.34)) if curves.coherence is None else ((0.5, 1.0), (0.22, 0.46))
+    panels = [Panel(x, y, up=up) for y, up in zip((size, turns), ups, strict=True)]
+    marks = [*_interval(curves, kept, panels[1]), *_responses(curves, kept, panels[1])]
+    if curves.coherence is not None:
+        panels.append(Panel(x, Axis("coherence", range=(0, 1.03)), up=(0.0, 0.18)))
+        marks.append(Curve(hz, curves.coherence[kept], digits=4, panel=panels[-1], hover=_HOVER))
+    regions = _regions(curves, panels)
+    return Figure(shortened(curves.title), [*marks, *regions], panels, height=560 if len(panels) == 2 else 640)
+
+
+_HOVER = "%{x:.5g} Hz: %{y:.4g}"
+
+
+def thinned(magnitude: FloatArray, most: int = MOST_LINES) -> IntArray:
+    """Which lines are drawn: all, or of each stretch those of the least and the greatest magnitude, so that no peak is lost.
+
+    Args:
+        magnitude: (L,) of the measured FRF.
+        most: lines, about.
+    """
+    count = magnitude.size
+    if count <= most:
+        return np.arange(count)
+    edges = np.linspace(0, count, most // 2 + 1).astype(int)
+    stretches = pairwise(edges)
+    ends = [(a + int(np.argmin(magnitude[a:b])), a + int(np.argmax(magnitude[a:b]))) for a, b in stretches]
+    return np.unique(np.concatenate([np.array(ends).ravel(), [0, count - 1]]))
+
+
+def _responses(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
+    """Magnitude and phase of what was measured and of each model."""
+    marks: list[Mark] = []
+    for name, values in {"measured": curves.measured, **(curves.models or {})}.items():
+        look = name, *MODELS.get(name, (MEASURED, "solid"))
+        said: Any = {"group": name, "hover": f"{name}, {_HOVER}"}
+        magnitude = np.where(values[kept] == 0, np.nan, np.abs(values[kept]))
+        x, phase = _broken(curves.frequency_hz[kept], np.degrees(np.angle(values[kept])))
+        marks.append(Curve(curves.frequency_hz[kept], magnitude, *look, digits=5, **said))
+        marks.append(Curve(x, phase, *look, digits=4, panel=phases, listed=False, **said))
+    return marks
+
+
+def _decades(curves: FrfCurves) -> tuple[Kind, tuple[float, float] | None]:
+    """Kind and ends of the axis of the magnitude, about what was measured: a model may fall far below its noise."""
+    seen = np.abs(curves.measured)
+    seen = seen[seen > 0]
+    ends = (float(seen.min()) / _ABOUT, float(seen.max()) * _ABOUT) if seen.size else None
+    return decades(ends or ()), ends
+
+
+def _broken(hz: FloatArray, phase: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """A wrapped phase in degrees with a gap where it wraps, so that no line crosses the panel."""
+    jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180) + 1
+    return np.insert(hz, jumps, hz[jumps]), np.insert(phase, jumps, np.nan)
+
+
+def _interval(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
+    """The updated model's 95 % interval: a factor of the magnitude, and a part of a turn of the phase."""
+    if curves.spread is None or not curves.models:
+        return []
+    hz, updated = curves.frequency_hz[kept], curves.models["updated"][kept]
+    reach = np.exp(np.clip(Z_95 * curves.spread.log_magnitude[kept].astype(float), 0, 12))
+    magnitude = np.where(updated == 0, np.nan, np.abs(updated))
+    half = np.degrees(np.clip(Z_95 * curves.spread.phase[kept].astype(float), 0, np.pi))
+    phase = np.degrees(np.angle(updated))
+    low, high = (np.clip(phase + sign * half, -180, 180) for sign in (-1, 1))
+    return [
+        Band(hz, magnitude / reach, magnitude * reach, "updated, 95 %", digits=5, hover=None),
+        Band(hz, low, high, digits=4, panel=phases, hover=None),
+    ]
+
+
+def _regions(curves: FrfCurves, panels: list[Panel]) -> list[Mark]:
+    """What lies outside the fitted band is grey, what was held out of it orange, in every panel."""
+    first, last = float(curves.frequency_hz[0]), float(curves.frequency_hz[-1])
+    wanted: list[tuple[float, float, str]] = []
+    if curves.band_hz is not None:
+        low, high = curves.band_hz
+        wanted = [(first, low, OUTSIDE), (high, last, OUTSIDE)]
+    if curves.held_band_hz is not None:
+        wanted.append((*curves.held_band_hz, HELD_OUT))
+    inside = [(max(low, first), min(high, last), color) for low, high, color in wanted]
+    return [Region((low, high), color, panel=panel) for low, high, color in inside if low < high for panel in panels]
+
+
+MOST_SAMPLES = 1600
+"""Samples or lines of a hit that a figure draws: of more, the least and the greatest of each stretch."""
+AFTER = {"acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
+_BAD = (INITIAL, ALARM, PALETTE[3], PALETTE[6], PALETTE[8], PALETTE[9])
+
+
+@dataclass(frozen=True)
+class HitShown:
+    """One hit."""
+
+    number: int  # of the point, from 1
+    good: bool  # whether it is used
+    why: str  # what was found against it, in a few words; empty of a good one
+    sentence: str  # the same at length
+    force: FloatArray  # (n,) samples, SI
+    response: FloatArray
+    frf: ComplexArray  # (L,) of this hit alone
+
+
+@dataclass(frozen=True)
+class PointShown:
+    """The hits of a point at one sensor."""
+
+    title: str  # where was hit and measured
+    quantity: str  # acceleration, velocity or displacement
+    frf_quantity: str  # accelerance, mobility or receptance
+    sample_rate_hz: float  # of the blocks
+    frequency_hz: FloatArray  # (L,)
+    pulse_s: tuple[float, float]  # begin of the first pulse and end of the last, s
+    hits: list[HitShown]  # in their order
+    mean: ComplexArray | None  # (L,) FRF of the good ones; None without any
+    coherence: FloatArray | None  # (L,) of two good ones or more, or None
+
+
+def hits_figure(point: PointShown) -> Figure:
+    """The hits of a point, one below the other: force about the pulse, response, FRF, coherence.
+
+    Good hits are drawn solid and alike; each bad one dashed in a colour of its own, with what was found in the legend.
+    """
+    hz = Axis("frequency [Hz]")
+    size = f"|{point.frf_quantity}| [{UNITS[point.frf_quantity]}]"
+    axes = [
+        (Axis("time [ms]", range=_about_the_pulse(point)), Axis("force [N]")),
+        (Axis("time [s]"), Axis(f"{point.quantity} [{AFTER[point.quantity]}]")),
+        (hz, Axis(size, decades([] if point.mean is None else np.abs(point.mean)))),
+    ]
+    ups = [(0.76, 1.0), (0.46, 0.68), (0.0, 0.38)]
+    if point.coherence is not None:
+        axes.append((hz, Axis("coherence", range=(0, 1.05))))
+        ups = [(0.78, 1.0), (0.53, 0.71), (0.17, 0.46), (0.0, 0.11)]
+    panels = [Panel(x, y, up=up) for (x, y), up in zip(axes, ups, strict=True)]
+    styles = zip(point.hits, _styles(point.hits), strict=True)
+    marks = [mark for hit, style in styles for mark in _marks(point, hit, style, panels)]
+    if point.mean is not None:
+        kept = thinned(np.abs(point.mean), MOST_SAMPLES)
+        place = point.frequency_hz[kept], _size(point.mean[kept])
+        marks.append(Curve(*place, "average of the good hits", UPDATED, digits=5, panel=panels[2]))
+        if point.coherence is not None:
+            kept = thinned(-point.coherence, MOST_SAMPLES)
+            place = point.frequency_hz[kept], point.coherence[kept]
+            marks.append(Curve(*place, "", UPDATED, digits=4, panel=panels[3]))
+    return Figure(shortened(point.title), marks, panels, height=760 if point.coherence is None else 900)
+
+
+_Style = tuple[str, str, str, Dash]  # name in the legend, group, colour, dash
+
+
+def _styles(hits: list[HitShown]) -> Iterator[_Style]:
+    """Good hits are alike, and the first of them has their name; each bad one has its own."""
+    name, colors = f"good hits ({sum(hit.good for hit in hits)})", cycle(_BAD)
+    for hit in hits:
+        if hit.good:
+            yield name, "good", MEASURED, "solid"
+            name = ""
+        else:
+            yield f"hit {hit.number}: {hit.why}", f"hit {hit.number}", next(colors), "dash"
+
+
+def _marks(point: PointShown, hit: HitShown, style: _Style, panels: list[Panel]) -> list[Mark]:
+    """Force, response and FRF of a hit."""
+    name, group, color, dash = style
+    said = f"hit {hit.number}" + (f", {hit.why}" if hit.why else "")
+    forced, answered = thinned(hit.force, MOST_SAMPLES), thinned(hit.response, MOST_SAMPLES)
+    seen = thinned(np.abs(np.nan_to_num(hit.frf)), MOST_SAMPLES)
+    seconds = 1 / point.sample_rate_hz
+    series = (
+        (1e3 * seconds * forced, hit.force[forced], "%{x:.5g} ms: %{y:.4g} N"),
+        (seconds * answered, hit.response[answered], "%{x:.5g} s: %{y:.4g}"),
+        (point.frequency_hz[seen], _size(hit.frf[seen]), "%{x:.5g} Hz: %{y:.4g}"),
+    )
+    return [
+        Curve(
+            x, y, name if panel is panels[0] else "", color, dash, 1, panel=panel, digits=5,
+            hover=f"{said}<br>{hover}", group=group, meta=hit.sentence,
+        )
+        for (x, y, hover), panel in zip(series, panels, strict=False)
+    ]  # fmt: skip
+
+
+def _size(values: ComplexArray) -> FloatArray:
+    size = np.abs(values)
+    return np.where(size > 0, size, np.nan)
+
+
+def _about_the_pulse(point: PointShown) -> tuple[float, float]:
+    """Where the force is drawn, ms: from before the pulses to behind the last second one; the rest can be zoomed to."""
+    begin, end = point.pulse_s
+    margin = 0.2 * (end - begin)
+    return 1e3 * max(begin - margin, 0.0), 1e3 * (end + margin)
+
+
+TITLES = {"csac": "CSAC: agreement in shape, line by line", "csf": "CSF: agreement in level, line by line"}
+
+
+def agreement_figure(
+    name: str, hz: FloatArray, initial: FloatArray, updated: FloatArray, modes: Sequence[float]
+) -> Figure:
+    """CSAC or CSF over frequency, before and after.
+
+    Args:
+        name: `csac` or `csf`.
+        hz: (L,) lines of the fitted band.
+        initial: (L,) from 0 to 1.
+        updated: (L,) the same after.
+        modes: (n,) measured natural frequencies, Hz, which are marked.
+    """
+    marks: list[Mark] = [
+        Curve(hz, initial, f"initial, mean {np.nanmean(initial):.3f}", INITIAL, "dot", digits=4),
+        Curve(hz, updated, f"updated, mean {np.nanmean(updated):.3f}", UPDATED, digits=4),
+        *(Rule(mode) for mode in modes if hz[0] <= mode <= hz[-1]),
+    ]
+    return Figure(TITLES[name], marks, [Panel(Axis("frequency [Hz]"), Axis(name.upper(), range=(0, 1.03)))])
+
+
+@dataclass(frozen=True)
+class PointValues:
+    """A criterion by FRF, at the point that distinguishes the FRF from others."""
+
+    labels: Sequence[int]  # of the points
+    x: FloatArray  # their places on the specimen, m
+    y: FloatArray
+    sac: FloatArray  # from 0 to 1; NaN where there is none
+    frac: FloatArray
+    held_out: Sequence[bool]  # whether the FRF was held out of the fit
+
+
+def points_figure(values: PointValues, along: tuple[float, float], across: tuple[float, float]) -> Figure:
+    """SAC and FRAC at the points of the specimen, seen from above, each point in the colour of its value.
+
+    Args:
+        values: by point.
+        along: x of the specimen's ends, m.
+        across: y of its edges, m.
+    """
+    lowest = float(np.nanmin([*values.sac, *values.frac, 1.0]))
+    floor = float(np.floor(10 * max(lowest, 0.0)) / 10)
+    held = np.array(values.held_out, dtype=bool)
+    margin, spread = 0.03 * (along[1] - along[0]), across[1] - across[0]
+    x = Axis("x [m]", range=(along[0] - margin, along[1] + margin))
+    y = Axis("y [m]", range=(across[0] - spread / 4, across[1] + spread / 4))
+    marks: list[Mark] = []
+    panels = []
+    for title, found, up, middle in (("SAC", values.sac, (0.58, 1.0), 0.8), ("FRAC", values.frac, (0.0, 0.42), 0.2)):
+        panel = Panel(x, replace(y), up=up, title=title)
+        panels.append(panel)
+        marks.append(Region(along, QUIET, across, outline=True, panel=panel))
+        for rows, symbol, words in ((~held, "circle", "fitted"), (held, "diamond", "held out of the fit")):
+            if rows.any():
+                scale = Scale(title, floor, 1.0, symbol == "circle", middle, 0.45)
+                said: Any = {
+                    "ids": np.array(values.labels)[rows].tolist(),
+                    "hover": f"point %{{customdata}}: {title} %{{marker.color:.4f}}",
+                }
+                place = values.x[rows], values.y[rows], words if title == "SAC" else ""
+                marks.append(Points(*place, found[rows], symbol, 14, scale=scale, panel=panel, **said))
+    return Figure("SAC and FRAC by point on the specimen", marks, panels, height=460, margins={"r": 95, "t": 70})
