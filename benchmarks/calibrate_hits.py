@@ -34,7 +34,7 @@ from fecore.signal.weights import ALONE, CONSTANT, LEAST, WEIGHTS
 
 _PRIOR_SD = 2.0
 _PRIOR_MEAN = 3.0
-_LEAST_SCATTER = 0.1  # of a logarithm
+_LEAST_SCATTER = 0.01  # of a logarithm
 
 
 @dataclass(frozen=True)

@@ -29,12 +29,16 @@ class HabitBench(Bench):
         self.habit = habit
 
     def hit(self, label: int, place: tuple[float, float], number: int, fault: str | None = None) -> Simulated:
-        """One hit; a hand that is steadier at some points lands 1 to 4 mm beside them, by point."""
-        self.saturates = self.habit == "amplifier saturates" and fault is None and self.rng.random() < _SATURATED
+        """One hit, whose fault may be `saturated`, too; a hand that is steadier at some points lands 1 to 4 mm beside them, by
+        point.
+        """
+        self.saturates = fault == "saturated" or (
+            self.habit == "amplifier saturates" and fault is None and self.rng.random() < _SATURATED
+        )
         if self.habit == "hand steadier at some points" and fault != "off_place":
             more = np.sqrt(np.random.default_rng(label).uniform(0, 4)) * PLACE_SD_M * 0.9
             place = (place[0] + more * self.rng.standard_normal(), place[1] + more * self.rng.standard_normal())
-        found = super().hit(label, place, number, fault)
+        found = super().hit(label, place, number, None if self.saturates else fault)
         return replace(found, fault="saturated") if self.saturates else found
 
     def _record(self, place: tuple[float, float], pulses: list[Pulse]) -> tuple[FloatArray, FloatArray]:

@@ -1,18 +1,25 @@
 """How far a hit's FRF lies from those of the other hits of its point.
 
 A hit at x + δ beside its point x excites mode k with φ_k(x) + ∇φ_k(x)·δ in place of φ_k(x): the poles stay, each mode's share
-changes by another amount. So a misplaced hit differs from a noisy one by deviations in many bands at once. Two hits i, j are
-apart in band b, after one of opposite sign is turned, by r_ijb = Σ|H_i - H_j|² / ½Σ(|H_i|² + |H_j|²), and
+changes by another amount. So a misplaced hit differs from a noisy one by deviations in many bands at once. In band b, with P
+the power of an FRF there, two hits i, j are apart, after one of opposite sign is turned, by
 
+    r_ijb = Σ|H_i - H_j|² / √(½(P_ib + P_jb) M_b),    M_b the mean of P_b over the sensor's points,
     distance_ij = mean over b of √(r_ijb / u_b),    u_b the campaign's median of r_ijb between hits that seem good.
 
-The mean of roots lets no single band, such as one line of hum, speak for all. A hit's distance is the median of
-those to the others, each weighted by its probability of being good: what most agree on is right.
+Near a node P is small and ∇φ large, so deviations over P alone are largest there however good the hit; over √(P M) they are
+about alike at all points. The mean of roots lets no single band, such as one line of hum, speak for all. A hit's distance is
+the median of those to the others, each weighted by its probability of being good: what most agree on is right.
+
+A sensitivity or range moves all bands alike, another place each by another amount. With l_b the difference of ln|H| between
+two hits, weighted by 1/s_b², s_b the campaign's median of |l_b|, all bands share the factor exp(g),
+
+    g = m³/(m² + v),    m the weighted mean of l_b, v its weighted variance.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +34,7 @@ MOST_LINES = 2048  # that are compared; of more, every k-th
 _PARTNERS = 8  # hits of its point that a hit is compared with, the following ones and then from the first on
 _SIGNS = 2  # partners below which no sign is decided
 _HALF = 0.42  # of the weight: a median, but of two that weigh nearly the same not the larger
+_LEVEL = 0.01  # that good hits' levels are at least apart
 _FEWEST = 0.9  # partners that seem good, each by its probability, below which nobody can say which hit is wrong
 
 
@@ -36,7 +44,7 @@ class Pairs:
 
     Attributes:
         partner: (h, m) the hits that each is compared with.
-        apart: (h, m, BANDS) r_ijb, of the sensor that objects most.
+        apart: (r, h, m, BANDS) Σ|H_i - H_j|² over their mean power, of each response.
         likeness: (h, m) correlation of the FRFs, -1 to 1, of the sensor that objects most.
         level: (r, h, BANDS) ln |H| of each response.
     """
@@ -45,6 +53,10 @@ class Pairs:
     apart: FloatArray
     likeness: FloatArray
     level: FloatArray
+
+    def between(self) -> FloatArray:
+        """(r, h, m, BANDS) differences of the levels of each hit and its partners."""
+        return np.asarray(self.level[:, :, None] - self.level[:, self.partner])
 
 
 @dataclass(frozen=True)
@@ -67,6 +79,13 @@ class Point:
     shares: FloatArray | None
     used: tuple[int, ...] = ()
 
+    def scaled(self, common: Mapping[Dof, FloatArray]) -> FloatArray:
+        """(r, h, m, BANDS) r_ijb, from ½ ln M_b by sensor."""
+        level, partner = self.pairs.level, self.pairs.partner
+        mean = (np.logaddexp(2 * level[:, :, None], 2 * level[:, partner]) - np.log(2)) / 2
+        over = mean - np.array([common[dof] for dof in self.responses])[:, None, None]
+        return np.asarray(self.pairs.apart * np.exp(np.clip(over, -300, 300)))
+
 
 def compare_lines(start: int, stop: int) -> slice:
     """Lines of the band that hits are compared on: all, or every second, third ... of a long band."""
@@ -79,7 +98,7 @@ def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
     step = np.arange(1, min(count - 1, _PARTNERS) + 1)
     partner = (np.arange(count)[:, None] + step) % count
     edges = np.linspace(0, lines, BANDS + 1).astype(int)[:-1]
-    apart, likeness = np.zeros((*partner.shape, BANDS)), np.ones(partner.shape)
+    apart, likeness = np.empty((len(responses), *partner.shape, BANDS), np.float32), np.ones(partner.shape)
     level = np.empty((len(responses), count, BANDS))
     for r, response in enumerate(responses):
         frf = hit_frfs(forces, response)
@@ -90,50 +109,65 @@ def pairs(forces: ComplexArray, responses: Sequence[ComplexArray]) -> Pairs:
             both = np.add.reduceat(frf.real * other.real + frf.imag * other.imag, edges, axis=1)
             alike = both.sum(axis=1) / (np.sqrt(power.sum(axis=1)) * np.sqrt(beside.sum(axis=1)))
             both = np.where(alike < 0, -1, 1)[:, None] * both  # a reversed cable is no other place
-            own = np.maximum(2 * (power + beside - 2 * both) / (power + beside), 0.0)
-            more = own.mean(axis=1) > apart[:, m].mean(axis=1)
-            apart[more, m] = own[more]
+            apart[r, :, m] = np.maximum(2 * (power + beside - 2 * both) / (power + beside), 0.0)
             likeness[:, m] = np.minimum(likeness[:, m], alike)
-    return Pairs(partner, apart.astype(np.float32), likeness, level)
+    return Pairs(partner, apart, likeness, level)
 
 
-def usual_apart(found: Sequence[Pairs], good: Sequence[BoolArray]) -> FloatArray:
-    """(BANDS,) u_b of a campaign."""
-    known = [p.apart[g][g[p.partner[g]]] for p, g in zip(found, good, strict=True) if p.partner.size]
-    rows = np.concatenate(known) if known else np.zeros((0, BANDS))
-    return np.maximum(np.median(rows, axis=0), 1e-12) if len(rows) else np.ones(BANDS)
+@dataclass(frozen=True)
+class Usual:
+    """What good hits of a campaign are apart: ½ ln M_b by sensor, and (BANDS,) u_b and s_b."""
+
+    common: Mapping[Dof, FloatArray]
+    apart: FloatArray
+    level: FloatArray
 
 
-def compare(own: Pairs, turned: BoolArray, probability: FloatArray, usual: FloatArray) -> FloatArray:
+def usual_of(points: Sequence[Point], good: Sequence[BoolArray]) -> Usual:
+    """What the hits that seem good are apart."""
+    levels: dict[Dof, list[FloatArray]] = {}
+    for point, g in zip(points, good, strict=True):
+        for dof, level in zip(point.responses, point.pairs.level, strict=True):
+            levels.setdefault(dof, []).append(np.asarray(np.median(level[g] if g.any() else level, axis=0)))
+    common = {dof: np.log(np.mean(np.exp(2 * np.array(rows)), axis=0)) / 2 for dof, rows in levels.items()}
+    chosen = [(p, g[:, None] & g[p.pairs.partner]) for p, g in zip(points, good, strict=True)]
+    apart = np.concatenate([p.scaled(common)[:, both].reshape(-1, BANDS) for p, both in chosen])
+    level = np.concatenate([np.abs(p.pairs.between()[:, both]).reshape(-1, BANDS) for p, both in chosen])
+    if not len(apart):
+        return Usual(common, np.ones(BANDS), np.ones(BANDS))
+    return Usual(common, np.maximum(np.median(apart, axis=0), 1e-12), np.maximum(np.median(level, axis=0), _LEVEL))
+
+
+def compare(point: Point, turned: BoolArray, probability: FloatArray, usual: Usual) -> FloatArray:
     """(h, 3) what the other hits of its point say of each hit: 1 less the correlation of its FRF with theirs, its distance, and
-    the height of its FRF over theirs; NaN where too few of them seem good, or are there to decide the sign.
+    the height exp(g) of its FRF over theirs; NaN where too few of them seem good, or are there to decide the sign.
 
     Args:
-        own: the point's hits beside one another.
+        point: the hits beside one another.
         turned: (h,) whose pulse points the other way, which is known to reverse their FRF.
         probability: (h,) that each is good by its own numbers. Most faults leave the sign as it is, so it is asked of all.
-        usual: u_b.
+        usual: of the campaign.
     """
-    distance = np.sqrt(own.apart / usual).mean(axis=2)
-    sign = np.where(turned, -1, 1)
+    own, sign = point.pairs, np.where(turned, -1, 1)
+    distance = np.sqrt(point.scaled(usual.common) / usual.apart).mean(axis=3).max(axis=0)
+    heights = _common(own.between(), 1 / usual.level**2)
+    height = np.take_along_axis(heights, np.abs(heights).argmax(axis=0)[None], axis=0)[0]
     found = np.full((len(probability), 3), np.nan)
     for i, partner in enumerate(own.partner):
         weight = probability[partner]
         if partner.size >= _SIGNS:
             found[i, 0] = 1 - sign[i] * float(np.mean(sign[partner] * own.likeness[i]))
         if weight.sum() >= _FEWEST:
-            off = np.array([_common(rows) for rows in own.level[:, i : i + 1] - own.level[:, partner]])
-            off = np.array([row[_middle(np.abs(row), weight)] for row in off])
-            found[i, 1:] = distance[i, _middle(distance[i], weight)], np.exp(off[np.argmax(np.abs(off))])
+            middle = (values[i, _middle(np.abs(values[i]), weight)] for values in (distance, height))
+            found[i, 1:] = next(middle), np.exp(next(middle))
     return found
 
 
-def _common(off: FloatArray) -> FloatArray:
-    """(m,) what (m, BANDS) differences have in common, drawn to nil where they differ among themselves: a sensitivity or range
-    moves all bands alike, another place each by another amount.
-    """
-    mean = off.mean(axis=1)
-    return np.asarray(mean**3 / np.maximum(mean**2 + off.var(axis=1), 1e-300))
+def _common(off: FloatArray, weight: FloatArray) -> FloatArray:
+    """The g of (..., BANDS) differences of levels."""
+    mean = np.average(off, axis=-1, weights=weight)
+    variance = np.average((off - mean[..., None]) ** 2, axis=-1, weights=weight)
+    return np.asarray(mean**3 / np.maximum(mean**2 + variance, 1e-300))
 
 
 def _middle(values: FloatArray, weight: FloatArray) -> int:

@@ -21,30 +21,32 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.frf import Dof
-from fecore.signal.comparison import Point, compare, usual_apart
+from fecore.signal.comparison import Point, compare, usual_of
 from fecore.signal.placing import Position, locate
 from fecore.signal.reasons import Criterion, Finding, finding
 from fecore.signal.traits import OWN, Traits
 from fecore.signal.weights import ALONE, CONSTANT, LEAST, WEIGHTS, Weight
+
+if TYPE_CHECKING:
+    from fecore.signal.document import Processing
 
 FALSE_DISCOVERY = 0.75
 """Largest probability of being good that a refused hit has."""
 
 _PRIOR = 20.0  # n₀
 _BESIDE = 2.5  # standard deviations about the shortest half up to which a value is a usual one
-_FAR_M = 0.008  # that good hits land beside their point
 _TYPICAL_M = 0.006  # that a typical distance stands for at most
 _ALONE_IN = 24  # hits up to which each is held against the others; of more, against all
 _OWN = 5.0  # hits of its own point that the campaign's scale of distances is worth
 _FULL_SCALE = 0.998  # of what is stated, from which a channel is overloaded
 _FAR = 20.0  # u beyond which nothing more is learnt; a number that refuses a hit alone from there on refuses none
-_HEAVY = 3.0  # part of the logit that is a reason by itself
-_REASON = 0.5  # of the weightiest feature's part of the logit, from which another is a reason too
+_HEAVY = 2.0  # part of the logit that is a reason; of a refused hit the largest part is one, too
 
 NAMES = (*OWN, "offset", "unlike", "distance", "gain")
 _TURNED, _FLOOR, _OFFSET, _DISTANCE = OWN.index("turned"), OWN.index("floor"), len(OWN), len(OWN) + 2
@@ -107,9 +109,9 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
     numbers[:, _FLOOR] /= louder
     seems = _probability(_logit(_scaled(numbers)[0], np.zeros(len(own), bool)))
     good = seems > 0.5
-    usual = usual_apart([point.pairs for point in points], [good[part] for part in parts])
+    usual = usual_of(points, [good[part] for part in parts])
     for point, part in zip(points, parts, strict=True):
-        numbers[part, -3:] = compare(point.pairs, turned[part], seems[part], usual)
+        numbers[part, -3:] = compare(point, turned[part], seems[part], usual)
     numbers[:, _DISTANCE] /= _in_common(numbers[:, _DISTANCE], parts, good)
     comparable = good & ~(numbers[:, -3] > 1)
     _locate(points, positions, [comparable[part] for part in parts], [numbers[part] for part in parts])
@@ -145,21 +147,15 @@ def _locate(
     hit whose FRF is like those of the others is in its place wherever it is located.
     """
     tours: dict[object, list[int]] = {}
-    for i, point in enumerate(points):
-        if point.shares is not None:
-            tours.setdefault((point.force.direction, point.responses), []).append(i)
+    every = {i: point.shares for i, point in enumerate(points) if point.shares is not None}
+    for i in every:
+        tours.setdefault((points[i].force.direction, points[i].responses), []).append(i)
     for tour in tours.values():
-        shares = [_shares(points[i], comparable[i]) for i in tour]
+        shares = [{int(k): every[i][k] for k in np.flatnonzero(comparable[i])} for i in tour]
         found = locate([positions.get(points[i].force.point) for i in tour], shares)
         for i, of_point in zip(tour, found, strict=True):
             for k, offset in of_point.items():
-                far = max(offset.distance_m - offset.sd_m / 4, 0.0) * min(_FAR_M / max(offset.usual_m, 1e-9), 1.0)
-                rows[i][k, _OFFSET] = 1e3 * min(far, _TYPICAL_M * rows[i][k, _DISTANCE])
-
-
-def _shares(point: Point, comparable: BoolArray) -> dict[int, FloatArray]:
-    assert point.shares is not None, "points without shares are on no tour"
-    return {int(k): point.shares[k] for k in np.flatnonzero(comparable)}
+                rows[i][k, _OFFSET] = 1e3 * min(offset, _TYPICAL_M * rows[i][k, _DISTANCE])
 
 
 def _scaled(numbers: FloatArray, good: BoolArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -221,21 +217,16 @@ def parts_of(u: FloatArray) -> FloatArray:
     return np.asarray(np.log1p(u**4) * np.array([WEIGHTS[name].weight for name in NAMES]))
 
 
-def judge(
-    points: Sequence[Point],
-    level: float,
-    positions: Mapping[int, Position],
-    overrules: Mapping[tuple[Dof, int], bool],
-) -> list[list[Verdict]]:
-    """The verdicts of all hits of a campaign, by point.
+def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
+    """The verdicts of all hits of a campaign, by point, with what a user has decided against them.
 
     Args:
         points: their hits' numbers.
-        level: a hit is refused where its probability is lower.
-        positions: of the points, m, by label; hits are then located.
-        overrules: what a user has decided, by place and number.
+        processing: its level below which a probability refuses a hit; where the points lie, by which hits are located; and
+            what a user has decided, by place and number.
     """
-    found = features_of(points, positions)
+    level, overrules = processing.false_discovery, processing.overrules
+    found = features_of(points, processing.positions)
     parts = parts_of(found.u)
     probability = _probability(_logit(found.u, found.alone))
     slack = max(CONSTANT - float(np.log(level / (1 - level))), 0.0) if level > 0 else np.inf
@@ -253,7 +244,7 @@ def judge(
 def _verdict(
     traits: Traits, probability: float, level: float, numbers: FloatArray, limits: FloatArray, parts: FloatArray
 ) -> Verdict:
-    least = min(_REASON * parts.max(), _HEAVY)
+    least = min(parts.max(), _HEAVY)
     found: dict[Criterion, Finding] = {}
     share, name = traits.overload
     if share >= _FULL_SCALE:

@@ -6,8 +6,8 @@ changes from place to place (`slopes`). With ā_k the median of the point's hits
     Σ_k ρ((a_k - ā_k - ∇a_k·δ)/σ_k) + |δ|²/(2 τ²),    σ_k² = (e a_k)² + δ₀² var ∇a_k,
 
 ρ Huber's function, which lets single shares be wrong; e what second order and noise leave; δ₀ the displacement that an
-unknown slope is charged with; τ keeps δ near zero along an axis of which the shares say nothing. Its standard deviation
-is that of the same normal equations.
+unknown slope is charged with; τ keeps δ near zero along an axis of which the shares say nothing. The normal equations
+give its covariance.
 
 The place of the point is where most of its hits lie: the mean of those within `_TOGETHER` of the hit that lies nearest
 to all others.
@@ -16,7 +16,6 @@ to all others.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,32 +34,19 @@ _SHARE_ERROR = 0.007  # e: of a share, what second order and noise leave
 _LEAST_SHARE = 0.05  # of the mean square of a point's shares, that each is at least taken for
 _ROUNDS = 6  # of reweighting, each nearer by a factor of several
 _HUBER = 2.0  # standard deviations beyond which a share counts less
-_WITHIN = 3.3  # standard deviations of the campaign's placing that its limit is at least
-_MEDIAN = 1.1774  # median of |δ| over the standard deviation along one axis
 
 
 Position = tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class Offset:
-    """How far a hit landed from the others of its point: `distance_m` ± `sd_m`; `usual_m` is as far as hits of the campaign
-    that nothing is said against land.
-    """
-
-    distance_m: float
-    sd_m: float
-    usual_m: float = 0.0
-
-
-def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, FloatArray]]) -> list[dict[int, Offset]]:
-    """The offsets of the hits that can be located, by point and number of the hit.
+def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, FloatArray]]) -> list[dict[int, float]]:
+    """How far the hits that can be located landed from the others of their point, m, by point and number of the hit.
 
     Args:
         places: of each point, m; None for a point of unknown place.
         shares: of each point, those of its comparable hits, all of one length K.
     """
-    found: list[dict[int, Offset]] = [{} for _ in places]
+    found: list[dict[int, float]] = [{} for _ in places]
     known = [i for i, (place, own) in enumerate(zip(places, shares, strict=True)) if place is not None and own]
     if len({places[i] for i in known}) < FEWEST_POINTS:
         return found
@@ -80,11 +66,11 @@ def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, Floa
         if off is None:
             continue
         found[i] = {
-            number: Offset(float(np.linalg.norm(d)), _along(d, covariance))
+            number: float(np.linalg.norm(d))
             for number, d, (_, covariance) in zip(shares[i], off, placed, strict=True)
             if np.linalg.eigvalsh(covariance)[0] <= _KNOWN_M**2
         }
-    return _with_usual(found)
+    return found
 
 
 def _displacement(slope: FloatArray, off: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -97,11 +83,6 @@ def _displacement(slope: FloatArray, off: FloatArray) -> tuple[FloatArray, Float
         scale = max(1.4826 * float(np.median(left)), 0.5)
         weight = 1 / np.maximum(1.0, left / (_HUBER * scale))
     return delta, np.linalg.inv(normal)
-
-
-def _along(off: FloatArray, covariance: FloatArray) -> float:
-    """Standard deviation of a displacement's length."""
-    return float(np.sqrt(off @ covariance @ off / max(float(off @ off), 1e-300)))
 
 
 def _from_most(placed: FloatArray) -> FloatArray | None:
@@ -118,12 +99,3 @@ def _from_most(placed: FloatArray) -> FloatArray | None:
         others[i] = False
         found[i] = place - placed[others if others.any() else together].mean(axis=0)
     return found
-
-
-def _with_usual(found: list[dict[int, Offset]]) -> list[dict[int, Offset]]:
-    """The same with the limit that the scatter of all located hits asks for."""
-    every = [offset.distance_m for point in found for offset in point.values()]
-    if not every:
-        return found
-    usual = _WITHIN * float(np.median(every)) / _MEDIAN
-    return [{n: Offset(o.distance_m, o.sd_m, usual) for n, o in point.items()} for point in found]

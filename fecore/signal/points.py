@@ -39,11 +39,6 @@ class Preliminary:
         return self.estimates if good == self.point.used else frfs_of(spectra, hits, self.point.traits, good)
 
 
-def judge_points(points: Sequence[Point], processing: Processing) -> list[list[Verdict]]:
-    """The verdicts of all hits of a campaign, with what a user has decided against them."""
-    return judge(points, processing.false_discovery, processing.positions, processing.overrules)
-
-
 def numbers_of(spectra: Spectra, hits: Sequence[Hit]) -> tuple[Point, ComplexArray, list[ComplexArray]]:
     """A point with the numbers of its hits, and the spectra of their force and responses."""
     for hit in hits:
@@ -63,7 +58,7 @@ def numbers_of(spectra: Spectra, hits: Sequence[Hit]) -> tuple[Point, ComplexArr
 def preliminary(spectra: Spectra, hits: Sequence[Hit]) -> Preliminary:
     """Numbers of a point's hits, and the FRFs of those that seem good among themselves."""
     point, forces, responses = numbers_of(spectra, hits)
-    used = tuple(i for i, v in enumerate(judge_points([point], spectra.processing)[0]) if v.accepted)
+    used = tuple(i for i, v in enumerate(judge([point], spectra.processing)[0]) if v.accepted)
     if not used:
         return Preliminary(point, (), np.zeros(spectra.lines.size))
     chosen = list(used)
@@ -99,7 +94,7 @@ def inspect(source: Source, processing: Processing | None = None) -> Inspection:
     """
     spectra = Spectra(source, processing or Processing())
     seen = [preliminary(spectra, source[number]) for number in range(len(source))]
-    verdicts = judge_points([each.point for each in seen], spectra.processing)
+    verdicts = judge([each.point for each in seen], spectra.processing)
     coherence = {}
     for number, (each, judged) in enumerate(zip(seen, verdicts, strict=True)):
         good = tuple(i for i, verdict in enumerate(judged) if verdict.accepted)
@@ -144,7 +139,7 @@ def each_hit(hits: Sequence[Hit], accepted: Sequence[bool] | None = None) -> Eac
     spectra = Spectra([hits], Processing())
     seen = preliminary(spectra, hits)
     point = seen.point
-    verdicts = tuple(judge_points([point], spectra.processing)[0])
+    verdicts = tuple(judge([point], spectra.processing)[0])
     chosen = tuple(verdict.accepted for verdict in verdicts) if accepted is None else tuple(accepted)
     good = tuple(i for i, is_good in enumerate(chosen) if is_good)
     forces, responses = spectra.stack(hits, point.traits, range(len(hits)))

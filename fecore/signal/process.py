@@ -25,8 +25,8 @@ from fecore.signal.delay import Delay, DelaySearch
 from fecore.signal.document import Averages, Findings, Processed, Processing
 from fecore.signal.estimators import Estimate
 from fecore.signal.heights import Heights
-from fecore.signal.judgement import Verdict
-from fecore.signal.points import Preliminary, frfs_of, judge_points, preliminary
+from fecore.signal.judgement import Verdict, judge
+from fecore.signal.points import Preliminary, frfs_of, preliminary
 from fecore.signal.spectra import Source, Spectra
 from fecore.signal.unstated import with_unstated_window
 
@@ -86,7 +86,7 @@ def process_in_parts(
     source, window = with_unstated_window(source)
     spectra = Spectra(source, processing or Processing(), 0.0 if window is None else window.sd)
     points, force = _first_pass(spectra, source, progress, shelf, threads)
-    verdicts = judge_points(points, spectra.processing)
+    verdicts = judge(points, spectra.processing)
     good = [tuple(i for i, v in enumerate(judged) if v.accepted) for judged in verdicts]
     if not any(good):
         reasons = sorted({f.criterion for judged in verdicts for v in judged for f in v.faults})

@@ -22,23 +22,23 @@ class Weight(NamedTuple):
     least: float = LEAST
 
 
-CONSTANT = 5.35  # b₀
-ALONE = 2.00
+CONSTANT = 5.26  # b₀
+ALONE = 2.09
 """What is taken from the logit of a hit that none is beside."""
 
 WEIGHTS = {
     "lost": Weight(3.00, unit=0.1),
-    "second": Weight(3.58, unit=0.045),
-    "swing": Weight(3.42, unit=0.25),
+    "second": Weight(3.42, unit=0.045),
+    "swing": Weight(3.37, unit=0.25),
     "turned": Weight(3.00, unit=0.1),
-    "flat": Weight(4.00, unit=1),
-    "beyond": Weight(1.75, unit=0.03, centre=-5.30, between=0.53, within=0.10, least=0.005),
-    "height": Weight(2.32, centre=4.32, between=0.97, within=0.28),
-    "early": Weight(1.66, centre=-0.03, between=1.39, within=0.36),
-    "jump": Weight(1.17, centre=1.01, between=0.19, within=0.12),
-    "floor": Weight(0.77, centre=-7.91, between=1.25, within=0.43),
-    "offset": Weight(3.00, unit=6.3),  # fitted 1.5; so 8 mm refuse a hit alone
-    "unlike": Weight(6.05, unit=1.25),
-    "distance": Weight(1.00, unit=2, centre=0.10, between=0.32, within=0.46),
-    "gain": Weight(0.38, centre=0.00, between=0.01, within=0.10),
+    "flat": Weight(3.01, unit=1),
+    "beyond": Weight(6.73, unit=0.03, centre=-5.30, between=0.48, within=0.10, least=0.005),
+    "height": Weight(3.21, centre=4.32, between=0.98, within=0.28),
+    "early": Weight(1.46, centre=0.00, between=1.49, within=0.36),
+    "jump": Weight(1.29, centre=1.00, between=0.19, within=0.12),
+    "floor": Weight(0.85, centre=-7.97, between=1.29, within=0.41),
+    "offset": Weight(1.48, unit=6.3),
+    "unlike": Weight(5.23, unit=1.25),
+    "distance": Weight(0.85, unit=1.5, centre=-0.04, between=0.25, within=0.44),  # fitted 0.53
+    "gain": Weight(0.23, centre=0.00, between=0.01, within=0.01),
 }

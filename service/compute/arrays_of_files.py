@@ -33,7 +33,7 @@ from modalbase.formats.records import (
     read_variables,
 )
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of, looked_at, recording_of
+from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -160,7 +160,8 @@ def _mapped_frfs(
 
 def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
     found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run)
-    yield replace(found, format=form, notes=notes)
+    recording = proposed_recording(variables) if inputs.mapping is None else None
+    yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
     yield from blocks
 
 

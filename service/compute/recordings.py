@@ -14,10 +14,18 @@ from typing import Any, cast
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.errors import InputError
 from fecore.signal.recording import LEAD, Impact, Survey, cut, survey
 from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import recognise
-from modalbase.formats.records import ChannelMapping, TimeBlock, read_mapping, read_variables
+from modalbase.formats.records import (
+    ChannelMapping,
+    TimeBlock,
+    propose,
+    propose_recording,
+    read_mapping,
+    read_variables,
+)
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT
 from modalbase.formats.records.recording import Arrays, Recording, read_recording
@@ -204,23 +212,43 @@ def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None)
 
 
 def _blocks_of_uff(path: Path) -> Variables:
-    """The time blocks of a UFF file by `acceleration_33_3`, what a channel measures, its point and direction; and their rate.
-
-    Raises:
-        FormatError: it cannot be read, or has several blocks of one channel.
-    """
+    """Raises FormatError where it cannot be read, or has several blocks of one channel."""
     found: Variables = {}
     try:
         for item in read_file(path, Limits()):
             if isinstance(item, TimeResponse):
-                name = f"{item.quantity}_{item.response_point}_{item.response_direction}"
-                if found.setdefault(name, item.samples) is not item.samples:
-                    raise FormatError(name, "is in the file several times: as single hits, which need no mapping")
-                if found.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz)) != item.sample_rate_hz:
-                    raise FormatError(name, "differs in rate from another channel; those of a hit are on one clock")
+                take_block(found, item)
     except UffError as error:
         raise FormatError("", f"{error.reason} (byte {error.offset})") from error
     return found
+
+
+def take_block(channels: Variables, block: TimeResponse) -> None:
+    """Put a time block of a UFF file to the others: by what it measures, its point and direction, as `acceleration_33_3`; and
+    their rate.
+
+    Raises:
+        FormatError: the channel is there, or has another rate.
+    """
+    name = f"{block.quantity}_{block.response_point}_{block.response_direction}"
+    if channels.setdefault(name, block.samples) is not block.samples:
+        raise FormatError(name, "is in the file several times: as single hits, which need no mapping")
+    if channels.setdefault(SAMPLE_RATE, np.array(block.sample_rate_hz)) != block.sample_rate_hz:
+        raise FormatError(name, "differs in rate from another channel; those of a hit are on one clock")
+
+
+def proposed_recording(variables: Variables) -> dict[str, Any] | None:
+    """The mapping of a recording that arrays suggest whose force holds several hits; None where they do not."""
+    file, said = Arrays(variables), propose(variables)
+    names = [channel["variable"] for channel in said["channels"]]
+    if not names or said["channels"][0]["quantity"] != "force" or not set(names) <= set(file.names):
+        return None
+    try:
+        rate = file.rate_of(names, said["sample_rate_hz"]["variable"])
+        several = len(survey(file.chunks(names), rate, 0).hits) > 1
+    except (KeyError, FormatError, InputError):  # no rate, unlike channels, no pulse: no recording
+        return None
+    return {"sample_rate_hz": said["sample_rate_hz"], **propose_recording(names)} if several else None
 
 
 def looked_at(file: Wav | Tdms | Arrays) -> dict[str, str]:

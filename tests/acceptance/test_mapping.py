@@ -17,6 +17,7 @@ from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_forms import fill
 from tests.support.browser import hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
+from tests.support.uff import axis, set_58
 from tests.support.waiting import until
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
@@ -70,11 +71,15 @@ def form_of(page: Page, name: str) -> Locator:
 
 def read_so(page: Page, api: httpx.Client, name: str) -> None:
     """Press the button, wait until what was sent is read, and look again."""
+    press_so(page, api, name)
+    page.reload()
+
+
+def press_so(page: Page, api: httpx.Client, name: str) -> None:
     with page.expect_navigation():
         form_of(page, name).locator("button[type=submit]").click()
     address = urlsplit(page.url).path.rsplit("/", 1)[1]
     until(lambda: all(f["status"] in ENDED for f in sent(api, address)), "the end of all imports")
-    page.reload()
 
 
 def sent(api: httpx.Client, campaign: str) -> list[dict[str, Any]]:
@@ -149,6 +154,67 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser,
         frf = ok(api.get(f"campaigns/{campaign}/frfs"))["items"][1]
         assert (frf["quantity"], frf["reference_point"]) == ("mobility", 5)
         np.testing.assert_array_equal(ok(api.get(f"frfs/{frf['id']}/data"))["frfs"][0]["imag"], 2 * VALUES[1].imag)
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def arrays(form: str, times: list[float], seconds: float) -> bytes:
+    """A recording as arrays that an analyser exports."""
+    force, response = recording(times, [1.0] * len(times), seconds)
+    file, times_s = io.BytesIO(), np.arange(force.size) / RATE
+    if form == "npz":
+        np.savez(file, force=force, acc=response, fs=RATE)
+    elif form == "mat":
+        savemat(file, {"force": force, "acc": response, "fs": RATE})
+    elif form == "csv":
+        np.savetxt(
+            file, np.column_stack((times_s, force, response)), "%.17g", ",", header="time,force,acc", comments=""
+        )
+    else:
+        file.write(time_block(13, "N", 4, force) + time_block(12, "m/s^2", 33, response))
+    return file.getvalue()
+
+
+def time_block(kind: int, unit: str, point: int, samples: np.ndarray) -> bytes:
+    rows = ["".join(f"{x:20.11E}" for x in samples[k : k + 4]) for k in range(0, samples.size, 4)]
+    header = {"kind": 4, "points": samples.size, "function": 1, "step": f"{1 / RATE:13.5e}"}
+    place = {"response": (point, 3), "reference": (0, 0)}
+    return set_58(*rows, abscissa=axis(17, "s"), ordinate=axis(kind, unit), **header, **place)
+
+
+@pytest.mark.parametrize("form", ["npz", "mat", "csv", "uff"])
+def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
+    running: Browser, service: LocalService, form: str
+) -> None:
+    """Its hits are seen in the force; where the hammer was is all that is asked. A UFF is read at once, so it says first what
+    it lacks.
+    """
+    key, name = service.new_key("minutes"), f"minutes.{form}"
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        project = posted(api, "projects", {"name": "minutes"})["id"]
+        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
+        campaign = posted(api, f"structures/{structure}/campaigns", {"name": "June", "boundary": "free"})["id"]
+        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
+        dropped(page, {name: arrays(form, [1.0, 4.0, 7.0], 10.0)})
+        if form == "uff":
+            assert "the force has several hits" in page.inner_text("#uploaded .faults >> nth=0")
+            with page.expect_navigation():
+                page.click("button:text('Say where the hammer hit')")
+            page.wait_for_selector(f"form[data-name='{name}'] select[data-kind]")
+        asked = form_of(page, name)
+        assert asked.locator("select[data-kind]").input_value() == "order"
+        quantities = [asked.locator(f"[name='channels/{n}/quantity']").input_value() for n in (0, 1)]
+        assert quantities == ["force", "acceleration"]
+        for point, hits in enumerate((2, 1)):
+            asked.locator("button:text('Add a point')").click()
+            asked.locator(f"[name='recording/order/{point}/point']").fill(str(point + 4))
+            asked.locator(f"[name='recording/order/{point}/hits']").fill(str(hits))
+        known = asked.locator("[name='channels/1/point']").input_value()
+        assert known == ("33" if form == "uff" else "")
+        asked.locator("[name='channels/1/point']").fill("33")
+        press_so(page, api, name)
+        assert (name, "succeeded", 6) in counts(api, campaign)
+        rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]
+        assert sorted({(row["force_point"], row["hit"]) for row in rows}) == [(4, 1), (4, 2), (5, 1)]
         assert (seen.complaints, seen.strangers) == ([], [])
 
 

@@ -357,11 +357,16 @@ def propose(variables: Variables) -> dict[str, Any]:
 
 
 def propose_recording(names: Iterable[str]) -> dict[str, Any]:
-    """The same of a recording of many hits, by the names of its channels: "?" where one does not say what it is."""
-    channels = []
+    """The same of a recording of many hits, by the names of its channels: "?" where one does not say what it is. One such as
+    `acceleration_33_-3`, as the channels of a UFF are called, says its point and direction, too.
+    """
+    channels: list[dict[str, Any]] = []
     for name in names:
         quantity = next((q for q, parts in _NAMES.items() if any(part in name.lower() for part in parts)), "?")
-        channels.append({"variable": name, "quantity": quantity, "sensitivity": 1.0, "direction": 3})
+        place = re.fullmatch(r"[a-z]+_(\d+)_(-?\d)", name)
+        point, direction = (int(place[1]), int(place[2])) if place else (0, 3)
+        said = {"variable": name, "quantity": quantity, "sensitivity": 1.0, "direction": direction}
+        channels.append(said | ({"point": point} if point else {}))
     return {"recording": {"order": []}, "channels": channels}
 
 

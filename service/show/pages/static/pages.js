@@ -140,7 +140,7 @@ document.addEventListener("submit", (event) => {
     });
   } else if (form.dataset.read) {
     event.preventDefault();
-    submitted(form, () => readSo(form));
+    submitted(form, () => ("again" in form.dataset ? lookAgain(form, []) : readSo(form)));
   } else if (form.dataset.points) {
     event.preventDefault();
     submitted(form, async () => { await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] }); location.reload(); });
@@ -213,8 +213,12 @@ async function sendAgain({ read, into, name }, stated) {
   const original = await fetch(rest(`imports/${read}/original`), { credentials: "same-origin" });
   return sendFile(into, await original.blob(), name, stated);
 }
+async function lookAgain(form, stated) {
+  await sendAgain(form.dataset, [["dry_run", "true"], ...stated]);
+  location.reload();
+}
 document.addEventListener("change", ({ target }) => { // what its arrays are decides what is asked of it
-  if ("look" in target.dataset) submitted(target.form, async () => { await sendAgain(target.form.dataset, [["dry_run", "true"], ["kind", target.value]]); location.reload(); });
+  if ("look" in target.dataset) submitted(target.form, () => lookAgain(target.form, [["kind", target.value]]));
 });
 const alike = (form) => [...document.querySelectorAll("form[data-arrays]")].filter((other) => other !== form && other.dataset.arrays === form.dataset.arrays);
 async function readSo(form) {
