@@ -33,6 +33,7 @@ _TOGETHER_M = 0.007  # of the hit nearest to all others, up to which hits lie at
 _SHARE_ERROR = 0.007  # e: of a share, what second order and noise leave
 _LEAST_SHARE = 0.05  # of the mean square of a point's shares, that each is at least taken for
 _ROUNDS = 6  # of reweighting, each nearer by a factor of several
+_USUAL_M = 0.0029  # median of how far good hits land from the others of their point, at most
 _HUBER = 2.0  # standard deviations beyond which a share counts less
 
 
@@ -70,7 +71,7 @@ def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, Floa
             for number, d, (_, covariance) in zip(shares[i], off, placed, strict=True)
             if np.linalg.eigvalsh(covariance)[0] <= _KNOWN_M**2
         }
-    return found
+    return _over_usual(found)
 
 
 def _displacement(slope: FloatArray, off: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -99,3 +100,14 @@ def _from_most(placed: FloatArray) -> FloatArray | None:
         others[i] = False
         found[i] = place - placed[others if others.any() else together].mean(axis=0)
     return found
+
+
+def _over_usual(found: list[dict[int, float]]) -> list[dict[int, float]]:
+    """The same, scaled down where the hits of the whole campaign land farther off than usual: an unsteady hand is no fault of
+    one hit.
+    """
+    every = [offset for point in found for offset in point.values()]
+    if not every:
+        return found
+    share = min(_USUAL_M / max(float(np.median(every)), 1e-9), 1.0)
+    return [{number: share * offset for number, offset in point.items()} for point in found]

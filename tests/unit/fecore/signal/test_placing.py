@@ -92,7 +92,7 @@ def test_hits_off_their_place_are_named_in_millimetres_and_good_ones_stay(
         assert verdict.accepted == (s.fault is None or verdict.force.point == 8)
         if place.failed:
             assert 8 < place.number < 18
-            assert "mm from where most hits of the point did; the limit is 12.5" in place.sentence
+            assert "mm from where most hits of the point did; the limit is 9.7" in place.sentence
 
 
 def test_without_positions_places_are_judged_by_typical_distances(
