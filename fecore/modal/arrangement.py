@@ -29,31 +29,18 @@ _SAME_LINE = 1e-6  # lines of two axes closer than this share of the smallest sp
 
 @dataclass(frozen=True)
 class Arrangement:
-    """All FRFs on one frequency axis, their signs turned to positive directions.
+    """All FRFs on one frequency axis, their signs turned to positive directions."""
 
-    Attributes:
-        frequency_hz: (L,) union of the lines of all sets, Hz; no line at 0 Hz.
-        values: (N, L) complex FRFs, 0 where nothing was measured.
-        measured: (N, L) True where a value was measured.
-        variance: (N, L) noise variance handed in; NaN where it is not known.
-        pairs: N (response, reference) pairs of positive dofs, as measured.
-        quantity: what kind of FRF all of them are.
-        roving: p dofs at which shapes are found.
-        fixed: m dofs against which they are measured.
-        row: (N, 2) index into `roving` and into `fixed` of each FRF.
-        source: (N,) number of each FRF among those handed in, set after set.
-    """
-
-    frequency_hz: FloatArray
-    values: ComplexArray
-    measured: BoolArray
-    variance: FloatArray
-    pairs: tuple[tuple[Dof, Dof], ...]
-    quantity: Quantity
-    roving: tuple[Dof, ...]
-    fixed: tuple[Dof, ...]
-    row: IntArray
-    source: IntArray
+    frequency_hz: FloatArray  # (L,) union of the lines of all sets, Hz; no line at 0 Hz
+    values: ComplexArray  # (N, L) complex FRFs, 0 where nothing was measured
+    measured: BoolArray  # (N, L) True where a value was measured
+    variance: FloatArray  # (N, L) noise variance handed in; NaN where it is not known
+    pairs: tuple[tuple[Dof, Dof], ...]  # N (response, reference) pairs of positive dofs, as measured
+    quantity: Quantity  # what kind of FRF all of them are
+    roving: tuple[Dof, ...]  # p dofs at which shapes are found
+    fixed: tuple[Dof, ...]  # m dofs against which they are measured
+    row: IntArray  # (N, 2) index into `roving` and into `fixed` of each FRF
+    source: IntArray  # (N,) number of each FRF among those handed in, set after set
 
     @cached_property
     def omega(self) -> FloatArray:

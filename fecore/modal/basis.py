@@ -26,17 +26,11 @@ _IN_CACHE = 30_000  # entries of a block of lines whose temporaries stay in the 
 
 @dataclass(frozen=True)
 class Terms:
-    """What a model of the FRFs is made of.
+    """What a model of the FRFs is made of."""
 
-    Attributes:
-        frequency_hz: (n,) undamped natural frequencies of the complex pole pairs, Hz.
-        damping_ratio: (n,) their damping ratios.
-        exponents: powers of s of the residual terms (of a receptance).
-    """
-
-    frequency_hz: FloatArray
-    damping_ratio: FloatArray
-    exponents: tuple[int, ...] = (-2, 0)
+    frequency_hz: FloatArray  # (n,) undamped natural frequencies of the complex pole pairs, Hz
+    damping_ratio: FloatArray  # (n,) their damping ratios
+    exponents: tuple[int, ...] = (-2, 0)  # powers of s of the residual terms (of a receptance)
 
     @property
     def pairs(self) -> int:

@@ -25,17 +25,11 @@ _BRIDGED = 0.5  # of the FRFs must be whole or bridged
 
 @dataclass(frozen=True)
 class Compressed:
-    """Leading combinations of FRFs.
+    """Leading combinations of FRFs."""
 
-    Attributes:
-        arrangement: the combinations as if they were FRFs; its pairs name no true dofs.
-        mixing: (r, N) real factors, combination = mixing @ FRFs.
-        source: the FRFs.
-    """
-
-    arrangement: Arrangement
-    mixing: FloatArray
-    source: Arrangement
+    arrangement: Arrangement  # the combinations as if they were FRFs; its pairs name no true dofs
+    mixing: FloatArray  # (r, N) real factors, combination = mixing @ FRFs
+    source: Arrangement  # the FRFs
 
     def squares(self, square: FloatArray) -> FloatArray:
         """(r, L) what independent parts of the FRFs, with mean squares (N, L), have as mean squares in the combinations."""

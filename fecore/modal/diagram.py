@@ -18,27 +18,16 @@ MOST_CURVES = 3
 
 @dataclass(frozen=True)
 class Stabilisation:
-    """Data of the stabilisation diagram, one entry a pole.
+    """Data of the stabilisation diagram, one entry a pole."""
 
-    Attributes:
-        order: (k,) model order.
-        frequency_hz: (k,) natural frequency.
-        damping_ratio: (k,) damping ratio.
-        frequency_stable: (k,) True where a lower order has a pole within 1 % in frequency.
-        damping_stable: (k,) True where that pole is also within 5 % in damping.
-        line_hz: (L,) axis of the indicator.
-        indicator: (L,) root of the sum of squares of all FRFs.
-        cmif: (c, L) the complex mode indicator function, to be drawn behind the poles.
-    """
-
-    order: IntArray
-    frequency_hz: FloatArray
-    damping_ratio: FloatArray
-    frequency_stable: BoolArray
-    damping_stable: BoolArray
-    line_hz: FloatArray
-    indicator: FloatArray
-    cmif: FloatArray
+    order: IntArray  # (k,) model order
+    frequency_hz: FloatArray  # (k,) natural frequency
+    damping_ratio: FloatArray  # (k,) damping ratio
+    frequency_stable: BoolArray  # (k,) True where a lower order has a pole within 1 % in frequency
+    damping_stable: BoolArray  # (k,) True where that pole is also within 5 % in damping
+    line_hz: FloatArray  # (L,) axis of the indicator
+    indicator: FloatArray  # (L,) root of the sum of squares of all FRFs
+    cmif: FloatArray  # (c, L) the complex mode indicator function, to be drawn behind the poles
 
 
 def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:

@@ -50,18 +50,9 @@ USUAL = 0.3
 
 @dataclass(frozen=True)
 class Evidence:
-    """Features of n poles, NaN where the set cannot give one.
+    """Features of n poles, NaN where the set cannot give one."""
 
-    Attributes:
-        phase, rise, share, damping, apart, shape, reach: (n,) see above.
-        height: (n,) of its part in the FRFs at its frequency, root of the sum of squares over them.
-        neighbour: (n,) number of the larger pole that it is nearest to; any where there is none.
-        twin: (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs.
-        trend: (n,) ζ_t.
-        tone: (n,) whether it hardly dies away within a record, as interference does.
-        delay: of the channels, s; turned: whether all residues are turned by 90°.
-    """
-
+    # phase, rise, share, damping, apart, shape, reach: (n,) see above
     phase: FloatArray
     rise: FloatArray
     share: FloatArray
@@ -69,13 +60,13 @@ class Evidence:
     apart: FloatArray
     shape: FloatArray
     reach: FloatArray
-    height: FloatArray
-    neighbour: IntArray
-    twin: IntArray
-    trend: FloatArray
-    tone: BoolArray
-    delay: float
-    turned: bool
+    height: FloatArray  # (n,) of its part in the FRFs at its frequency, root of the sum of squares over them
+    neighbour: IntArray  # (n,) number of the larger pole that it is nearest to; any where there is none
+    twin: IntArray  # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
+    trend: FloatArray  # (n,) ζ_t
+    tone: BoolArray  # (n,) whether it hardly dies away within a record, as interference does
+    delay: float  # of the channels, s
+    turned: bool  # whether all residues are turned by 90°
 
 
 def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:

@@ -41,24 +41,15 @@ Report = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Fitted:
-    """The series fitted to all FRFs.
+    """The series fitted to all FRFs."""
 
-    Attributes:
-        arrangement: the FRFs without their drift.
-        fit: the fit; noise: (N, L) the variance of the noise.
-        linear: the linear poles.
-        drift: None where there is none.
-        full: whether the search had as many poles as it may.
-        doubled: (2, n) variances of ln f and ζ by poles that are the same mode once more.
-    """
-
-    arrangement: Arrangement
+    arrangement: Arrangement  # the FRFs without their drift
     fit: Fit
-    noise: FloatArray
-    linear: LinearPoles
-    drift: Drift | None
-    full: bool
-    doubled: FloatArray
+    noise: FloatArray  # (N, L) variance of the FRFs' noise
+    linear: LinearPoles  # the linear poles
+    drift: Drift | None  # None where there is none
+    full: bool  # whether the search had as many poles as it may
+    doubled: FloatArray  # (2, n) variances of ln f and ζ by poles that are the same mode once more
 
     @property
     def covariance(self) -> FloatArray:

@@ -42,19 +42,12 @@ _MOST_NOTES = 8  # on outliers
 
 @dataclass(frozen=True)
 class Options:
-    """How to identify; the defaults need no human.
+    """How to identify; the defaults need no human."""
 
-    Attributes:
-        band_hz: lines to use; all where None. Modes outside are not reported.
-        highest_order: largest order of the linear stage (poles in a window of lines).
-        most_modes: largest number of pole pairs of the fitted series.
-        threshold: probability from which a pole is a mode; below it, from 0.1 on, it is uncertain.
-    """
-
-    band_hz: tuple[float, float] | None = None
-    highest_order: int = 40
-    most_modes: int = 100
-    threshold: float = 0.9
+    band_hz: tuple[float, float] | None = None  # lines to use; all where None. Modes outside are not reported.
+    highest_order: int = 40  # largest order of the linear stage (poles in a window of lines)
+    most_modes: int = 100  # largest number of pole pairs of the fitted series
+    threshold: float = 0.9  # probability from which a pole is a mode; below it, from 0.1 on, it is uncertain
 
     def __post_init__(self) -> None:
         if not 4 <= self.highest_order <= 200:

@@ -23,19 +23,13 @@ _NULL = 1e-9  # of the largest singular value: below it a direction of the scale
 
 @dataclass(frozen=True)
 class LinearFit:
-    """Coefficients of every FRF on one basis.
+    """Coefficients of every FRF on one basis."""
 
-    Attributes:
-        coefficients: (N, q) real coefficients.
-        frame: (L, r) the basis made orthonormal, r <= q.
-        turn: (q, r) coefficients of the basis from those of the frame.
-        root: (N, r, r) R with RᵀR the inverse normal matrices of the frame. What is left of a product after projection keeps
-            twice the digits when it is made from the root.
-    """
-
-    coefficients: FloatArray
-    frame: ComplexArray
-    turn: FloatArray
+    coefficients: FloatArray  # (N, q) real coefficients
+    frame: ComplexArray  # (L, r) the basis made orthonormal, r <= q
+    turn: FloatArray  # (q, r) coefficients of the basis from those of the frame
+    # (N, r, r) R with RᵀR the inverse normal matrices of the frame. What is left of a product after projection keeps
+    # twice the digits when it is made from the root.
     root: FloatArray
 
     @cached_property

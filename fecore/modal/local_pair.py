@@ -23,16 +23,12 @@ _EVALUATIONS = 40  # of the least squares
 
 @dataclass(frozen=True)
 class Modes:
-    """Two modes.
+    """Two modes."""
 
-    Attributes:
-        frequency_hz, damping_ratio: (2,).
-        seen: (2, m) how well each reference sees each mode, largest entry 1.
-    """
-
+    # frequency_hz, damping_ratio: (2,)
     frequency_hz: FloatArray
     damping_ratio: FloatArray
-    seen: ComplexArray
+    seen: ComplexArray  # (2, m) how well each reference sees each mode, largest entry 1
 
     @property
     def free(self) -> BoolArray:
@@ -54,23 +50,15 @@ class Modes:
 
 @dataclass(frozen=True)
 class Site:
-    """FRFs of p roving against m fixed dofs on all lines, weighted, less what the series without a pole can make of them.
+    """FRFs of p roving against m fixed dofs on all lines, weighted, less what the series without a pole can make of them."""
 
-    Attributes:
-        omega: (L,) rad/s; power: of iω that makes these FRFs of a receptance.
-        root: (m, L) root of the weights 2/v, alike for all roving dofs.
-        frames: m orthonormal (2 L, r) frames of the other terms.
-        target: (2 m L, p) the FRFs, real above imaginary parts, reference after reference.
-        place: (p, m) number of each FRF.
-        frequency_hz, damping_ratio: of the pole.
-    """
-
-    omega: FloatArray
-    power: int
-    root: FloatArray
-    frames: tuple[FloatArray, ...]
-    target: FloatArray
-    place: IntArray
+    omega: FloatArray  # (L,) rad/s
+    power: int  # of iω that makes these FRFs of a receptance
+    root: FloatArray  # (m, L) root of the weights 2/v, alike for all roving dofs
+    frames: tuple[FloatArray, ...]  # m orthonormal (2 L, r) frames of the other terms
+    target: FloatArray  # (2 m L, p) the FRFs, real above imaginary parts, reference after reference
+    place: IntArray  # (p, m) number of each FRF
+    # frequency_hz, damping_ratio: of the pole
     frequency_hz: float
     damping_ratio: float
 

@@ -38,17 +38,11 @@ _NEIGHBOURS = 60  # poles next in frequency that one is compared with
 
 @dataclass(frozen=True)
 class LinearPoles:
-    """Poles of all windows and orders, one entry a pole.
+    """Poles of all windows and orders, one entry a pole."""
 
-    Attributes:
-        order: (k,) model order.
-        pole: (k,) with positive imaginary part, rad/s.
-        spacing: (k,) distance of the lines that were used, rad/s.
-    """
-
-    order: IntArray
-    pole: ComplexArray
-    spacing: FloatArray
+    order: IntArray  # (k,) model order
+    pole: ComplexArray  # (k,) with positive imaginary part, rad/s
+    spacing: FloatArray  # (k,) distance of the lines that were used, rad/s
 
 
 def linear_poles(

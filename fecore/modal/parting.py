@@ -32,36 +32,22 @@ _NEAR = 2.0  # half bandwidths of the pole within which both modes must lie
 
 @dataclass(frozen=True)
 class Parted:
-    """Two modes in place of pole k.
+    """Two modes in place of pole k."""
 
-    Attributes:
-        pole: k, its number in the terms.
-        frequency_hz: (2,) ascending.
-        damping_ratio: (2,).
-        covariance: (4, 4) of (ln f₁, ln f₂, ζ₁, ζ₂).
-        residues: (N, 2) of rank one each.
-        variance: (N, 2) E|error|² of the residues.
-    """
-
-    pole: int
-    frequency_hz: FloatArray
-    damping_ratio: FloatArray
-    covariance: FloatArray
-    residues: ComplexArray
-    variance: FloatArray
+    pole: int  # k, its number in the terms
+    frequency_hz: FloatArray  # (2,) ascending
+    damping_ratio: FloatArray  # (2,)
+    covariance: FloatArray  # (4, 4) of (ln f₁, ln f₂, ζ₁, ζ₂)
+    residues: ComplexArray  # (N, 2) of rank one each
+    variance: FloatArray  # (N, 2) E|error|² of the residues
 
 
 @dataclass(frozen=True)
 class PartedFit(Fit):
-    """A fit in which some poles stand for two modes each, whose residues are of rank one.
+    """A fit in which some poles stand for two modes each, whose residues are of rank one."""
 
-    Attributes:
-        base: the fit with one pole for both.
-        parted: the pairs, in ascending number of their pole.
-    """
-
-    base: Fit = field(kw_only=True)
-    parted: tuple[Parted, ...] = field(kw_only=True)
+    base: Fit = field(kw_only=True)  # the fit with one pole for both
+    parted: tuple[Parted, ...] = field(kw_only=True)  # the pairs, in ascending number of their pole
 
     def residues(self) -> tuple[ComplexArray, FloatArray]:
         """(N, n) receptance residues and their variance E|error|²."""

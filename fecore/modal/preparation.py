@@ -19,19 +19,12 @@ _ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most 
 
 @dataclass(frozen=True)
 class Prepared:
-    """FRFs to seek modes in.
+    """FRFs to seek modes in."""
 
-    Attributes:
-        arrangement: the FRFs that can be used, without what leaked from below the band.
-        noise: (N, L) variance of their noise, as stated where it is, and as seen from line to line elsewhere.
-        refused: FRFs that cannot be used.
-        said: what the screening has to say of all FRFs, and then of the noise and the leakage.
-    """
-
-    arrangement: Arrangement
-    noise: FloatArray
-    refused: tuple[Refused, ...]
-    said: tuple[str, ...]
+    arrangement: Arrangement  # the FRFs that can be used, without what leaked from below the band
+    noise: FloatArray  # (N, L) variance of their noise, as stated where it is, and as seen from line to line elsewhere
+    refused: tuple[Refused, ...]  # FRFs that cannot be used
+    said: tuple[str, ...]  # what the screening has to say of all FRFs, and then of the noise and the leakage
 
 
 def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None) -> Prepared:

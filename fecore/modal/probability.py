@@ -37,19 +37,12 @@ _ALONE = 0.99  # distance from which a pole is alone
 
 @dataclass(frozen=True)
 class Feature:
-    """One reason for or against a pole.
+    """One reason for or against a pole."""
 
-    Attributes:
-        name: `phase`, `rise`, `share`, `damping`, `apart`, `shape` or `reach`.
-        value: the feature.
-        weight: what it adds to the logit of P.
-        words: what it says, in words of the field.
-    """
-
-    name: str
-    value: float
-    weight: float
-    words: str
+    name: str  # `phase`, `rise`, `share`, `damping`, `apart`, `shape` or `reach`
+    value: float  # the feature
+    weight: float  # what it adds to the logit of P
+    words: str  # what it says, in words of the field
 
 
 def phase_ratio(r: FloatArray, frfs: int) -> FloatArray:

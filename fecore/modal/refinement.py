@@ -44,27 +44,16 @@ _STEPS = 40  # most steps of one fit
 
 @dataclass(frozen=True)
 class Level:
-    """A fit at given poles, without its derivatives: all that a choice between series needs.
+    """A fit at given poles, without its derivatives: all that a choice between series needs."""
 
-    Attributes:
-        terms: poles and residual terms.
-        linear: coefficients of every FRF, with their covariance for fixed poles.
-        variance: (N, L) noise variance that weighted the fit.
-        weight: (N, L) weights of the lines.
-        own: (q, r) coefficients of the terms from those of the orthonormal frame.
-        residual: (N, L) measured minus model.
-        chi_squared: weighted sum of squared residuals.
-        memory: number of lines that are worth one.
-    """
-
-    terms: Terms
-    linear: LinearFit
-    variance: FloatArray
-    weight: FloatArray
-    own: FloatArray
-    residual: ComplexArray
-    chi_squared: float
-    memory: float = 1.0
+    terms: Terms  # poles and residual terms
+    linear: LinearFit  # coefficients of every FRF, with their covariance for fixed poles
+    variance: FloatArray  # (N, L) noise variance that weighted the fit
+    weight: FloatArray  # (N, L) weights of the lines
+    own: FloatArray  # (q, r) coefficients of the terms from those of the orthonormal frame
+    residual: ComplexArray  # (N, L) measured minus model
+    chi_squared: float  # weighted sum of squared residuals
+    memory: float = 1.0  # number of lines that are worth one
 
     def model(self, arrangement: Arrangement) -> ComplexArray:
         """(N, L) fitted FRFs."""
@@ -73,23 +62,15 @@ class Level:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit(Level):
-    """A model fitted to all FRFs.
+    """A model fitted to all FRFs."""
 
-    Attributes:
-        freedom: twice the number of measured values less the number of unknowns, the expectation of χ².
-        information: (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n).
-        lever: (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles.
-        pull: (N, parameters) what each FRF adds to the gradient of -χ²/2.
-        sessions: (N,) number of the test that each FRF belongs to, where the scatter between tests is to count.
-        shared: (n,) relative error of each mode's curve that all FRFs share.
-    """
-
-    freedom: int
-    information: FloatArray
-    lever: FloatArray
-    pull: FloatArray
+    freedom: int  # twice the number of measured values less the number of unknowns, the expectation of χ²
+    information: FloatArray  # (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n)
+    lever: FloatArray  # (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles
+    pull: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
+    # (N,) number of the test that each FRF belongs to, where the scatter between tests is to count
     sessions: IntArray | None = None
-    shared: FloatArray | float = 0.0
+    shared: FloatArray | float = 0.0  # (n,) relative error of each mode's curve that all FRFs share
 
     @property
     def gradient(self) -> FloatArray:

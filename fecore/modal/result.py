@@ -19,40 +19,26 @@ from fecore.modes import MeasuredModes
 
 @dataclass(frozen=True)
 class RefusedPole:
-    """A pole that the fit needed, and that is not a mode.
+    """A pole that the fit needed, and that is not a mode."""
 
-    Attributes:
-        frequency_hz: its natural frequency.
-        damping_ratio: its damping ratio.
-        reason: why it is not a mode, in words.
-        probability: that it is one all the same.
-        features: the reasons for and against it, those that weigh most first.
-    """
-
-    frequency_hz: float
-    damping_ratio: float
-    reason: str
-    probability: float = 0.0
-    features: tuple[Feature, ...] = ()
+    frequency_hz: float  # its natural frequency
+    damping_ratio: float  # its damping ratio
+    reason: str  # why it is not a mode, in words
+    probability: float = 0.0  # that it is one all the same
+    features: tuple[Feature, ...] = ()  # the reasons for and against it, those that weigh most first
 
 
 @dataclass(frozen=True)
 class Found:
-    """Poles with shapes: modes and uncertain ones, in ascending frequency.
+    """Poles with shapes: modes and uncertain ones, in ascending frequency."""
 
-    Attributes:
-        modes: frequencies, damping, complex shapes at the roving dofs (positive directions), covariance of (f, ζ).
-        shapes: the same shapes in full: realised, mass normalised, standard deviations, modal phase collinearity.
-        significance: (n,) what χ² would rise by without the pole, in units of the price of its unknowns: 1 is just worth it.
-        features: n tuples of the reasons for and against, those that weigh most first.
-        doubt: n reasons in words why a pole is uncertain; None for modes.
-    """
-
+    # frequencies, damping, complex shapes at the roving dofs (positive directions), covariance of (f, ζ)
     modes: MeasuredModes
-    shapes: Shapes
+    shapes: Shapes  # the same shapes in full: realised, mass normalised, standard deviations, modal phase collinearity
+    # (n,) what χ² would rise by without the pole, in units of the price of its unknowns: 1 is just worth it
     significance: FloatArray
-    features: tuple[tuple[Feature, ...], ...]
-    doubt: tuple[str | None, ...]
+    features: tuple[tuple[Feature, ...], ...]  # n tuples of the reasons for and against, those that weigh most first
+    doubt: tuple[str | None, ...]  # n reasons in words why a pole is uncertain; None for modes
 
     @property
     def probability(self) -> FloatArray:
@@ -82,49 +68,30 @@ class Found:
 
 @dataclass(frozen=True)
 class Identification:
-    """Modes identified from FRFs, and everything that a reader needs to judge them.
+    """Modes identified from FRFs, and everything that a reader needs to judge them."""
 
-    Attributes:
-        found: modes and uncertain poles.
-        terms: the whole fitted series, with the poles out of band and the residual terms.
-        stabilisation: data of the stabilisation diagram.
-        used: labels of the FRFs that were used, response first; rows: (N,) their numbers among those handed in.
-        refused: the FRFs that were not, with reasons.
-        refused_poles: in-band poles that are not modes, with reasons.
-        warnings: what a user should know, in words.
-        frequency_hz: (L,) lines of the fit.
-        quantity: what kind of FRF `measured` and `predicted` are.
-        measured: (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or spoilt.
-        predicted: (N, L) the fitted FRFs.
-        noise_variance: (N, L) variance E|n|² of each value, as handed in or estimated.
-        noise_ratio: mean weighted square of the residual over the noise variance: 1 where the model explains all but
-            noise. Exactly 1 by construction where the variance was estimated from the residual.
-        model_error: standard deviation of the relative error of the FRFs that lasts over several lines.
-        drift: standard deviation of the relative drift of the frequencies between the FRFs.
-        delay: of the responses behind the forces, as the phases of the strong modes show it, s.
-        memory_lines: number of lines that are worth one, by the correlation of the residual.
-        seconds: time of each step.
-    """
-
-    found: Found
-    terms: Terms
-    stabilisation: Stabilisation
-    used: tuple[str, ...]
-    rows: IntArray
-    refused: tuple[Refused, ...]
-    refused_poles: tuple[RefusedPole, ...]
-    warnings: tuple[str, ...]
-    frequency_hz: FloatArray
-    quantity: Quantity
+    found: Found  # modes and uncertain poles
+    terms: Terms  # the whole fitted series, with the poles out of band and the residual terms
+    stabilisation: Stabilisation  # data of the stabilisation diagram
+    used: tuple[str, ...]  # labels of the FRFs that were used, response first
+    rows: IntArray  # (N,) their numbers among those handed in
+    refused: tuple[Refused, ...]  # the FRFs that were not, with reasons
+    refused_poles: tuple[RefusedPole, ...]  # in-band poles that are not modes, with reasons
+    warnings: tuple[str, ...]  # what a user should know, in words
+    frequency_hz: FloatArray  # (L,) lines of the fit
+    quantity: Quantity  # what kind of FRF `measured` and `predicted` are
+    # (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or spoilt
     measured: ComplexArray
-    predicted: ComplexArray
-    noise_variance: FloatArray
+    predicted: ComplexArray  # (N, L) the fitted FRFs
+    noise_variance: FloatArray  # (N, L) variance E|n|² of each value, as handed in or estimated
+    # mean weighted square of the residual over the noise variance: 1 where the model explains all but noise. Exactly 1
+    # by construction where the variance was estimated from the residual.
     noise_ratio: float
-    model_error: float
-    drift: float
-    delay: float
-    memory_lines: float
-    seconds: dict[str, float]
+    model_error: float  # standard deviation of the relative error of the FRFs that lasts over several lines
+    drift: float  # standard deviation of the relative drift of the frequencies between the FRFs
+    delay: float  # of the responses behind the forces, as the phases of the strong modes show it, s
+    memory_lines: float  # number of lines that are worth one, by the correlation of the residual
+    seconds: dict[str, float]  # time of each step
 
     def chosen(self, *, include_doubtful: bool = False) -> Found:
         """The modes, with the uncertain poles where they are asked for.

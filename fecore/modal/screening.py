@@ -40,36 +40,22 @@ _CONJUGATES = (
 
 @dataclass(frozen=True)
 class Refused:
-    """An FRF that was left out.
+    """An FRF that was left out."""
 
-    Attributes:
-        frf: its label, response first: `33Z/1Z`.
-        reason: why, in words.
-    """
-
-    frf: str
-    reason: str
+    frf: str  # its label, response first: `33Z/1Z`
+    reason: str  # why, in words
 
 
 @dataclass(frozen=True)
 class Screened:
-    """FRFs that are fit for use, and what was found on the way.
+    """FRFs that are fit for use, and what was found on the way."""
 
-    Attributes:
-        arrangement: the usable FRFs.
-        refused: the others.
-        warnings: what a user should know.
-        kept: (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged too.
-        measured: (n, L) which of their values may be used.
-        conjugated: whether the FRFs handed in are conjugates, which `arrangement` holds conjugated back.
-    """
-
-    arrangement: Arrangement
-    refused: tuple[Refused, ...]
-    warnings: tuple[str, ...]
-    kept: IntArray
-    measured: BoolArray
-    conjugated: bool = False
+    arrangement: Arrangement  # the usable FRFs
+    refused: tuple[Refused, ...]  # the others
+    warnings: tuple[str, ...]  # what a user should know
+    kept: IntArray  # (n,) numbers, among the FRFs handed in, of those that may be used: copies that were averaged too
+    measured: BoolArray  # (n, L) which of their values may be used
+    conjugated: bool = False  # whether the FRFs handed in are conjugates, which `arrangement` holds conjugated back
 
 
 def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None = None) -> Screened:

@@ -23,22 +23,15 @@ _SURE = 4.0  # standard deviations that a driving-point residue must be above ze
 
 @dataclass(frozen=True)
 class Shapes:
-    """Shapes of n modes at p roving dofs.
+    """Shapes of n modes at p roving dofs."""
 
-    Attributes:
-        complex: (n, p) complex shapes, largest magnitude 1, turned as near to real as they go.
-        real: (n, p) realised shapes (the real part of `complex`), signed.
-        sd: (n, p) standard deviation of `complex` (root of E|error|²) beside its largest entry, which is 1 by
-        definition.
-        collinearity: (n,) modal phase collinearity, 1 for a real mode.
-        mass_normalised: (n, p) real shapes for unit modal mass, 1/√kg; None where no driving point was measured, NaN
-            rows where its residue is not clearly positive.
-    """
-
-    complex: ComplexArray
-    real: FloatArray
+    complex: ComplexArray  # (n, p) complex shapes, largest magnitude 1, turned as near to real as they go
+    real: FloatArray  # (n, p) realised shapes (the real part of `complex`), signed
+    # (n, p) standard deviation of `complex` (root of E|error|²) beside its largest entry, which is 1 by definition
     sd: FloatArray
-    collinearity: FloatArray
+    collinearity: FloatArray  # (n,) modal phase collinearity, 1 for a real mode
+    # (n, p) real shapes for unit modal mass, 1/√kg; None where no driving point was measured, NaN rows where its
+    # residue is not clearly positive
     mass_normalised: FloatArray | None
 
     def select(self, which: IntArray) -> Shapes:

@@ -40,19 +40,12 @@ _FEWEST = 0.9  # partners that seem good, each by its probability, below which n
 
 @dataclass(frozen=True)
 class Pairs:
-    """The hits of a point beside one another.
+    """The hits of a point beside one another."""
 
-    Attributes:
-        partner: (h, m) the hits that each is compared with.
-        apart: (r, h, m, BANDS) Σ|H_i - H_j|² over their mean power, of each response.
-        likeness: (h, m) correlation of the FRFs, -1 to 1, of the sensor that objects most.
-        level: (r, h, BANDS) ln |H| of each response.
-    """
-
-    partner: IntArray
-    apart: FloatArray
-    likeness: FloatArray
-    level: FloatArray
+    partner: IntArray  # (h, m) the hits that each is compared with
+    apart: FloatArray  # (r, h, m, BANDS) Σ|H_i - H_j|² over their mean power, of each response
+    likeness: FloatArray  # (h, m) correlation of the FRFs, -1 to 1, of the sensor that objects most
+    level: FloatArray  # (r, h, BANDS) ln |H| of each response
 
     def between(self) -> FloatArray:
         """(r, h, m, BANDS) differences of the levels of each hit and its partners."""
@@ -61,23 +54,14 @@ class Pairs:
 
 @dataclass(frozen=True)
 class Point:
-    """What the first pass keeps of a point.
+    """What the first pass keeps of a point."""
 
-    Attributes:
-        force: where it was hit.
-        responses: where the sensors stood.
-        traits: the hits' own numbers.
-        pairs: the hits beside one another.
-        shares: (h, K) what each resonance has in each hit; None where places are not asked for.
-        used: the hits that seemed good.
-    """
-
-    force: Dof
-    responses: tuple[Dof, ...]
-    traits: tuple[Traits, ...]
-    pairs: Pairs
-    shares: FloatArray | None
-    used: tuple[int, ...] = ()
+    force: Dof  # where it was hit
+    responses: tuple[Dof, ...]  # where the sensors stood
+    traits: tuple[Traits, ...]  # the hits' own numbers
+    pairs: Pairs  # the hits beside one another
+    shares: FloatArray | None  # (h, K) what each resonance has in each hit; None where places are not asked for
+    used: tuple[int, ...] = ()  # the hits that seemed good
 
     def scaled(self, common: Mapping[Dof, FloatArray]) -> FloatArray:
         """(r, h, m, BANDS) r_ijb, from ½ ln M_b by sensor."""

@@ -42,19 +42,12 @@ _AT_ONCE = 8192  # lines that are worked on together: what one hit needs of them
 
 @dataclass(frozen=True)
 class Estimate:
-    """One FRF.
+    """One FRF."""
 
-    Attributes:
-        values: (L,) complex FRF.
-        coherence: (L,) γ², 0 to 1.
-        variance: (L,) variance E|n|² of each value; NaN for a single hit.
-        hits: how many hits it is the mean of.
-    """
-
-    values: ComplexArray
-    coherence: FloatArray
-    variance: FloatArray
-    hits: int
+    values: ComplexArray  # (L,) complex FRF
+    coherence: FloatArray  # (L,) γ², 0 to 1
+    variance: FloatArray  # (L,) variance E|n|² of each value; NaN for a single hit
+    hits: int  # how many hits it is the mean of
 
 
 def check_estimator(name: str) -> None:

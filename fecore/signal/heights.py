@@ -46,15 +46,10 @@ Pair = tuple[Dof, Dof]
 
 @dataclass(frozen=True)
 class Strip:
-    """What is known of a strip before it is measured.
+    """What is known of a strip before it is measured."""
 
-    Attributes:
-        mass_per_length: kg/m.
-        bending_stiffness: EI in its thickness' direction, N m².
-    """
-
-    mass_per_length: float
-    bending_stiffness: float
+    mass_per_length: float  # kg/m
+    bending_stiffness: float  # EI in its thickness' direction, N m²
 
     def __post_init__(self) -> None:
         for name in ("mass_per_length", "bending_stiffness"):

@@ -55,21 +55,13 @@ _LOW = {"height": 1, "gain": 1, "floor": 3}  # bad where they are low, too, and 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is said of a hit.
+    """What is said of a hit."""
 
-    Attributes:
-        force: where it was hit.
-        number: which hit of its point it is.
-        probability: that it is good.
-        findings: of each criterion the number that weighs most, the heaviest first.
-        overruled: what a user has decided against them, or None.
-    """
-
-    force: Dof
-    number: int
-    probability: float
-    findings: tuple[Finding, ...]
-    overruled: bool | None = None
+    force: Dof  # where it was hit
+    number: int  # which hit of its point it is
+    probability: float  # that it is good
+    findings: tuple[Finding, ...]  # of each criterion the number that weighs most, the heaviest first
+    overruled: bool | None = None  # what a user has decided against them, or None
 
     @property
     def faults(self) -> tuple[Finding, ...]:

@@ -22,17 +22,11 @@ from fecore.signal.traits import Traits, find_traits
 
 @dataclass(frozen=True)
 class Preliminary:
-    """A point before the campaign is judged.
+    """A point before the campaign is judged."""
 
-    Attributes:
-        point: what is kept of it.
-        estimates: the FRFs of the hits that seemed good; none where there are none.
-        excitation: (L,) mean magnitude of their forces' spectra; zeros where there are none.
-    """
-
-    point: Point
-    estimates: tuple[Estimate, ...]
-    excitation: FloatArray
+    point: Point  # what is kept of it
+    estimates: tuple[Estimate, ...]  # the FRFs of the hits that seemed good; none where there are none
+    excitation: FloatArray  # (L,) mean magnitude of their forces' spectra; zeros where there are none
 
     def frfs(self, spectra: Spectra, hits: Sequence[Hit], good: tuple[int, ...]) -> tuple[Estimate, ...]:
         """The FRFs of the hits that are good in the end."""
@@ -106,23 +100,15 @@ def inspect(source: Source, processing: Processing | None = None) -> Inspection:
 
 @dataclass(frozen=True)
 class EachHit:
-    """The hits of a point.
+    """The hits of a point."""
 
-    Attributes:
-        frequency_hz: (L,) lines of the FRFs.
-        frfs: (h, r, L) FRF of each hit alone, response over force; NaN where the force has nothing.
-        verdicts: of each hit, judged among the hits of the point.
-        accepted: which hits are averaged.
-        mean: their FRF for each response; empty where there are none.
-        pulse_s: begin of the first pulse and end of the last, s from the begin of the block; a second pulse that makes a double
-            hit belongs to its hit.
-    """
-
-    frequency_hz: FloatArray
-    frfs: ComplexArray
-    verdicts: tuple[Verdict, ...]
-    accepted: tuple[bool, ...]
-    mean: tuple[Estimate, ...]
+    frequency_hz: FloatArray  # (L,) lines of the FRFs
+    frfs: ComplexArray  # (h, r, L) FRF of each hit alone, response over force; NaN where the force has nothing
+    verdicts: tuple[Verdict, ...]  # of each hit, judged among the hits of the point
+    accepted: tuple[bool, ...]  # which hits are averaged
+    mean: tuple[Estimate, ...]  # their FRF for each response; empty where there are none
+    # begin of the first pulse and end of the last, s from the begin of the block; a second pulse that makes a double
+    # hit belongs to its hit
     pulse_s: tuple[float, float]
 
 

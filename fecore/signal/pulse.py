@@ -31,28 +31,18 @@ _SEGMENTS = 32  # noise is taken in so many parts of a block, since an undone wi
 
 @dataclass(frozen=True)
 class Pulse:
-    """The largest excursion of a force block, the analyser's window undone.
+    """The largest excursion of a force block, the analyser's window undone."""
 
-    Attributes:
-        peak: sample of the largest magnitude.
-        start, stop: first sample of the pulse, and the one behind its last.
-        height: signed value at the peak over the baseline, N.
-        baseline: offset of the channel before the pulse (of the whole block where nothing is before it), N.
-        noise: standard deviation of the white noise of one sample, N.
-        second: largest other pulse of the block as a share of the height.
-        second_z: the same over the noise of its own neighbourhood.
-        second_at: sample where it lies.
-    """
-
-    peak: int
+    peak: int  # sample of the largest magnitude
+    # start, stop: first sample of the pulse, and the one behind its last
     start: int
     stop: int
-    height: float
-    baseline: float
-    noise: float = 0.0
-    second: float = 0.0
-    second_z: float = 0.0
-    second_at: int = 0
+    height: float  # signed value at the peak over the baseline, N
+    baseline: float  # offset of the channel before the pulse (of the whole block where nothing is before it), N
+    noise: float = 0.0  # standard deviation of the white noise of one sample, N
+    second: float = 0.0  # largest other pulse of the block as a share of the height
+    second_z: float = 0.0  # the same over the noise of its own neighbourhood
+    second_at: int = 0  # sample where it lies
 
     @property
     def width(self) -> int:

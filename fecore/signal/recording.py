@@ -30,34 +30,21 @@ _SAME = 1e-6  # relative, of the extremes in all hops: two channels that differ 
 
 @dataclass(frozen=True)
 class Impact:
-    """A hit in a recording.
+    """A hit in a recording."""
 
-    Attributes:
-        at: sample of the force's peak, from 0.
-        force: its magnitude over the baseline, in the unit of the force channel.
-        decay: samples until every response is at its floor; to the next hit where that comes before.
-        room: samples to the next hit, or to the end of the recording less the lead.
-        clipped: channels that reach their full scale before the next hit.
-    """
-
-    at: int
-    force: float
-    decay: int
-    room: int
-    clipped: tuple[int, ...] = ()
+    at: int  # sample of the force's peak, from 0
+    force: float  # its magnitude over the baseline, in the unit of the force channel
+    decay: int  # samples until every response is at its floor; to the next hit where that comes before
+    room: int  # samples to the next hit, or to the end of the recording less the lead
+    clipped: tuple[int, ...] = ()  # channels that reach their full scale before the next hit
 
 
 @dataclass(frozen=True)
 class Survey:
-    """Where the hits of a recording are.
+    """Where the hits of a recording are."""
 
-    Attributes:
-        hits: in the order of time.
-        length: samples of each block.
-    """
-
-    hits: tuple[Impact, ...]
-    length: int
+    hits: tuple[Impact, ...]  # in the order of time
+    length: int  # samples of each block
 
     def fits(self, hit: Impact) -> bool:
         """Whether a hit has its lead, and its block ends before the next hit's lead."""

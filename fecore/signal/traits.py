@@ -40,29 +40,18 @@ _ABOUT = 256  # samples about the pulse, and on either side of it, whose spectra
 
 @dataclass(frozen=True)
 class Traits:
-    """Numbers of one hit.
+    """Numbers of one hit."""
 
-    Attributes:
-        number: which hit of its point it is.
-        force: where it was hit.
-        pulse: the hammer's pulse.
-        offsets: of each response, its mean before the pulse, as it was before the analyser's window.
-        own: the numbers of `OWN`; NaN where the blocks do not show one.
-        cut: the channel whose top speaks most for an overload.
-        overload: largest share of its stated full scale that a channel reaches, and which; 0 where none is stated.
-        samples: length of the blocks.
-        sample_rate_hz: samples a second.
-    """
-
-    number: int
-    force: Dof
-    pulse: Pulse
-    offsets: tuple[float, ...]
-    own: FloatArray = field(compare=False)
-    cut: str
+    number: int  # which hit of its point it is
+    force: Dof  # where it was hit
+    pulse: Pulse  # the hammer's pulse
+    offsets: tuple[float, ...]  # of each response, its mean before the pulse, as it was before the analyser's window
+    own: FloatArray = field(compare=False)  # the numbers of `OWN`; NaN where the blocks do not show one
+    cut: str  # the channel whose top speaks most for an overload
+    # largest share of its stated full scale that a channel reaches, and which; 0 where none is stated
     overload: tuple[float, str]
-    samples: int
-    sample_rate_hz: float
+    samples: int  # length of the blocks
+    sample_rate_hz: float  # samples a second
 
     @property
     def clear(self) -> bool:

@@ -51,14 +51,11 @@ _FIRST_LINE = 5  # below which drift lies
 
 @dataclass(frozen=True)
 class Windows:
-    """What multiplies the blocks before their transform.
+    """What multiplies the blocks before their transform."""
 
-    Attributes:
-        force_length_s: length of the force window about the pulse, s; None leaves the whole block (rectangular).
-        rate_per_s: r of the exponential window on both channels, 1/s, beside what the analyser has applied; 0 for none.
-    """
-
+    # length of the force window about the pulse, s; None leaves the whole block (rectangular)
     force_length_s: float | None = None
+    # r of the exponential window on both channels, 1/s, beside what the analyser has applied; 0 for none
     rate_per_s: float = 0.0
 
     def __post_init__(self) -> None:

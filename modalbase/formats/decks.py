@@ -34,31 +34,21 @@ class Mass:
 
 @dataclass(frozen=True)
 class Deck:
-    """A strip with its material: x along the length from the clamped end, y from −b/2 to b/2, z out of plane; SI.
+    """A strip with its material: x along the length from the clamped end, y from −b/2 to b/2, z out of plane; SI."""
 
-    Attributes:
-        length, width, thickness: m.
-        moduli: Ex, Ey, Gxy, Gxz, Gyz in Pa.
-        nu_xy: Poisson's ratio of a contraction along y under stress along x.
-        density: kg/m³.
-        boundary: `cantilever`, `free` or `simply_supported`.
-        modes: how many are asked for.
-        rayleigh: ALPHA in 1/s and BETA in s of C = ALPHA M + BETA K; None where the damping has another law.
-        masses: what it carries.
-        remarks: lines that the deck begins with, as comments.
-    """
-
+    # length, width, thickness: m
     length: float
     width: float
     thickness: float
-    moduli: tuple[float, float, float, float, float]
-    nu_xy: float
-    density: float
-    boundary: str
-    modes: int
+    moduli: tuple[float, float, float, float, float]  # Ex, Ey, Gxy, Gxz, Gyz in Pa
+    nu_xy: float  # Poisson's ratio of a contraction along y under stress along x
+    density: float  # kg/m³
+    boundary: str  # `cantilever`, `free` or `simply_supported`
+    modes: int  # how many are asked for
+    # ALPHA in 1/s and BETA in s of C = ALPHA M + BETA K; None where the damping has another law
     rayleigh: tuple[float, float] | None = None
-    masses: tuple[Mass, ...] = ()
-    remarks: tuple[str, ...] = field(default=())
+    masses: tuple[Mass, ...] = ()  # what it carries
+    remarks: tuple[str, ...] = field(default=())  # lines that the deck begins with, as comments
 
     @property
     def divisions(self) -> tuple[int, int]:
@@ -75,15 +65,10 @@ class Deck:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Nodes and elements, numbered from 1.
+    """Nodes and elements, numbered from 1."""
 
-    Attributes:
-        nodes: (n, 3) coordinates, m.
-        elements: (m, k) nodes of each element, in the order that CalculiX and Abaqus have.
-    """
-
-    nodes: FloatArray
-    elements: IntArray
+    nodes: FloatArray  # (n, 3) coordinates, m
+    elements: IntArray  # (m, k) nodes of each element, in the order that CalculiX and Abaqus have
 
     def at(self, axis: int, value: float) -> IntArray:
         """Numbers of the nodes where a coordinate has a value."""

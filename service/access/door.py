@@ -50,19 +50,12 @@ INVALID = "the API key is not valid; make one with `modalbase keys create --name
 
 @dataclass(frozen=True)
 class Caller:
-    """Who asks, as far as is known before the database was asked.
+    """Who asks, as far as is known before the database was asked."""
 
-    Attributes:
-        name: under which requests are counted: the key where it was valid a moment ago, else the address.
-        digest: of the key.
-        token: the key.
-        known: the key was valid a moment ago.
-    """
-
-    name: str
-    digest: bytes
-    token: str
-    known: bool
+    name: str  # under which requests are counted: the key where it was valid a moment ago, else the address
+    digest: bytes  # of the key
+    token: str  # the key
+    known: bool  # the key was valid a moment ago
 
 
 class KnownKeys:

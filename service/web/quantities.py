@@ -38,19 +38,12 @@ _READABLE = 1e-2, 1e4
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a number measures; stands in the annotation of a member.
+    """What a number measures; stands in the annotation of a member."""
 
-    Attributes:
-        unit: of SI.
-        usual: lowest and highest magnitude that is taken without question; 0 always is.
-        likely: magnitudes among which what was meant is looked for first.
-        mistaken: factors from units that people write in its place to `unit`.
-    """
-
-    unit: str
-    usual: tuple[float, float]
-    likely: tuple[float, float]
-    mistaken: tuple[float, ...]
+    unit: str  # of SI
+    usual: tuple[float, float]  # lowest and highest magnitude that is taken without question; 0 always is
+    likely: tuple[float, float]  # magnitudes among which what was meant is looked for first
+    mistaken: tuple[float, ...]  # factors from units that people write in its place to `unit`
 
     def doubt(self, value: float) -> str | None:
         """What is odd about a value, with what was probably meant; None where it is usual."""

@@ -36,17 +36,11 @@ _SPOOL = "modalbase.body"
 
 @dataclass
 class Body:
-    """A body that has come in whole.
+    """A body that has come in whole."""
 
-    Attributes:
-        file: its bytes.
-        size: how many.
-        sha256: their digest.
-    """
-
-    file: IO[bytes]
-    size: int
-    sha256: bytes
+    file: IO[bytes]  # its bytes
+    size: int  # how many
+    sha256: bytes  # their digest
 
     def replayed(self, receive: Receive) -> Receive:
         """What the application receives: the body block by block, then what comes from the client."""
@@ -160,17 +154,11 @@ def _moved_to_disk(memory: io.BytesIO) -> IO[bytes]:
 
 @dataclass(frozen=True)
 class Spooled:
-    """A file on this machine's disk, hashed while it was written.
+    """A file on this machine's disk, hashed while it was written."""
 
-    Attributes:
-        path: where it lies.
-        size: bytes.
-        sha256: digest of the bytes.
-    """
-
-    path: Path
-    size: int
-    sha256: bytes
+    path: Path  # where it lies
+    size: int  # bytes
+    sha256: bytes  # digest of the bytes
 
 
 File = TypeVar("File", Spooled, UploadFile)
@@ -178,19 +166,12 @@ File = TypeVar("File", Spooled, UploadFile)
 
 @dataclass(frozen=True)
 class Form(Generic[File]):
-    """A file that came with a request, raw or in a multipart form.
+    """A file that came with a request, raw or in a multipart form."""
 
-    Attributes:
-        file: the body, or the form's field `file`, for as long as the request is handled.
-        filename: what the form calls it, without folders; empty for a raw body.
-        content_type: of the file, without parameters.
-        fields: the other fields of the form, as text.
-    """
-
-    file: File
-    filename: str
-    content_type: str
-    fields: Mapping[str, str] = field(default_factory=dict)
+    file: File  # the body, or the form's field `file`, for as long as the request is handled
+    filename: str  # what the form calls it, without folders; empty for a raw body
+    content_type: str  # of the file, without parameters
+    fields: Mapping[str, str] = field(default_factory=dict)  # the other fields of the form, as text
 
 
 Upload = Form[Spooled]

@@ -31,50 +31,34 @@ _UNIT_IN_HEADER = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*$")
 
 @dataclass(frozen=True)
 class Column:
-    """Which column a quantity stands in.
+    """Which column a quantity stands in."""
 
-    Attributes:
-        header: its name in the file, capitals and unit apart; or its number, from 1, where there is no header.
-        quantity: what it is.
-        unit: None where the file states it.
-    """
-
-    header: str | int
-    quantity: Quantity
-    unit: str | None = None
+    header: str | int  # its name in the file, capitals and unit apart; or its number, from 1, where there is no header
+    quantity: Quantity  # what it is
+    unit: str | None = None  # None where the file states it
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the machine.
+    """One run of the machine."""
 
-    Attributes:
-        columns: SI arrays by the caller's names; NaN where a cell was empty.
-        first_line, last_line: of its data, from 1.
-    """
-
-    columns: Mapping[str, FloatArray]
+    columns: Mapping[str, FloatArray]  # SI arrays by the caller's names; NaN where a cell was empty
+    # first_line, last_line: of its data, from 1
     first_line: int
     last_line: int
 
 
 @dataclass(frozen=True)
 class MachineFile:
-    """What was in a file.
+    """What was in a file."""
 
-    Attributes:
-        runs: in the order of the file; more than one where the machine was restarted.
-        units: as stated, by the caller's names.
-        encoding, delimiter, decimal: as found or as stated.
-        notes: remarks that were passed over, empty cells, restarts.
-    """
-
-    runs: tuple[Run, ...]
-    units: Mapping[str, str]
+    runs: tuple[Run, ...]  # in the order of the file; more than one where the machine was restarted
+    units: Mapping[str, str]  # as stated, by the caller's names
+    # encoding, delimiter, decimal: as found or as stated
     encoding: str
     delimiter: str
     decimal: str
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # remarks that were passed over, empty cells, restarts
 
 
 @dataclass(frozen=True)

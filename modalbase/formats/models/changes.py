@@ -33,16 +33,11 @@ class Number:
 
 @dataclass(frozen=True)
 class Changes:
-    """What changes.
+    """What changes."""
 
-    Attributes:
-        model: the deck's.
-        sections: numbers of sections.
-        materials: new constants by set and material's name, those alone that differ.
-    """
-
-    model: FiniteElementModel
-    sections: list[Number]
+    model: FiniteElementModel  # the deck's
+    sections: list[Number]  # numbers of sections
+    # new constants by set and material's name, those alone that differ
     materials: dict[tuple[str, str], dict[str, float]]
 
     def groups(self, material: Material) -> list[tuple[dict[str, float], list[str]]]:

@@ -27,46 +27,33 @@ def where(line: int, file: str = "") -> str:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a number stands, so that another can be written there.
+    """Where a number stands, so that another can be written there."""
 
-    Attributes:
-        line: from 1, of its file.
-        start, end: columns from 0, the end excluded; the field without the comma behind it.
-        file: of an INCLUDE, empty for the deck itself.
-    """
-
-    line: int
+    line: int  # from 1, of its file
+    # start, end: columns from 0, the end excluded; the field without the comma behind it
     start: int
     end: int
-    file: str = ""
+    file: str = ""  # of an INCLUDE, empty for the deck itself
 
 
 @dataclass(frozen=True)
 class Elements:
-    """Elements of one kind and one set, that is of one section.
+    """Elements of one kind and one set, that is of one section."""
 
-    Attributes:
-        kind: of elements; corners in order around the element, then the middles of its sides; of a beam its ends, then its
-            middle.
-        numbers: (e,) the user's.
-        nodes: (e, n) rows of the table of nodes.
-        set: name of the set that the section belongs to.
-        axes: (e, 3) axis 1 of the material in a shell, not yet projected on its surface; of a beam axis 1 of its section.
-        lines: (e,) where each begins.
-        offsets: (e, n, 3) from the nodes to the beam's axis or the shell's reference surface; None where there are none.
-        thickness: (e, n) thickness at the nodes where elements state their own; None where the section's holds.
-        files: the file of each line, empty for the deck itself; none where all stand there.
-    """
-
+    # of elements; corners in order around the element, then the middles of its sides; of a beam its ends, then its
+    # middle
     kind: Kind
-    numbers: Integers
-    nodes: Integers
-    set: str
+    numbers: Integers  # (e,) the user's
+    nodes: Integers  # (e, n) rows of the table of nodes
+    set: str  # name of the set that the section belongs to
+    # (e, 3) axis 1 of the material in a shell, not yet projected on its surface; of a beam axis 1 of its section
     axes: Floats
-    lines: Integers
+    lines: Integers  # (e,) where each begins
+    # (e, n, 3) from the nodes to the beam's axis or the shell's reference surface; None where there are none
     offsets: Floats | None = None
+    # (e, n) thickness at the nodes where elements state their own; None where the section's holds
     thickness: Floats | None = None
-    files: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()  # the file of each line, empty for the deck itself; none where all stand there
 
     def where(self, k: int) -> str:
         """The place of an element's error; empty where the file has no lines."""
@@ -75,22 +62,15 @@ class Elements:
 
 @dataclass(frozen=True)
 class Material:
-    """A material.
+    """A material."""
 
-    Attributes:
-        name: as the deck has it; a number as text.
-        constants: `E`, `nu` and `G` of an isotropic one; else `E1`, `E2`, `nu12`, `G12`, `G13`, `G23`, and `E3`, `nu13`,
-            `nu23` where stated; `density` where stated.
-        line: where it begins.
-        places: of the constants.
-        file: of an INCLUDE, empty for the deck itself.
-    """
-
-    name: str
+    name: str  # as the deck has it; a number as text
+    # `E`, `nu` and `G` of an isotropic one; else `E1`, `E2`, `nu12`, `G12`, `G13`, `G23`, and `E3`, `nu13`, `nu23`
+    # where stated; `density` where stated
     constants: Mapping[str, float]
-    line: int
-    places: Mapping[str, Place] = field(default_factory=dict)
-    file: str = ""
+    line: int  # where it begins
+    places: Mapping[str, Place] = field(default_factory=dict)  # of the constants
+    file: str = ""  # of an INCLUDE, empty for the deck itself
 
     @property
     def is_isotropic(self) -> bool:
@@ -110,21 +90,13 @@ class Ply:
 
 @dataclass(frozen=True)
 class ShellSection:
-    """Plies from the bottom to the top along the elements' normal.
+    """Plies from the bottom to the top along the elements' normal."""
 
-    Attributes:
-        plies: the stack.
-        line: where it begins.
-        offset: from the nodes to the middle of the stack along the normal.
-        extra_mass: non-structural mass per area.
-        file: of an INCLUDE, empty for the deck itself.
-    """
-
-    plies: tuple[Ply, ...]
-    line: int
-    offset: float = 0.0
-    extra_mass: float = 0.0
-    file: str = ""
+    plies: tuple[Ply, ...]  # the stack
+    line: int  # where it begins
+    offset: float = 0.0  # from the nodes to the middle of the stack along the normal
+    extra_mass: float = 0.0  # non-structural mass per area
+    file: str = ""  # of an INCLUDE, empty for the deck itself
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -134,29 +106,19 @@ class ShellSection:
 
 @dataclass(frozen=True)
 class BeamSection:
-    """A beam's section; axes 1 and 2 lie across the beam, axis 2 = tangent × axis 1.
+    """A beam's section; axes 1 and 2 lie across the beam, axis 2 = tangent × axis 1."""
 
-    Attributes:
-        material: its name.
-        area: of the section.
-        inertia: ∫z² dA, ∫y² dA and ∫yz dA of places y n₁ + z n₂ from the centroid.
-        torsion: J.
-        line: where it begins.
-        shear: factors κ of the areas that resist shear along axes 1 and 2; None where the deck has them rigid in shear.
-        extra_mass: non-structural mass per length.
-        places: of `area`, `I1`, `I2`, `J`, where the deck states them themselves.
-        file: of an INCLUDE, empty for the deck itself.
-    """
-
-    material: str
-    area: float
-    inertia: tuple[float, float, float]
-    torsion: float
-    line: int
+    material: str  # its name
+    area: float  # of the section
+    inertia: tuple[float, float, float]  # ∫z² dA, ∫y² dA and ∫yz dA of places y n₁ + z n₂ from the centroid
+    torsion: float  # J
+    line: int  # where it begins
+    # factors κ of the areas that resist shear along axes 1 and 2; None where the deck has them rigid in shear
     shear: tuple[float, float] | None = (5 / 6, 5 / 6)
-    extra_mass: float = 0.0
+    extra_mass: float = 0.0  # non-structural mass per length
+    # of `area`, `I1`, `I2`, `J`, where the deck states them themselves
     places: Mapping[str, Place] = field(default_factory=dict)
-    file: str = ""
+    file: str = ""  # of an INCLUDE, empty for the deck itself
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -221,53 +183,35 @@ class Support:
 
 @dataclass(frozen=True)
 class Ignored:
-    """Cards that were not used.
+    """Cards that were not used."""
 
-    Attributes:
-        card: name, such as `*CONTACT PAIR` or `PLOAD4`.
-        lines: where they stand.
-        loss: what is lost by that, in a sentence.
-        changes: whether modes and frequencies change; such a card stops an import unless the user accepts it by name.
-    """
-
-    card: str
-    lines: tuple[int, ...]
-    loss: str
+    card: str  # name, such as `*CONTACT PAIR` or `PLOAD4`
+    lines: tuple[int, ...]  # where they stand
+    loss: str  # what is lost by that, in a sentence
+    # whether modes and frequencies change; such a card stops an import unless the user accepts it by name
     changes: bool = False
 
 
 @dataclass(frozen=True)
 class FiniteElementModel:
-    """What a deck says.
+    """What a deck says."""
 
-    Attributes:
-        format: `inp`, `bdf`, `uff`, `mesh`.
-        title: the heading.
-        numbers: (n,) the user's numbers of the nodes.
-        nodes: (n, 3) coordinates in the model's frame.
-        elements: blocks.
-        sections: of each set of elements.
-        materials: by name.
-        node_sets: named nodes, rows of the table.
-        node_axes: (3, 3) axes, as rows, of nodes whose displacements a deck states in a system of their own, by row.
-        masses, springs, links, supports: what it carries and what holds it.
-        ignored: what was not used.
-    """
-
-    format: str
-    title: str
-    numbers: Integers
-    nodes: Floats
-    elements: tuple[Elements, ...]
-    sections: Mapping[str, ShellSection | BeamSection]
-    materials: Mapping[str, Material]
-    node_sets: Mapping[str, Integers] = field(default_factory=dict)
+    format: str  # `inp`, `bdf`, `uff`, `mesh`
+    title: str  # the heading
+    numbers: Integers  # (n,) the user's numbers of the nodes
+    nodes: Floats  # (n, 3) coordinates in the model's frame
+    elements: tuple[Elements, ...]  # blocks
+    sections: Mapping[str, ShellSection | BeamSection]  # of each set of elements
+    materials: Mapping[str, Material]  # by name
+    node_sets: Mapping[str, Integers] = field(default_factory=dict)  # named nodes, rows of the table
+    # (3, 3) axes, as rows, of nodes whose displacements a deck states in a system of their own, by row
     node_axes: Mapping[int, Floats] = field(default_factory=dict)
+    # masses, springs, links, supports: what it carries and what holds it
     masses: tuple[PointMass, ...] = ()
     springs: tuple[Spring, ...] = ()
     links: tuple[Link, ...] = ()
     supports: tuple[Support, ...] = ()
-    ignored: tuple[Ignored, ...] = ()
+    ignored: tuple[Ignored, ...] = ()  # what was not used
 
     @property
     def sets(self) -> tuple[str, ...]:

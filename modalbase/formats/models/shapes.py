@@ -15,23 +15,14 @@ Wall = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Shape:
-    """A section.
+    """A section."""
 
-    Attributes:
-        area: of it.
-        inertia: ∫z², ∫y² and ∫yz about its centroid.
-        torsion: J.
-        shear: factors of the areas that resist shear along y and z.
-        centroid: y and z from where the section is drawn from.
-        extent: along y and z, by which CalculiX multiplies its offsets.
-    """
-
-    area: float
-    inertia: tuple[float, float, float]
-    torsion: float
-    shear: tuple[float, float]
-    centroid: tuple[float, float] = (0.0, 0.0)
-    extent: tuple[float, float] = (0.0, 0.0)
+    area: float  # of it
+    inertia: tuple[float, float, float]  # ∫z², ∫y² and ∫yz about its centroid
+    torsion: float  # J
+    shear: tuple[float, float]  # factors of the areas that resist shear along y and z
+    centroid: tuple[float, float] = (0.0, 0.0)  # y and z from where the section is drawn from
+    extent: tuple[float, float] = (0.0, 0.0)  # along y and z, by which CalculiX multiplies its offsets
 
 
 def of_walls(*walls: Wall, torsion: float | None = None, shear: tuple[float, float] | None = None) -> Shape:

@@ -53,23 +53,14 @@ class UffError(Exception):
 
 @dataclass(frozen=True)
 class DatasetReport:
-    """What became of one dataset.
+    """What became of one dataset."""
 
-    Attributes:
-        number: 1 for the first dataset of the file.
-        type: dataset type as the file has it: "15", "58", "58b" ...
-        offset: byte offset of the dataset's opening delimiter.
-        outcome: "read", "ignored" (sound, but of no use here) or "refused" (damaged or ambiguous).
-        reason: why it was ignored or refused; None where it was read.
-        notes: every conversion and assumption made while reading it.
-    """
-
-    number: int
-    type: str
-    offset: int
-    outcome: Outcome
-    reason: str | None = None
-    notes: tuple[str, ...] = ()
+    number: int  # 1 for the first dataset of the file
+    type: str  # dataset type as the file has it: "15", "58", "58b" ...
+    offset: int  # byte offset of the dataset's opening delimiter
+    outcome: Outcome  # "read", "ignored" (sound, but of no use here) or "refused" (damaged or ambiguous)
+    reason: str | None = None  # why it was ignored or refused; None where it was read
+    notes: tuple[str, ...] = ()  # every conversion and assumption made while reading it
 
 
 @dataclass(frozen=True)
@@ -98,51 +89,32 @@ class FileHeader:
 
 @dataclass(frozen=True)
 class CoordinateSystem:
-    """A coordinate system of set 18 or 2420.
-
-    Attributes:
-        label: number by which grid points name it.
-        kind: what the three coordinates of a point in it are.
-        origin_m: (3,) origin, m, in the global system.
-        axes: (3, 3) rows are its unit x, y, z axes in the global system.
-    """
+    """A coordinate system of set 18 or 2420."""
 
     dataset: int
-    label: int
+    label: int  # number by which grid points name it
     name: str
-    kind: Literal["cartesian", "cylindrical", "spherical"]
-    origin_m: FloatArray
-    axes: FloatArray
+    kind: Literal["cartesian", "cylindrical", "spherical"]  # what the three coordinates of a point in it are
+    origin_m: FloatArray  # (3,) origin, m, in the global system
+    axes: FloatArray  # (3, 3) rows are its unit x, y, z axes in the global system
 
 
 @dataclass(frozen=True)
 class GridPoint:
-    """A measurement point of set 15 or 2411.
+    """A measurement point of set 15 or 2411."""
 
-    Attributes:
-        number: label of the point.
-        xyz_m: coordinates in the file's global Cartesian system, m.
-    """
-
-    number: int
-    xyz_m: tuple[float, float, float]
+    number: int  # label of the point
+    xyz_m: tuple[float, float, float]  # coordinates in the file's global Cartesian system, m
 
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """An even abscissa as start, step and count, or an uneven one as its values.
+    """An even abscissa as start, step and count, or an uneven one as its values."""
 
-    Attributes:
-        start: first abscissa.
-        step: increment; 0 where the axis is uneven or has one line.
-        count: number of lines.
-        values: (count,) the abscissae where they are uneven, else None.
-    """
-
-    start: float
-    step: float
-    count: int
-    values: FloatArray | None = None
+    start: float  # first abscissa
+    step: float  # increment; 0 where the axis is uneven or has one line
+    count: int  # number of lines
+    values: FloatArray | None = None  # (count,) the abscissae where they are uneven, else None
 
     def points(self) -> FloatArray:
         """(count,) the abscissae."""
@@ -153,33 +125,20 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Frf:
-    """A frequency response function of set 58 or 58b, in SI units.
+    """A frequency response function of set 58 or 58b, in SI units."""
 
-    Attributes:
-        dataset: number of the dataset.
-        label: first ID line.
-        id_lines: the five ID lines; the third is usually the date and time.
-        response_point: grid point of the response, 0 where the file states none.
-        response_direction: ±1 … ±6, or 0 for a scalar or an unstated direction; axes of the global system.
-        reference_point: grid point of the force, 0 where the file states none.
-        reference_direction: as `response_direction`.
-        quantity: accelerance, mobility or receptance.
-        frequency: frequency lines, Hz.
-        values: (L,) complex64 or complex128 as the file had it; m/s² per N, m/s per N or m per N.
-        load_case: load case of the file, 0 for single-point excitation.
-    """
-
-    dataset: int
-    label: str
-    id_lines: tuple[str, str, str, str, str]
-    response_point: int
-    response_direction: int
-    reference_point: int
-    reference_direction: int
-    quantity: Quantity
-    frequency: Axis
+    dataset: int  # number of the dataset
+    label: str  # first ID line
+    id_lines: tuple[str, str, str, str, str]  # the five ID lines; the third is usually the date and time
+    response_point: int  # grid point of the response, 0 where the file states none
+    response_direction: int  # ±1 … ±6, or 0 for a scalar or an unstated direction; axes of the global system
+    reference_point: int  # grid point of the force, 0 where the file states none
+    reference_direction: int  # as `response_direction`
+    quantity: Quantity  # accelerance, mobility or receptance
+    frequency: Axis  # frequency lines, Hz
+    # (L,) complex64 or complex128 as the file had it; m/s² per N, m/s per N or m per N
     values: NDArray[np.complex64] | ComplexArray
-    load_case: int = 0
+    load_case: int = 0  # load case of the file, 0 for single-point excitation
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,27 +146,20 @@ class Function:
     """A function of set 58 or 58b that is not an FRF: coherence, time response, power spectral density ...
 
     Ordinates stay in the units that their labels state: a spectrum is not converted to SI.
-
-    Attributes:
-        function_type: set 58's number of what it is; see `FUNCTION_NAMES`.
-        abscissa: abscissae as the file has them.
-        abscissa_unit: unit label of the abscissa.
-        values: (L,) float32, float64, complex64 or complex128 as the file had it.
-        unit: unit label of the ordinate, empty where the file states none.
     """
 
     dataset: int
     label: str
     id_lines: tuple[str, str, str, str, str]
-    function_type: int
+    function_type: int  # set 58's number of what it is; see `FUNCTION_NAMES`
     response_point: int
     response_direction: int
     reference_point: int
     reference_direction: int
-    abscissa: Axis
-    abscissa_unit: str
-    values: Samples
-    unit: str
+    abscissa: Axis  # abscissae as the file has them
+    abscissa_unit: str  # unit label of the abscissa
+    values: Samples  # (L,) float32, float64, complex64 or complex128 as the file had it
+    unit: str  # unit label of the ordinate, empty where the file states none
 
     @property
     def name(self) -> str:
@@ -217,50 +169,37 @@ class Function:
 
 @dataclass(frozen=True, eq=False)
 class TimeResponse:
-    """A time block of set 58 or 58b (function type 1), in SI units: the hammer's force, or what a sensor recorded.
-
-    Attributes:
-        quantity: what the samples are, by unit label or data type.
-        response_point, response_direction: where the channel sits; axes of the global system.
-        reference_point, reference_direction: where the hammer hit, 0 where the file states none.
-        sample_rate_hz: samples a second.
-        samples: (n,) float32 or float64, N, m/s², m/s or m.
-    """
+    """A time block of set 58 or 58b (function type 1), in SI units: the hammer's force, or what a sensor recorded."""
 
     dataset: int
     label: str
-    quantity: ChannelQuantity
+    quantity: ChannelQuantity  # what the samples are, by unit label or data type
+    # response_point, response_direction: where the channel sits; axes of the global system
     response_point: int
     response_direction: int
+    # reference_point, reference_direction: where the hammer hit, 0 where the file states none
     reference_point: int
     reference_direction: int
-    sample_rate_hz: float
-    samples: FloatArray
+    sample_rate_hz: float  # samples a second
+    samples: FloatArray  # (n,) float32 or float64, N, m/s², m/s or m
 
 
 @dataclass(frozen=True, eq=False)
 class PowerSpectrum:
-    """An auto or cross spectrum of set 58 or 58b (function types 2 and 3), as an analyser writes them beside FRFs.
-
-    Attributes:
-        kind: "auto" or "cross".
-        quantity: of an auto spectrum's channel; None for a cross spectrum.
-        factor: multiply the channel's amplitude by it for SI; 1 for a cross spectrum, which takes those of its channels.
-        frequency: lines, Hz.
-        values: (L,) complex128, in the file's units.
-    """
+    """An auto or cross spectrum of set 58 or 58b (function types 2 and 3), as an analyser writes them beside FRFs."""
 
     dataset: int
     label: str
-    kind: Literal["auto", "cross"]
-    quantity: ChannelQuantity | None
+    kind: Literal["auto", "cross"]  # "auto" or "cross"
+    quantity: ChannelQuantity | None  # of an auto spectrum's channel; None for a cross spectrum
+    # multiply the channel's amplitude by it for SI; 1 for a cross spectrum, which takes those of its channels
     factor: float
     response_point: int
     response_direction: int
     reference_point: int
     reference_direction: int
-    frequency: Axis
-    values: ComplexArray
+    frequency: Axis  # lines, Hz
+    values: ComplexArray  # (L,) complex128, in the file's units
 
     @property
     def dofs(self) -> tuple[int, int, int, int]:
@@ -270,27 +209,17 @@ class PowerSpectrum:
 
 @dataclass(frozen=True, eq=False)
 class ModeShape:
-    """A mode of set 55 or 2414.
+    """A mode of set 55 or 2414."""
 
-    Attributes:
-        dataset: number of the dataset.
-        label: first ID line.
-        mode: number of the mode in the file.
-        frequency_hz: undamped natural frequency, Hz; |λ|/2π of a complex eigenvalue λ.
-        damping_ratio: viscous damping ratio; -Re λ/|λ| of a complex eigenvalue. NaN where the file states none.
-        points: (p,) grid points, as the file lists them.
-        values: (p, 3) translations or (p, 6) translations and rotations, complex, in global axes, arbitrarily scaled.
-        kind: "normal" (real mode analysis) or "complex".
-    """
-
-    dataset: int
-    label: str
-    mode: int
-    frequency_hz: float
-    damping_ratio: float
-    points: IntArray
+    dataset: int  # number of the dataset
+    label: str  # first ID line
+    mode: int  # number of the mode in the file
+    frequency_hz: float  # undamped natural frequency, Hz; |λ|/2π of a complex eigenvalue λ
+    damping_ratio: float  # viscous damping ratio; -Re λ/|λ| of a complex eigenvalue. NaN where the file states none.
+    points: IntArray  # (p,) grid points, as the file lists them
+    # (p, 3) translations or (p, 6) translations and rotations, complex, in global axes, arbitrarily scaled
     values: ComplexArray
-    kind: Literal["normal", "complex"]
+    kind: Literal["normal", "complex"]  # "normal" (real mode analysis) or "complex"
 
 
 @dataclass(frozen=True)
@@ -305,20 +234,13 @@ class TraceLine:
 
 @dataclass(frozen=True)
 class Element:
-    """Set 2412: an element of the drawing or of a finite element model.
+    """Set 2412: an element of the drawing or of a finite element model."""
 
-    Attributes:
-        number: its label.
-        descriptor: what it is: 21 a beam, 94 a thin shell of four corners …
-        points: that it joins, in the order of the file.
-        properties: number of its physical property table.
-        line: of the dataset in which it begins, from 1 for the one after the type line.
-    """
-
-    number: int
-    descriptor: int
-    points: tuple[int, ...]
-    properties: int = 1
+    number: int  # its label
+    descriptor: int  # what it is: 21 a beam, 94 a thin shell of four corners …
+    points: tuple[int, ...]  # that it joins, in the order of the file
+    properties: int = 1  # number of its physical property table
+    # of the dataset in which it begins, from 1 for the one after the type line
     line: int = field(default=0, compare=False)
 
 
@@ -339,21 +261,13 @@ Content = (
 
 @dataclass(frozen=True)
 class Limits:
-    """What a file may claim before it is refused, and the one thing that a user may state for it.
+    """What a file may claim before it is refused, and the one thing that a user may state for it."""
 
-    Attributes:
-        dataset_bytes: largest dataset, bytes; memory follows the largest dataset.
-        cross_check_bytes: of each dataset type, the first so many bytes are read by pyuff as well and the two readings
-            compared; 0 for none.
-        datasets: number of datasets in a file.
-        line_bytes: longest text line, bytes.
-        blank_bytes: bytes of white space between datasets.
-        quantity: what an FRF is whose file states neither a data type nor a unit; None refuses such FRFs.
-    """
-
-    dataset_bytes: int = 124 * 1024 * 1024
+    dataset_bytes: int = 124 * 1024 * 1024  # largest dataset, bytes; memory follows the largest dataset
+    # of each dataset type, the first so many bytes are read by pyuff as well and the two readings compared; 0 for none
     cross_check_bytes: int = 4 * 1024 * 1024
-    datasets: int = 200_000
-    line_bytes: int = 4096
-    blank_bytes: int = 1024 * 1024
+    datasets: int = 200_000  # number of datasets in a file
+    line_bytes: int = 4096  # longest text line, bytes
+    blank_bytes: int = 1024 * 1024  # bytes of white space between datasets
+    # what an FRF is whose file states neither a data type nor a unit; None refuses such FRFs
     quantity: Quantity | None = None

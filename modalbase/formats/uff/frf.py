@@ -26,17 +26,11 @@ _GRAVITY = re.compile(r"(?i)(?<![a-z])(g|gn|g's)(?![a-z])")
 
 @dataclass(frozen=True)
 class _Side:
-    """Numerator or denominator of an FRF.
+    """Numerator or denominator of an FRF."""
 
-    Attributes:
-        label: meaning of its unit label, None where there is none or it is not understood.
-        text: the label as the file has it.
-        by_164: factor to SI by set 164.
-    """
-
-    label: Label | None
-    text: str
-    by_164: float
+    label: Label | None  # meaning of its unit label, None where there is none or it is not understood
+    text: str  # the label as the file has it
+    by_164: float  # factor to SI by set 164
 
 
 def function_of(raw: RawFunction, dataset: int) -> Function:

@@ -35,12 +35,7 @@ class AxisDescription:
 
 @dataclass(frozen=True, eq=False)
 class RawFunction:
-    """Set 58 as the file states it, in the file's units.
-
-    Attributes:
-        unstated_reference: its reference point is -1, which stands for none.
-        free_form: its rows are not in the standard columns, or its abscissa is of another precision than its ordinates.
-    """
+    """Set 58 as the file states it, in the file's units."""
 
     id_lines: tuple[str, str, str, str, str]
     function_type: int
@@ -56,7 +51,8 @@ class RawFunction:
     values: Samples
     ordinate_type: int
     notes: tuple[str, ...]
-    unstated_reference: bool
+    unstated_reference: bool  # its reference point is -1, which stands for none
+    # its rows are not in the standard columns, or its abscissa is of another precision than its ordinates
     free_form: bool
 
     @property

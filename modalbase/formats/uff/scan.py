@@ -32,25 +32,15 @@ _SHORT_TYPES = (15, 18, 55, 56, 57, 58, 82, 90, 91, 95)  # others below 100 are 
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Where a dataset stands in the file.
+    """Where a dataset stands in the file."""
 
-    Attributes:
-        number: 1 for the first dataset.
-        type: "15", "58", "58b" ...
-        offset: byte of the opening delimiter.
-        start: first byte after the type line.
-        end: byte after the last one of its content.
-        type_line: the line with the type, which in set 58b carries the binary header.
-        note: what was odd about the framing and how it was taken, or "".
-    """
-
-    number: int
-    type: str
-    offset: int
-    start: int
-    end: int
-    type_line: bytes
-    note: str = ""
+    number: int  # 1 for the first dataset
+    type: str  # "15", "58", "58b" ...
+    offset: int  # byte of the opening delimiter
+    start: int  # first byte after the type line
+    end: int  # byte after the last one of its content
+    type_line: bytes  # the line with the type, which in set 58b carries the binary header
+    note: str = ""  # what was odd about the framing and how it was taken, or ""
 
 
 @dataclass(frozen=True, slots=True)

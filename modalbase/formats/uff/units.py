@@ -40,15 +40,10 @@ NO_LABEL = {"", "none", "unknown", "user_defined"}
 
 @dataclass(frozen=True)
 class Label:
-    """What a unit label means.
+    """What a unit label means."""
 
-    Attributes:
-        factor: multiply by it for SI.
-        dimension: powers of length, mass and time.
-    """
-
-    factor: float
-    dimension: Dimension
+    factor: float  # multiply by it for SI
+    dimension: Dimension  # powers of length, mass and time
 
 
 def times(a: Dimension, b: Dimension, power: int = 1) -> Dimension:

@@ -33,19 +33,12 @@ def whole(text: str) -> int | None:
 
 @dataclass(slots=True)
 class Row:
-    """One line of a card.
+    """One line of a card."""
 
-    Attributes:
-        start: the card's field that its first field is.
-        line: from 1, of its file.
-        text: the line in capitals, without its comment.
-        file: of an INCLUDE, else empty.
-    """
-
-    start: int
-    line: int
-    text: str
-    file: str
+    start: int  # the card's field that its first field is
+    line: int  # from 1, of its file
+    text: str  # the line in capitals, without its comment
+    file: str  # of an INCLUDE, else empty
 
     @property
     def is_free(self) -> bool:
@@ -70,18 +63,12 @@ class Row:
 
 @dataclass(slots=True)
 class Card:
-    """One card.
+    """One card."""
 
-    Attributes:
-        name: in capitals, without the mark of large fields.
-        fields: from the one behind the name; eight stand on a line of small fields.
-        rows: its lines.
-        integers_for_reals: fields that were read as reals although Nastran asks a decimal point of these.
-    """
-
-    name: str
-    fields: list[str]
-    rows: list[Row]
+    name: str  # in capitals, without the mark of large fields
+    fields: list[str]  # from the one behind the name; eight stand on a line of small fields
+    rows: list[Row]  # its lines
+    # fields that were read as reals although Nastran asks a decimal point of these
     integers_for_reals: list[int] = field(default_factory=list)
 
     def __len__(self) -> int:

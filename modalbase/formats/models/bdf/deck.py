@@ -24,21 +24,14 @@ _SELECTORS = ("SPC", "MPC", "NSM", "METHOD", "K2GG", "M2GG", "B2GG", "K2PP", "M2
 
 @dataclass
 class Case:
-    """What the subcase of the modes selects.
+    """What the subcase of the modes selects."""
 
-    Attributes:
-        is_stated: whether there is any case control; a deck of bulk data alone selects nothing.
-        title: of the deck.
-        selected: sets by the name of the order, such as `SPC`.
-        others: other sets of the same kind that further subcases select, with the line.
-        params: lines PARAM of the case control.
-    """
-
-    is_stated: bool = False
-    title: str = ""
-    selected: dict[str, str] = field(default_factory=dict)
+    is_stated: bool = False  # whether there is any case control; a deck of bulk data alone selects nothing
+    title: str = ""  # of the deck
+    selected: dict[str, str] = field(default_factory=dict)  # sets by the name of the order, such as `SPC`
+    # other sets of the same kind that further subcases select, with the line
     others: dict[str, list[tuple[str, int]]] = field(default_factory=dict)
-    params: list[Line] = field(default_factory=list)
+    params: list[Line] = field(default_factory=list)  # lines PARAM of the case control
 
     def number(self, order: str) -> int | None:
         """The set that an order selects."""

@@ -46,24 +46,15 @@ BASIC = System(np.zeros(3), np.eye(3))
 
 @dataclass
 class Grids:
-    """The grids of a deck.
+    """The grids of a deck."""
 
-    Attributes:
-        numbers: (n,) the user's, ascending.
-        places: (n, 3) in the model's frame.
-        rows: of each number.
-        by_text: the same by the number as text.
-        systems: by number, with the model's as 0.
-        displacement: CD of the rows that have one.
-        held: PS of the rows that have one, with the card.
-    """
-
-    numbers: Integers
-    places: Floats
-    rows: dict[int, int]
-    by_text: dict[str, int]
-    systems: dict[int, System]
-    displacement: dict[int, int] = field(default_factory=dict)
+    numbers: Integers  # (n,) the user's, ascending
+    places: Floats  # (n, 3) in the model's frame
+    rows: dict[int, int]  # of each number
+    by_text: dict[str, int]  # the same by the number as text
+    systems: dict[int, System]  # by number, with the model's as 0
+    displacement: dict[int, int] = field(default_factory=dict)  # CD of the rows that have one
+    # PS of the rows that have one, with the card
     held: dict[int, tuple[tuple[int, ...], Card]] = field(default_factory=dict)
     superelements: list[Card] = field(default_factory=list)
 

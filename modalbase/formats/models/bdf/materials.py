@@ -19,19 +19,12 @@ FIELDS = {
 
 @dataclass
 class Materials:
-    """Materials of a deck, read when a section asks.
+    """Materials of a deck, read when a section asks."""
 
-    Attributes:
-        cards: by number.
-        mass_factor: PARAM WTMASS, by which densities are multiplied.
-        notes: what is lost.
-        found: those that were asked for, by name.
-    """
-
-    cards: dict[int, Card]
-    mass_factor: float
-    notes: Losses
-    found: dict[str, Material] = field(default_factory=dict)
+    cards: dict[int, Card]  # by number
+    mass_factor: float  # PARAM WTMASS, by which densities are multiplied
+    notes: Losses  # what is lost
+    found: dict[str, Material] = field(default_factory=dict)  # those that were asked for, by name
 
     def get(self, user: Card, index: int, what: str) -> Material:
         """The material that a field of a property names."""

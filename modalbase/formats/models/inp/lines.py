@@ -39,21 +39,13 @@ def folded(name: str) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """A data line.
+    """A data line."""
 
-    Attributes:
-        card: name of the card that it belongs to, for messages.
-        text: without the end of the line.
-        line: from 1.
-        file: that it stands in; empty for the deck itself.
-        after_blank: whether an empty line is before it, which says that what could stand there is left out.
-    """
-
-    card: str
-    text: str
-    line: int
-    file: str
-    after_blank: bool = False
+    card: str  # name of the card that it belongs to, for messages
+    text: str  # without the end of the line
+    line: int  # from 1
+    file: str  # that it stands in; empty for the deck itself
+    after_blank: bool = False  # whether an empty line is before it, which says that what could stand there is left out
 
     def error(self, message: str) -> FormatError:
         """A fault of this line."""
@@ -114,23 +106,14 @@ class Row:
 
 @dataclass(frozen=True)
 class Card:
-    """A card with its data lines.
+    """A card with its data lines."""
 
-    Attributes:
-        name: squeezed, without the star.
-        label: as the user wrote it, with the star.
-        parameters: by squeezed name; empty where they have no value.
-        line: where it begins.
-        file: that it stands in; empty for the deck itself.
-        rows: its data lines.
-    """
-
-    name: str
-    label: str
-    parameters: Mapping[str, str]
-    line: int
-    file: str
-    rows: list[Row] = field(default_factory=list)
+    name: str  # squeezed, without the star
+    label: str  # as the user wrote it, with the star
+    parameters: Mapping[str, str]  # by squeezed name; empty where they have no value
+    line: int  # where it begins
+    file: str  # that it stands in; empty for the deck itself
+    rows: list[Row] = field(default_factory=list)  # its data lines
 
     def error(self, message: str) -> FormatError:
         """A fault of this card."""

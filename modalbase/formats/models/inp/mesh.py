@@ -26,19 +26,12 @@ DEEPEST_SET = 50
 
 
 class Element(NamedTuple):
-    """An element.
+    """An element."""
 
-    Attributes:
-        type: what its type is.
-        number: the user's.
-        nodes: rows of the table of nodes, as the deck orders them.
-        row: where it begins.
-    """
-
-    type: ElementType
-    number: int
-    nodes: tuple[int, ...]
-    row: Row
+    type: ElementType  # what its type is
+    number: int  # the user's
+    nodes: tuple[int, ...]  # rows of the table of nodes, as the deck orders them
+    row: Row  # where it begins
 
 
 class Move(NamedTuple):

@@ -14,23 +14,14 @@ from modalbase.formats.models.model import Floats, Integers
 
 @dataclass(frozen=True)
 class System:
-    """A rectangular or cylindrical system.
+    """A rectangular or cylindrical system."""
 
-    Attributes:
-        cylindrical: axes are radial, tangential and along axis 3.
-        origin: of it, in the model's frame.
-        axes: (3, 3) rows.
-        about: axis (0 … 2) about which the others are turned, which lies along the normal of shells.
-        turn: that turn, rad.
-        own: axes of elements that have their own, by their place.
-    """
-
-    cylindrical: bool
-    origin: Floats
-    axes: Floats
-    about: int | None = None
-    turn: float = 0.0
-    own: dict[int, Floats] = field(default_factory=dict)
+    cylindrical: bool  # axes are radial, tangential and along axis 3
+    origin: Floats  # of it, in the model's frame
+    axes: Floats  # (3, 3) rows
+    about: int | None = None  # axis (0 … 2) about which the others are turned, which lies along the normal of shells
+    turn: float = 0.0  # that turn, rad
+    own: dict[int, Floats] = field(default_factory=dict)  # axes of elements that have their own, by their place
 
     def at(self, points: Floats) -> Floats:
         """(p, 3, 3) axes as rows at (p, 3) points."""

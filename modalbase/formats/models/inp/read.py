@@ -33,19 +33,12 @@ _USED = card_names(
 
 @dataclass
 class Deck:
-    """Cards by where they belong.
+    """Cards by where they belong."""
 
-    Attributes:
-        parts: cards of each part, by folded name.
-        instances: card and cards of each instance.
-        own: those of the assembly and of the model.
-        steps: those of each step, with the card *STEP.
-    """
-
-    parts: dict[str, list[Card]] = field(default_factory=dict)
-    instances: list[tuple[Card, list[Card]]] = field(default_factory=list)
-    own: list[Card] = field(default_factory=list)
-    steps: list[list[Card]] = field(default_factory=list)
+    parts: dict[str, list[Card]] = field(default_factory=dict)  # cards of each part, by folded name
+    instances: list[tuple[Card, list[Card]]] = field(default_factory=list)  # card and cards of each instance
+    own: list[Card] = field(default_factory=list)  # those of the assembly and of the model
+    steps: list[list[Card]] = field(default_factory=list)  # those of each step, with the card *STEP
 
 
 def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> FiniteElementModel:

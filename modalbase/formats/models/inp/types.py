@@ -13,26 +13,17 @@ Role = Literal["shell", "beam", "mass", "inertia", "spring", "rigid", "other"]
 
 @dataclass(frozen=True)
 class ElementType:
-    """A type of elements.
+    """A type of elements."""
 
-    Attributes:
-        name: as both solvers have it.
-        role: what it is for.
-        least, most: numbers of its nodes, a node more for a beam's direction.
-        kind: of the model's elements.
-        order: of the deck's nodes in the model's.
-        loss: of a type that is not used: what is lost.
-        changes: whether modes change by that.
-    """
-
-    name: str
-    role: Role
+    name: str  # as both solvers have it
+    role: Role  # what it is for
+    # least, most: numbers of its nodes, a node more for a beam's direction
     least: int
     most: int
-    kind: Kind | None = None
-    order: tuple[int, ...] = ()
-    loss: str = ""
-    changes: bool = False
+    kind: Kind | None = None  # of the model's elements
+    order: tuple[int, ...] = ()  # of the deck's nodes in the model's
+    loss: str = ""  # of a type that is not used: what is lost
+    changes: bool = False  # whether modes change by that
 
 
 def _shell(kind: Kind, nodes: int, names: str) -> dict[str, ElementType]:

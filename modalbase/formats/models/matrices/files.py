@@ -34,22 +34,15 @@ _PARTS = ("data", "indices", "indptr")
 
 @dataclass(frozen=True)
 class Entries:
-    """Entries of a matrix.
+    """Entries of a matrix."""
 
-    Attributes:
-        rows, columns: from 0, or codes of `code` where `is_labelled`.
-        values: of them.
-        is_labelled: whether they are known by node and dof.
-        is_half: whether one triangle stands for both; None where the entries themselves must show it.
-        size: of a matrix whose rows are numbered.
-    """
-
+    # rows, columns: from 0, or codes of `code` where `is_labelled`
     rows: Integers
     columns: Integers
-    values: Floats
-    is_labelled: bool = False
-    is_half: bool | None = None
-    size: int | None = None
+    values: Floats  # of them
+    is_labelled: bool = False  # whether they are known by node and dof
+    is_half: bool | None = None  # whether one triangle stands for both; None where the entries themselves must show it
+    size: int | None = None  # of a matrix whose rows are numbered
 
 
 def code(nodes: Integers, dofs: Integers) -> Integers:

@@ -31,18 +31,12 @@ _ASYMMETRY = 1e-6
 
 @dataclass(frozen=True)
 class MatrixModel:
-    """Matrices of a solver, in its units.
+    """Matrices of a solver, in its units."""
 
-    Attributes:
-        numbers: (n,) the user's numbers of the nodes.
-        nodes: (n, 3) coordinates.
-        dofs: (d, 2) row of the node, and dof 0 … 5, of each row of the matrices.
-        stiffness, mass: (d, d) symmetric, by the factor's name; `0` is what no factor scales.
-    """
-
-    numbers: Integers
-    nodes: Floats
-    dofs: Integers
+    numbers: Integers  # (n,) the user's numbers of the nodes
+    nodes: Floats  # (n, 3) coordinates
+    dofs: Integers  # (d, 2) row of the node, and dof 0 … 5, of each row of the matrices
+    # stiffness, mass: (d, d) symmetric, by the factor's name; `0` is what no factor scales
     stiffness: Mapping[str, scipy.sparse.csc_array]
     mass: Mapping[str, scipy.sparse.csc_array]
 

@@ -25,18 +25,13 @@ from modalbase.formats.models.model import (
 
 @dataclass(frozen=True)
 class Stated:
-    """What a user says of a mesh, in SI.
+    """What a user says of a mesh, in SI."""
 
-    Attributes:
-        sections: of sets of shells.
-        materials: of these, by name.
-        axes: axis 1 of the material of sets, not projected; without one x, or z where x is the normal.
-        held: dofs (0 … 5) that are held of the nodes of sets of lines or points, or of shells.
-    """
-
-    sections: Mapping[str, ShellSection]
-    materials: Mapping[str, Material]
+    sections: Mapping[str, ShellSection]  # of sets of shells
+    materials: Mapping[str, Material]  # of these, by name
+    # axis 1 of the material of sets, not projected; without one x, or z where x is the normal
     axes: Mapping[str, tuple[float, float, float]]
+    # dofs (0 … 5) that are held of the nodes of sets of lines or points, or of shells
     held: Mapping[str, tuple[int, ...]]
 
 

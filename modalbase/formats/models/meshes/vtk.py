@@ -28,23 +28,14 @@ SETS = ("set", "gmsh:physical", "CellEntityIds", "PartId", "MaterialIds")
 
 @dataclass
 class Grid:
-    """What a file says.
+    """What a file says."""
 
-    Attributes:
-        points: (n, 3).
-        connectivity: points of all cells, from 0.
-        ends: (c,) where each cell's points end in it.
-        types: (c,) of cells.
-        data: arrays of cells by name.
-        names: of sets by their number, where the file has them.
-    """
-
-    points: Floats | None = None
-    connectivity: Integers | None = None
-    ends: Integers | None = None
-    types: Integers | None = None
-    data: dict[str, Floats] = field(default_factory=dict)
-    names: Mapping[int, str] = field(default_factory=dict)
+    points: Floats | None = None  # (n, 3)
+    connectivity: Integers | None = None  # points of all cells, from 0
+    ends: Integers | None = None  # (c,) where each cell's points end in it
+    types: Integers | None = None  # (c,) of cells
+    data: dict[str, Floats] = field(default_factory=dict)  # arrays of cells by name
+    names: Mapping[int, str] = field(default_factory=dict)  # of sets by their number, where the file has them
 
 
 def mesh_of(grid: Grid) -> MeshFile:
