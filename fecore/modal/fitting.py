@@ -144,7 +144,7 @@ def _aligned(
     each, moved = found
     weight = weights(data.arrangement, fit.variance)
     still = _Data.of(aligned(data.arrangement, moved, weight, each), data.noise)
-    grown = still.grown(moved, pool, most, step)
+    grown = still.grown(terms, pool, most, step)
     still = _Data.of(aligned(data.arrangement, grown, weight, each), data.noise)
     return still, grown, Drift(each, float(np.std(each)))
 
