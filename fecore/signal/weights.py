@@ -32,7 +32,7 @@ WEIGHTS = {
     "swing": Weight(3.37, unit=0.25),
     "turned": Weight(3.00, unit=0.1),
     "flat": Weight(3.01, unit=1),
-    "beyond": Weight(6.73, unit=0.03, centre=-5.30, between=0.48, within=0.10, least=0.005),
+    "beyond": Weight(1.75, unit=0.03, centre=-5.30, between=0.53, within=0.10, least=0.005),
     "height": Weight(3.21, centre=4.32, between=0.98, within=0.28),
     "early": Weight(1.46, centre=0.00, between=1.49, within=0.36),
     "jump": Weight(1.29, centre=1.00, between=0.19, within=0.12),

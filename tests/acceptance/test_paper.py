@@ -44,7 +44,7 @@ def test_the_simulated_beam_gives_its_modulus_and_damping_back(simulated: simula
     for name, value in zip(rows, (30e9, *SIMULATED_CONVERGED), strict=True):
         assert rows[name].estimate == pytest.approx(value, rel=0.01)  # the project's target of damping at 1 % noise
         assert rows[name].interval_95[0] < value < rows[name].interval_95[1]
-    assert rows["E"].estimate == pytest.approx(30e9, rel=2e-3)
+    assert rows["E"].estimate == pytest.approx(30e9, rel=3e-3)  # 0.06 of its deviation, which allows for the inputs
     assert [mode.kind for mode in simulated.update.modes[:5]] == ["bending"] * 5
 
 
