@@ -11,7 +11,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import Terms, poles
 from fecore.modal.compression import compress
-from fecore.modal.drift import Drift, aligned, drift_of, in_band, session_of, sessions
+from fecore.modal.drift import Drift, aligned, drift_of, drift_price, in_band, session_of, sessions
 from fecore.modal.error_model import memory, shared_error
 from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import (
@@ -28,7 +28,7 @@ from fecore.modal.growth import (
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
 from fecore.modal.probability import doubled, probability
-from fecore.modal.refinement import Fit, Level, refine, spare, weights
+from fecore.modal.refinement import Fit, Level, level_at, refine, spare, weights
 
 _CULLS = 2  # turns of probability and refinement
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
@@ -135,18 +135,25 @@ def _steps(report: Report) -> Callable[[int], None]:
 def _aligned(
     data: _Data, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
 ) -> tuple[_Data, Terms, Drift | None]:
-    """The FRFs and the series that they need, grown from a first one: without the drift of their tests where it pays."""
+    """The FRFs and the series that they need, grown from a first one: without the drift of their tests where it pays.
+
+    Poles that the series lacks may pass for a drift, and a drift for poles. So both grow on aligned FRFs first, and the same
+    poles, refined, must do worse by the price of the drift without it.
+    """
     fit = data.fitted(terms)
     pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
     found = drift_of(data.arrangement, fit, lambda moved, own: _Data.of(moved, data.noise).settled(own))
-    if found is None:
-        return data, data.grown(terms, pool, most, step), None
-    each, moved = found
-    weight = weights(data.arrangement, fit.variance)
-    still = _Data.of(aligned(data.arrangement, moved, weight, each), data.noise)
-    grown = still.grown(terms, pool, most, step)
-    still = _Data.of(aligned(data.arrangement, grown, weight, each), data.noise)
-    return still, grown, Drift(each, float(np.std(each)))
+    if found is not None:
+        each, moved = found
+        weight = weights(data.arrangement, fit.variance)
+        still = _Data.of(aligned(data.arrangement, moved, weight, each), data.noise)
+        grown = still.grown(moved, pool, most, step)
+        still = _Data.of(aligned(data.arrangement, grown, weight, each), data.noise)
+        left = level_at(still.arrangement, still.settled(grown), fit.variance).chi_squared
+        without = level_at(data.arrangement, data.settled(grown), fit.variance).chi_squared
+        if without - left > drift_price(data.arrangement, fit):
+            return still, grown, Drift(each, float(np.std(each)))
+    return data, data.grown(terms, pool, most, step), None
 
 
 def _without_company(data: _Data, fit: Level) -> Level:
