@@ -6,6 +6,7 @@ This module imports no database and no web, since the child imports it.
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,14 +15,13 @@ from typing import TYPE_CHECKING, Any
 from fecore.errors import InputError
 from fecore.frf import Quantity, size_fault
 from modalbase.formats import uff
-from modalbase.formats.errors import FormatError
 from modalbase.formats.recognise import Format, recognise
-from modalbase.formats.records import TimeBlock, Variables, described
+from modalbase.formats.records import TimeBlock, described
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
 from service.compute.arrays_of_files import Found, Kind, read_arrays
 from service.compute.frf_rows import EncodedFrf
-from service.compute.recordings import proposed_recording, take_block
+from service.compute.recordings import channel_of, recording_in_uff
 from service.compute.spectra import Axis, encode, encode_axis
 from service.errors import Invalid
 
@@ -86,7 +86,7 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
         points: list[uff.GridPoint] = []
         unused: tuple[Outcome, str] | None = None
         spectra = Spectra()
-        channels: Variables | None = {}
+        channels = Counter[str]()
         for item in items:
             if isinstance(item, uff.GridPoint) and len(points) < POINTS_AT_ONCE:
                 points.append(item)
@@ -113,28 +113,18 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
                 spectra.note(item)
                 yield _encoded(item)
             elif isinstance(item, uff.Function | uff.TimeResponse | uff.ModeShape | uff.TraceLine):
-                channels = _with_channel(channels, item) if isinstance(item, uff.TimeResponse) else channels
+                channels.update([channel_of(item)] if isinstance(item, uff.TimeResponse) else [])
                 yield item
         for found in spectra.finish():
             yield _encoded(found) if isinstance(found, uff.Frf) else found
-        if channels and (proposed := proposed_recording(channels)) is not None:
+        if (recording := recording_in_uff(inputs.path, channels)) is not None:
             if not inputs.dry_run:
                 why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"
                 raise Invalid("/mapping/recording", why)
-            yield Found("uff", "hits", {name: described(array) for name, array in channels.items()}, proposed)
+            blocks, proposed = recording
+            yield Found("uff", "hits", {name: described(array) for name, array in blocks.items()}, proposed)
     except uff.UffError as error:
         raise InputError("file", f"{error.reason} (byte {error.offset})") from error
-
-
-def _with_channel(channels: Variables | None, block: uff.TimeResponse) -> Variables | None:
-    """What may be the channels of a recording, with one more; None once one, or the hammer, has a second block."""
-    if channels is None:
-        return None
-    try:
-        take_block(channels, block)
-    except FormatError:
-        return None
-    return channels if sum(name.startswith("force") for name in channels) < 2 else None
 
 
 def _encoded(frf: uff.Frf) -> EncodedFrf:

@@ -212,29 +212,47 @@ def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None)
 
 
 def _blocks_of_uff(path: Path) -> Variables:
-    """Raises FormatError where it cannot be read, or has several blocks of one channel."""
+    """The time blocks of a UFF file by `channel_of`, and their rate.
+
+    Raises:
+        FormatError: it cannot be read, or has several blocks of one channel.
+    """
     found: Variables = {}
     try:
         for item in read_file(path, Limits()):
             if isinstance(item, TimeResponse):
-                take_block(found, item)
+                name = channel_of(item)
+                if found.setdefault(name, item.samples) is not item.samples:
+                    raise FormatError(name, "is in the file several times: as single hits, which need no mapping")
+                if found.setdefault(SAMPLE_RATE, np.array(item.sample_rate_hz)) != item.sample_rate_hz:
+                    raise FormatError(name, "differs in rate from another channel; those of a hit are on one clock")
     except UffError as error:
         raise FormatError("", f"{error.reason} (byte {error.offset})") from error
     return found
 
 
-def take_block(channels: Variables, block: TimeResponse) -> None:
-    """Put a time block of a UFF file to the others: by what it measures, its point and direction, as `acceleration_33_3`; and
-    their rate.
+def channel_of(block: TimeResponse) -> str:
+    """Name of a block's channel, by what it measures, its point and direction: `acceleration_33_3`."""
+    return f"{block.quantity}_{block.response_point}_{block.response_direction}"
 
-    Raises:
-        FormatError: the channel is there, or has another rate.
+
+def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dict[str, Any]] | None:
+    """The blocks of a UFF file and the mapping of a recording that they suggest; None where they are single hits.
+
+    The blocks are read again, so that only a file with one block of one hammer and one of each sensor has them in memory.
+
+    Args:
+        path: of the file.
+        channels: how many blocks each channel has, by `channel_of`.
     """
-    name = f"{block.quantity}_{block.response_point}_{block.response_direction}"
-    if channels.setdefault(name, block.samples) is not block.samples:
-        raise FormatError(name, "is in the file several times: as single hits, which need no mapping")
-    if channels.setdefault(SAMPLE_RATE, np.array(block.sample_rate_hz)) != block.sample_rate_hz:
-        raise FormatError(name, "differs in rate from another channel; those of a hit are on one clock")
+    if sum(name.startswith("force") for name in channels) != 1 or channels.total() > len(channels):
+        return None
+    try:
+        blocks = _blocks_of_uff(path)
+    except FormatError:  # channels of two rates are no recording
+        return None
+    proposed = proposed_recording(blocks)
+    return None if proposed is None else (blocks, proposed)
 
 
 def proposed_recording(variables: Variables) -> dict[str, Any] | None:
