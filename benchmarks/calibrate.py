@@ -147,10 +147,10 @@ def print_kinds(poles: Poles, p: np.ndarray) -> None:
     of, kind, distortion = (np.array(each) for each in (poles.of, poles.kind, poles.distortion))
     sure, open_ = p >= SURE, (p >= REFUSED) & (p < SURE)
     print(
-        f"modes are kept from P = {SURE:g} on and refused below {REFUSED:g}; `foretold`: of both kinds of others kept"
+        f"modes are kept from P = {SURE:g} on and refused below {REFUSED:g}; `expected`: of both kinds of others kept"
     )
     of_modes = ("modes:d", "kept:d", "uncertain:d", "refused:d", "no pole:d")
-    others = ("second, kept:d", "uncertain:d", "others, kept:d", "uncertain:d", "foretold:.1f")
+    others = ("second, kept:d", "uncertain:d", "others, kept:d", "uncertain:d", "expected:.1f")
     table = Table("", "kind:10", *of_modes, *others, "held, f %:.1f", "ζ %:.1f", "CPU s:.2f", "most:.2f")
     for name, seconds in poles.seconds.items():
         own = kind == name
@@ -158,8 +158,8 @@ def print_kinds(poles: Poles, p: np.ndarray) -> None:
         counts = [modes, modes & sure, modes & open_, modes & (p < REFUSED)]
         wrong = [splits & sure, splits & open_, others & sure, others & open_]
         inside = 100 * np.mean(poles.inside[name] or [(np.nan, np.nan)], axis=0)
-        sums, foretold = [[each.sum() for each in some] for some in (counts, wrong)], np.sum(1 - p[own & sure])
-        table.row(name, *sums[0], poles.lost[name], *sums[1], foretold, *inside, np.mean(seconds), np.max(seconds))
+        sums, expected = [[each.sum() for each in some] for some in (counts, wrong)], np.sum(1 - p[own & sure])
+        table.row(name, *sums[0], poles.lost[name], *sums[1], expected, *inside, np.mean(seconds), np.max(seconds))
     for name in ("squared", "cubed", "loose"):
         own = (kind == name) & distortion
         print(f"distortions of {name}: {own.sum()}, kept {np.sum(own & sure)}, uncertain {np.sum(own & open_)}")

@@ -8,8 +8,8 @@ more. With poles s_k(1 + d) the FRFs of a test are linear in their residues, so
 
 is found on a grid, with one decomposition of Φ for all tests (a separable problem; Golub and Pereyra 2003). A test
 drifts at most five times as far as half of them do: that is all the prior. Poles that lie side by side, as a drift
-makes them, are one in this series. Drift and poles are found in turn while the series with the drift costs less (Akaike, in
-lines that are worth one) than the series with the twins and without.
+makes them, are one in this series. Drift and poles are found in turn while the series with the drift costs less (Akaike, by
+independent lines) than the series with the twins and without.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.basis import Terms, columns
 from fecore.modal.error_model import memory
 from fecore.modal.growth import PRICE, gains, pole_price
+from fecore.modal.linear import stacked
 from fecore.modal.refinement import Level, level_at, weights
 
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
@@ -46,19 +47,20 @@ class Drift:
 
 
 def drift_of(
-    arrangement: Arrangement, fit: Level, settle: Callable[[Arrangement, Terms], Terms]
+    arrangement: Arrangement, fit: Level, price: float, settle: Callable[[Arrangement, Terms], Terms]
 ) -> tuple[FloatArray, Terms] | None:
     """(N,) the drift of each FRF that lowers χ² most, and the series that shows it; None where no drift pays.
 
     Args:
         arrangement: the FRFs.
         fit: a series fitted to them.
+        price: of a drift, as `drift_price`.
         settle: refines a series on aligned FRFs.
     """
     tests, inside = session_of(arrangement), in_band(arrangement, fit.terms.frequency_hz)
     if int(tests.max()) + 1 < FEW or not inside.any():
         return None
-    terms, weight, price = _merged(fit, inside), weights(arrangement, fit.variance), drift_price(arrangement, fit)
+    terms, weight = _merged(fit, inside), weights(arrangement, fit.variance)
     twins = (fit.terms.pairs - terms.pairs) * pole_price(fit)
     each: FloatArray = np.zeros(len(arrangement.pairs))
     reach, least = _WIDEST, fit.chi_squared + twins - price
@@ -177,15 +179,12 @@ def _misfits(
     omega, values, own = arrangement.omega[lines], arrangement.values[:, lines], weight[:, lines]
     mean = own.mean(axis=0)
     root, level = np.sqrt(mean), own.sum(axis=1) / max(mean.sum(), 1e-300)
-    scaled = values * root
-    target = np.concatenate([scaled.real, scaled.imag], axis=1)
+    target = stacked(values.T, root).T
     whole = np.sum(target**2, axis=1)
     out = np.empty((grid.size, len(values)))
     for place, drift in enumerate(grid):
-        basis = columns(omega, _moved(arrangement, terms, float(drift)), arrangement.power) * root[:, None]
-        frame = np.linalg.qr(
-            np.concatenate([basis.real, basis.imag]) / np.maximum(np.linalg.norm(basis, axis=0), 1e-300)
-        )[0]
+        basis = stacked(columns(omega, _moved(arrangement, terms, float(drift)), arrangement.power), root)
+        frame = np.linalg.qr(basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300))[0]
         out[place] = level * (whole - np.sum((target @ frame) ** 2, axis=1))
     return out
 
@@ -205,9 +204,9 @@ def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArr
     A pole beyond the band and residual terms look nearly alike on the lines: without the prior both are large and cancel, and
     the drift of that pole alone spoils all FRFs. With B the weighted columns of length 1, (BᵀB + N/|H|² I) c = BᵀH (Tikhonov).
     """
-    scaled = np.concatenate([(root[:, None] * basis).real, (root[:, None] * basis).imag])
+    scaled = stacked(basis, root)
     size = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
-    both = np.concatenate([(root * values).real, (root * values).imag], axis=1)
+    both = stacked(values.T, root).T
     left, singular, right = np.linalg.svd(scaled / size, full_matrices=False)
     damped = singular / (singular**2 + len(both) / max(float(np.sum(both**2)), 1e-300))
     return np.asarray((((both @ left) * damped) @ right) / size)

@@ -142,7 +142,8 @@ def _aligned(
     """
     fit = data.fitted(terms)
     pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
-    found = drift_of(data.arrangement, fit, lambda moved, own: _Data.of(moved, data.noise).settled(own))
+    price = drift_price(data.arrangement, fit)
+    found = drift_of(data.arrangement, fit, price, lambda moved, own: _Data.of(moved, data.noise).settled(own))
     if found is not None:
         each, moved = found
         weight = weights(data.arrangement, fit.variance)
@@ -151,7 +152,7 @@ def _aligned(
         still = _Data.of(aligned(data.arrangement, grown, weight, each), data.noise)
         left = level_at(still.arrangement, still.settled(grown), fit.variance).chi_squared
         without = level_at(data.arrangement, data.settled(grown), fit.variance).chi_squared
-        if without - left > drift_price(data.arrangement, fit):
+        if without - left > price:
             return still, grown, Drift(each, float(np.std(each)))
     return data, data.grown(terms, pool, most, step), None
 

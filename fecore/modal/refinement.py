@@ -53,7 +53,7 @@ class Level:
     own: FloatArray  # (q, r) coefficients of the terms from those of the orthonormal frame
     residual: ComplexArray  # (N, L) measured minus model
     chi_squared: float  # weighted sum of squared residuals
-    memory: float = 1.0  # number of lines that are worth one
+    memory: float = 1.0  # number of lines that count as one independent line
 
     def model(self, arrangement: Arrangement) -> ComplexArray:
         """(N, L) fitted FRFs."""

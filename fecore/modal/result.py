@@ -80,7 +80,7 @@ class Identification:
     warnings: tuple[str, ...]  # what a user should know, in words
     frequency_hz: FloatArray  # (L,) lines of the fit
     quantity: Quantity  # what kind of FRF `measured` and `predicted` are
-    # (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or spoilt
+    # (N, L) the FRFs as used (signs turned to positive directions), NaN where not measured or damaged
     measured: ComplexArray
     predicted: ComplexArray  # (N, L) the fitted FRFs
     noise_variance: FloatArray  # (N, L) variance E|n|² of each value, as handed in or estimated
@@ -90,7 +90,7 @@ class Identification:
     model_error: float  # standard deviation of the relative error of the FRFs that lasts over several lines
     drift: float  # standard deviation of the relative drift of the frequencies between the FRFs
     delay: float  # of the responses behind the forces, as the phases of the strong modes show it, s
-    memory_lines: float  # number of lines that are worth one, by the correlation of the residual
+    memory_lines: float  # number of lines that count as one independent line, by the correlation of the residual
     seconds: dict[str, float]  # time of each step
 
     def chosen(self, *, include_doubtful: bool = False) -> Found:
