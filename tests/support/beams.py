@@ -4,7 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fecore.correlation import mac
 from fecore.frf import Dof, FrfSet
+from fecore.modal import Identification
 
 PAPER_HZ = np.array([25.61, 160.85, 399.28, 442.65, 867.96])
 PAPER_ZETA = np.array([0.1556, 0.0284, 0.0243, 0.0147, 0.0126])
@@ -84,3 +86,15 @@ def many_frfs(count: int, lines: int, noise: float, seed: int = 0) -> FrfSet:
     values = add_noise(values, noise, 0.5, np.random.default_rng(seed))
     dofs = tuple(Dof(p, 3) for p in range(1, count + 1))
     return FrfSet(frequency, values, dofs, (dofs[-1],) * count)
+
+
+PAPER_SHAPES = cantilever_shapes(grid())[:5]
+LINES = 500  # 2 Hz apart, a fourth of the narrowest mode's half-power bandwidth
+
+
+def assert_papers_modes(found: Identification, f: float, zeta: float, shape: float = 0.999) -> None:
+    """The five modes of the paper, within relative tolerances on f and ζ and a least MAC of the real shapes."""
+    assert len(found.modes) == 5, found.modes.frequency_hz
+    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=f)
+    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=zeta)
+    assert np.all(np.diag(mac(found.shapes.real, PAPER_SHAPES)) >= shape)

@@ -1,9 +1,8 @@
-"""FRFs in, modes out: accuracy, uncertainty, guards, faults of the input, real and independent data."""
+"""FRFs in, modes out: accuracy, uncertainty, guards, real and independent data."""
 
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,16 +13,16 @@ from examples.paper import synthesis
 from examples.paper.published import FREE_UPDATED, free_beam
 from fecore.body.supports import PointMass
 from fecore.correlation import mac
-from fecore.errors import IdentificationError, InputError
+from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
-from fecore.modal import Identification, Options, identify, set_with_gaps
-from fecore.modal.screening import screen
+from fecore.modal import Identification, Options, identify
 from tests.support.beams import (
+    LINES,
     PAPER_HZ,
+    PAPER_SHAPES,
     PAPER_ZETA,
     add_noise,
-    cantilever_shapes,
-    grid,
+    assert_papers_modes,
     paper_frfs,
     read_uff,
     receptance,
@@ -31,16 +30,6 @@ from tests.support.beams import (
 from tests.support.places import shared_file
 
 BENDING_HZ = (51.5, 142.2, 278.7, 460.4, 687.2, 958.5)  # of the free beam that somebody measured
-TRUE_SHAPES = cantilever_shapes(grid())[:5]
-LINES = 500  # 2 Hz apart, a fourth of the narrowest mode's half-power bandwidth
-
-
-def assert_papers_modes(found: Identification, f: float, zeta: float, shape: float = 0.999) -> None:
-    """The five modes of the paper, within relative tolerances on f and ζ and a least MAC of the real shapes."""
-    assert len(found.modes) == 5, found.modes.frequency_hz
-    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=f)
-    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=zeta)
-    assert np.all(np.diag(mac(found.shapes.real, TRUE_SHAPES)) >= shape)
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +74,7 @@ def test_one_per_cent_noise() -> None:
     assert_papers_modes(found, 1e-3, 0.01, 0.9999)
     assert found.shapes.mass_normalised is not None
     # the driving point gives modal mass: tip deflection of the first mode is 2/√0.407 for unit modal mass
-    true = TRUE_SHAPES / np.sqrt(0.407)
+    true = PAPER_SHAPES / np.sqrt(0.407)
     assert np.allclose(np.abs(found.shapes.mass_normalised[:, -1]), np.abs(true[:, -1]), rtol=0.01)
     assert np.all(found.shapes.collinearity > 0.999)
     assert found.warnings == ()
@@ -201,144 +190,6 @@ def test_rigid_body_motion_does_not_leak_into_the_first_mode() -> None:
     found = identify(FrfSet(frequency, values, dofs, (dofs[-1],) * 11))
     assert np.allclose(found.modes.frequency_hz, hz, rtol=1e-4)
     assert np.allclose(found.modes.damping_ratio, zeta, rtol=0.01)
-
-
-# --- faults of the input ---------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def good() -> FrfSet:
-    """FRFs that the tests spoil: line k is at 2 (k + 1) Hz, row r is 33Z/(r + 1)Z."""
-    return paper_frfs(0.01, 6, LINES)
-
-
-def test_what_was_not_measured_is_left_out_and_told(good: FrfSet) -> None:
-    """A line at zero, a dead channel, an overload, lines that are missing from one FRF and from all; and the driving point has
-    the wrong sign.
-    """
-    values = good.values.copy()
-    values[7] = 0
-    values[5, 124] = 1e4
-    values[3, 195:200] = np.nan
-    values[:, 25] = np.nan
-    values[32] *= -1
-    values = np.concatenate([np.full((33, 1), 7.0), values], axis=1)
-    found = identify(set_with_gaps(np.append(0.0, good.frequency_hz), values, good.responses, good.references))
-    assert [r.frf for r in found.refused] == ["33Z/8Z"]
-    assert "dead channel" in found.refused[0].reason
-    assert len(found.modes) == 5
-    assert np.allclose(found.modes.frequency_hz, PAPER_HZ, rtol=1e-3)
-    assert np.allclose(found.modes.damping_ratio, PAPER_ZETA, rtol=0.01)
-    assert Dof(8, 3) not in found.modes.dofs
-    assert any("33Z/8Z" in w for w in found.warnings)
-    assert any("250 Hz" in w and "33Z/6Z" in w for w in found.warnings)
-    assert any("line at 0 Hz" in w for w in found.warnings)
-    assert any("33Z/33Z" in w and "sign" in w for w in found.warnings)
-
-
-def test_wrong_signs_and_zeroes_are_left_out_and_named(good: FrfSet) -> None:
-    """As large as their neighbours, so that only the fit sees them; of ten FRFs, each at another line. One of them has zeroes
-    for a gap.
-    """
-    values = good.values.copy()
-    rows, lines = np.arange(3, 13), 109 + 8 * np.arange(10)
-    values[rows, lines] *= -1
-    values[3, 195:200] = 0
-    found = identify(replace(good, values=values))
-    assert_papers_modes(found, 1e-3, 0.01)
-    said = "left out, far off what the other lines say"
-    wrong = {f"33Z/{row + 1}Z: {2 * line + 2} Hz {said}" for row, line in zip(rows, lines, strict=True)}
-    named = {w for w in found.warnings if w.endswith(said)}
-    assert named <= wrong
-    assert len(named) >= 3  # near an antiresonance both signs are as good
-    assert any("33Z/4Z" in w and "392" in w and "not measured" in w for w in found.warnings)
-
-
-def test_a_line_saturated_in_all_channels_and_interference_are_no_modes(good: FrfSet) -> None:
-    values = good.values.copy()
-    values[:, 124] *= 300 * np.exp(1j * np.random.default_rng(1).uniform(0, 6.28, 33))
-    values[:, 24] += 3 * np.abs(values[:, 24]).max()
-    found = identify(replace(good, values=values))
-    assert_papers_modes(found, 1e-3, 0.01)
-    assert any("250 Hz" in w for w in found.warnings)
-    assert any("50 Hz" in w and "250 Hz" not in w for w in found.warnings)
-
-
-def test_repeats_that_agree_are_averaged_and_others_refused(good: FrfSet) -> None:
-    """The first once more, the second once more in the opposite direction, the third once more with the wrong sign."""
-    again = paper_frfs(0.01, 7, LINES)
-    repeated = FrfSet(
-        good.frequency_hz,
-        np.vstack([good.values, again.values[:1], -again.values[1:3]]),
-        (*good.responses, *good.responses[:3]),
-        (*good.references, good.references[0], Dof(2, -3), good.references[2]),
-    )
-    found = identify(repeated)
-    assert len(found.modes) == 5
-    assert len(found.used) == 32
-    for frf in ("33Z/1Z", "33Z/2Z"):
-        assert any(frf in w and "averaged" in w for w in found.warnings)
-    assert {r.frf for r in found.refused} == {"33Z/3Z"}
-    assert "opposite signs" in found.refused[0].reason
-    assert {Dof(p, 3) for p in (1, 2, 3)} - set(found.modes.dofs) == {Dof(3, 3)}
-
-
-def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities(good: FrfSet) -> None:
-    with pytest.raises(IdentificationError, match=r"all FRFs contradict their repeats: .*opposite signs"):
-        screen([good, replace(good, values=-good.values)])
-    with pytest.raises(
-        IdentificationError, match=r"should be the same FRF but differ \(correlation 0\.\d\d\): measure again"
-    ):
-        screen([good, replace(good, values=good.values[:, ::-1])])
-    constant = np.where(np.arange(33)[:, None] == 4, 2 + 1j, good.values)
-    found = screen([replace(good, values=constant)])
-    assert [r.reason for r in found.refused] == ["is the same number at all lines: not a measurement"]
-    mixed = [good.select(list(range(10))), good.select(list(range(10, 33))).to_quantity("mobility")]
-    assert "the FRFs are of different quantities: all were taken as accelerance" in screen(mixed).warnings
-
-
-def test_frequency_axes_may_differ_within_a_campaign(good: FrfSet) -> None:
-    fine = paper_frfs(0.01, 7, lines=2 * LINES)
-    first, second = good.select(list(range(20))), fine.select(list(range(20, 33))).band(10.0, 950.0)
-    found = identify([first, second])
-    assert_papers_modes(found, 1e-3, 0.01)
-    assert any("2 different frequency axes" in w for w in found.warnings)
-
-
-@pytest.mark.parametrize(("factor", "largest"), [(1e300, "e+30"), (1e-300, "e-29"), (1e304, "e+30")])
-def test_values_whose_squares_leave_double_precision_are_no_frfs(good: FrfSet, factor: float, largest: str) -> None:
-    with pytest.raises(InputError, match=r"check unit and scale") as refused:
-        replace(good, values=factor * good.values)
-    assert largest in str(refused.value)
-    assert "reference point" in str(refused.value)
-
-
-def test_an_frf_of_quite_another_scale_is_named_with_the_one_it_is_judged_by(good: FrfSet) -> None:
-    faint, loud = good.values.copy(), good.values.copy()
-    faint[7] *= 1e-300
-    loud[7] *= 1e60
-    (refused,) = identify(replace(good, values=faint)).refused
-    assert refused.frf == "33Z/8Z"
-    assert re.match(r"is at most \S+e-\d{3} where 33Z/\d+Z reaches", refused.reason)
-    assert "the scale of one of the two is wrong" in refused.reason
-    others = screen(replace(good, values=loud)).refused
-    assert len(others) == 32
-    assert all("where 33Z/8Z reaches" in one.reason for one in others)
-
-
-def test_what_cannot_be_used_is_refused_with_a_reason(good: FrfSet) -> None:
-    with pytest.raises(IdentificationError, match="dead channel"):
-        identify(replace(good, values=np.zeros_like(good.values)))
-    with pytest.raises(IdentificationError, match="lines"):
-        identify(good.band(100.0, 116.0))
-    with pytest.raises(InputError, match="band_hz"):
-        identify(good, Options(band_hz=(2000.0, 3000.0)))
-    with pytest.raises(InputError, match="frfs"):
-        identify([])
-    with pytest.raises(InputError, match="variance"):
-        identify(replace(good, variance=np.zeros(good.values.shape)))
-    with pytest.raises(InputError, match="highest_order"):
-        Options(highest_order=1)
 
 
 def test_noise_alone_holds_no_mode() -> None:
