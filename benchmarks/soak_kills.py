@@ -24,6 +24,7 @@ from sqlalchemy import text
 
 from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor
 from benchmarks.service import RAW, campaigns_of, client_at
+from benchmarks.soak_backup import RECIPE
 from service.app.demo import paper
 from tests.support.receivers import receiver
 
@@ -161,7 +162,7 @@ def _updates(client: _Client) -> Work:
     client.send_file(campaign)
     modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
     for number in count():
-        once, recipe = {"Idempotency-Key": f"soak {number}"}, {"mode_set": modes["id"]}
+        once, recipe = {"Idempotency-Key": f"soak {number}"}, {**RECIPE, "mode_set": modes["id"]}
         yield client.to_its_end(f"campaigns/{campaign}/update-jobs", "update-jobs", json=recipe, headers=once)
 
 
