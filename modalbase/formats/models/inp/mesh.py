@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -180,19 +180,12 @@ class Mesh:
             raise row.error(f"gives element {number} the node {text}, which no *NODE has")
         return found
 
-    def select_nodes(self, name: str, scope: str, row: Row | Card) -> Integers:
-        """Rows of a node by its number, or of a set of nodes by its name.
+    def select(self, what: Literal["node", "element"], name: str, scope: str, row: Row | Card) -> Integers:
+        """Rows of a node, or places of an element, by its number, or of a set of them by its name.
 
         Raises:
             FormatError: there is none.
         """
-        return self._selected(name, scope, row, "node")
-
-    def select_elements(self, name: str, scope: str, row: Row | Card) -> Integers:
-        """Places of an element by its number, or of a set of elements by its name."""
-        return self._selected(name, scope, row, "element")
-
-    def _selected(self, name: str, scope: str, row: Row | Card, what: str) -> Integers:
         members = self._members(folded(name), scope, row, what, 0)
         self._spend(len(members), row)
         return np.array(sorted(members), dtype=np.int64)
