@@ -5,7 +5,6 @@ frames      coordinate systems and grids
 materials   MAT1, MAT2, MAT8
 deck        case control, names of sets, and the cards, with these two for all readers of cards
 shells      plates and laminates
-shapes      cross sections by their dimensions
 beams       bars, beams and rods
 carried     masses and springs, and mass that is spread
 held        rigid elements and constraints

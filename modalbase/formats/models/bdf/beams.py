@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from inspect import signature
 from math import pi
 
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.bdf.deck import Deck
-from modalbase.formats.models.bdf.shapes import SHAPES, is_real
 from modalbase.formats.models.model import BeamSection, Elements, Floats
+from modalbase.formats.models.shapes import NASTRAN, is_real
 
 _OF_ELEMENT = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
 _STATIONS = ("YES", "YESA", "NO")
@@ -140,14 +141,14 @@ class Sections:
 
     def _shaped(self, card: Card, first: int) -> tuple[BeamSection, tuple[float, float]]:
         kind = card.text(3)
-        if kind not in SHAPES:
-            raise card.wrong(3, "TYPE", f"one of {', '.join(SHAPES)}; else state the numbers with PBAR or PBEAM")
-        count, shape_of = SHAPES[kind]
+        if kind not in NASTRAN:
+            raise card.wrong(3, "TYPE", f"one of {', '.join(NASTRAN)}; else state the numbers with PBAR or PBEAM")
+        count = len(signature(NASTRAN[kind]).parameters)
         dimensions = [card.positive(first + k, f"DIM{k + 1}") for k in range(count)]
         extra = card.real(first + count, "NSM", 0.0)
         self._note_taper(card, first + count + 1, dimensions)
         try:
-            shape = shape_of(dimensions)
+            shape = NASTRAN[kind](*dimensions)
         except (ValueError, ZeroDivisionError, OverflowError) as error:
             raise card.error(f"the dimensions are of no {kind}", first) from error
         if not is_real(shape):
