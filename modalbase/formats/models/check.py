@@ -117,7 +117,7 @@ def _led_once(model: FiniteElementModel) -> None:
         first = links.setdefault(link.node, link)
         if first is not link:
             raise FormatError(
-                f"line {link.line}",
+                where(link.line, link.file),
                 f"leads node {model.numbers[link.node]}, which line {first.line} leads already; "
                 "have one constraint lead all its dofs",
             )
@@ -126,7 +126,8 @@ def _led_once(model: FiniteElementModel) -> None:
     except CycleError as error:
         circle = error.args[1]
         named = " → ".join(str(model.numbers[node]) for node in circle)
-        raise FormatError(f"line {links[circle[0]].line}", f"nodes lead one another in a circle: {named}") from error
+        first = links[circle[0]]
+        raise FormatError(where(first.line, first.file), f"nodes lead one another in a circle: {named}") from error
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:
@@ -134,7 +135,7 @@ def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, s
     worst = worst_corner(block, model.nodes)
     for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
         if not size[k] > 0:
-            what = "has no size: its nodes lie at one place or on one line"
+            what = "has no size: its nodes lie at one place or on one line, or its sides cross"
         elif block.kind.startswith("beam"):
             what = "has its middle node outside the middle half between its ends"
         else:

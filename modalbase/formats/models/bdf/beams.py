@@ -250,7 +250,7 @@ class Beams:
             self.sections[own.set] = own.section
             ends = _RODS.get(card.name, (2, 3))
             a, b = (self._deck.grids.row(card, index, f"G{end}") for index, end in zip(ends, "AB", strict=True))
-            axis, offsets = self._rod(card, a, b) if card.name in _RODS else self._bar(card, own, a, b)
+            axis, offsets = self._rod(a, b) if card.name in _RODS else self._bar(card, own, a, b)
             found.setdefault(own.set, []).append((number, (a, b), card, axis, offsets))
         return [_block(name, rows) for name, rows in found.items()]
 
@@ -262,10 +262,10 @@ class Beams:
             number = default.integer(1, "PID")
         return self._properties.get(card, card.integer(1, "PID", number))
 
-    def _rod(self, card: Card, a: int, b: int) -> tuple[Floats, Floats]:
+    def _rod(self, a: int, b: int) -> tuple[Floats, Floats]:
         along = self._deck.grids.places[b] - self._deck.grids.places[a]
-        size = _length(card, along)
-        return np.cross(along / size, np.eye(3)[np.argmin(np.abs(along))]), np.zeros((2, 3))
+        across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        return across / (np.linalg.norm(along) or 1.0), np.zeros((2, 3))
 
     def _bar(self, card: Card, own: Property, a: int, b: int) -> tuple[Floats, Floats]:
         frames = self._deck.grids.axes(a), self._deck.grids.axes(b)
@@ -300,19 +300,11 @@ class Beams:
 
 def _straight(card: Card, centroid: tuple[float, float], along: Floats, axis: Floats, arms: Floats) -> Floats:
     """Offsets of the ends to the centroid of a bar whose axis 1 lies across it."""
-    size = _length(card, along)
-    across = np.cross(along / size, axis)
-    if not np.linalg.norm(across) > 1e-8 * np.linalg.norm(axis) or not np.any(axis):
+    across = np.linalg.norm(np.cross(along, axis))
+    if np.any(along) and not across > 1e-8 * np.linalg.norm(axis) * np.linalg.norm(along):
         raise card.error("the orientation vector is along the beam; give a direction across it", 4)
     _, y, z = _axes(along, axis)
     return np.asarray(arms + centroid[0] * y + centroid[1] * z)
-
-
-def _length(card: Card, along: Floats) -> float:
-    size = float(np.linalg.norm(along))
-    if not size > 0:
-        raise card.error("its length is zero; both ends are in one place")
-    return size
 
 
 def _axes(along: Floats, axis: Floats) -> Floats:

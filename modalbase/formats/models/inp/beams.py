@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalbase.formats.models.check import unit
 from modalbase.formats.models.inp.lines import Card, Row
 from modalbase.formats.models.inp.materials import Materials
-from modalbase.formats.models.inp.mesh import Element
-from modalbase.formats.models.inp.types import SLENDER
+from modalbase.formats.models.inp.mesh import SLENDER, Element
 from modalbase.formats.models.model import BeamSection, Floats, Material, Place
 from modalbase.formats.models.shapes import Shape, abaqus
 
@@ -101,26 +101,20 @@ def directions(places: Floats, elements: list[Element], first: Floats) -> tuple[
     An element with a node more than its type has takes n1 from its first node to that one.
 
     Raises:
-        FormatError: a beam has no length, or n1 lies along it.
+        FormatError: n1 lies along a beam.
     """
     ends = places[[[element.nodes[element.type.order[k]] for k in (0, 1)] for element in elements]]
-    t = ends[:, 1] - ends[:, 0]
-    length = np.linalg.norm(t, axis=1, keepdims=True)
-    if not np.all(length > 0):
-        element = elements[int(np.argmin(length))]
-        raise element.row.error(f"gives element {element.number} no length")
-    t = t / length
+    t = unit(ends[:, 1] - ends[:, 0])
     n1 = np.tile(first, (len(elements), 1))
     for k, element in enumerate(elements):
         if len(element.nodes) > len(element.type.order):
             n1[k] = places[element.nodes[-1]] - ends[k, 0]
     n2 = np.cross(t, n1)
-    size = np.linalg.norm(n2, axis=1, keepdims=True)
-    along = ~(size > 1e-6 * np.linalg.norm(n1, axis=1, keepdims=True))
+    along = ~(np.linalg.norm(n2, axis=1) > 1e-6 * np.linalg.norm(n1, axis=1)) & np.any(t, axis=1)
     if along.any():
         element = elements[int(np.argmax(along))]
         raise element.row.error(
             f"has element {element.number}, along which its direction n1 lies; give the section's second line another"
         )
-    n2 = n2 / size
+    n2 = unit(n2)
     return np.cross(n2, t), n2

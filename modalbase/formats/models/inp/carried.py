@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from modalbase.formats.models.check import sizes
-from modalbase.formats.models.inp.lines import Card, Row
-from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.lines import Card, Losses, Row
 from modalbase.formats.models.inp.mesh import Element, Mesh
 from modalbase.formats.models.inp.orientations import Part, System
 from modalbase.formats.models.inp.sections import Sections

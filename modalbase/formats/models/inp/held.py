@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
-from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.lines import Card, Losses, Row, card_names, folded
 from modalbase.formats.models.inp.mesh import Mesh
 from modalbase.formats.models.inp.orientations import Part, System
 from modalbase.formats.models.model import Floats, Integers, Link, Support

@@ -10,8 +10,7 @@ import numpy as np
 from modalbase.formats.models.check import check
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
 from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
-from modalbase.formats.models.inp.lines import Card, card_names, folded, read_cards, squeezed
-from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.lines import Card, Losses, card_names, folded, read_cards, squeezed
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move
 from modalbase.formats.models.inp.orientations import Part, orientation, transforms

@@ -124,11 +124,8 @@ class Sections:
         axes = axis_of_shells(system, chosen, corners.mean(axis=1), normals)
         has_area = np.linalg.norm(normals, axis=1) > 0
         is_across = np.linalg.norm(np.cross(axes, normals), axis=1) > 1e-6
-        if np.any(bad := ~(has_area & is_across)):
-            at = int(np.argmax(bad))
-            element = self._mesh.elements[chosen[at]]
-            if not has_area[at]:
-                raise element.row.error(f"gives element {element.number} no area")
+        if np.any(bad := has_area & ~is_across):
+            element = self._mesh.elements[chosen[int(np.argmax(bad))]]
             raise element.row.error(
                 f"has element {element.number}, on whose normal axis 1 of its orientation lies; state another *ORIENTATION"
             )

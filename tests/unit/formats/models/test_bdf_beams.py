@@ -202,7 +202,5 @@ def test_shear_centres() -> None:
     e = 3 * 0.04**2 / (6 * 0.04 + 0.08)
     thin = 0.04**2 / (2 * 0.04 + 0.08)  # the centroid from the web
     assert channel.centroid == pytest.approx((0.0, e + thin), abs=2e-4)
-    assert (
-        NASTRAN["T"](0.06, 0.08, 0.004, 0.004).centroid[0] < 0 < NASTRAN["T2"](0.06, 0.08, 0.004, 0.004).centroid[0]
-    )
+    assert NASTRAN["T"](0.06, 0.08, 0.004, 0.004).centroid[0] < 0 < NASTRAN["T2"](0.06, 0.08, 0.004, 0.004).centroid[0]
     assert NASTRAN["I"](0.08, 0.05, 0.05, 0.004, 0.006, 0.006).centroid == pytest.approx((0, 0), abs=1e-12)
