@@ -76,6 +76,8 @@ def worst_corner(block: Elements, places: Floats) -> Floats:
 
 NAMED = 5
 """At most so many elements, nodes or parts are named in a message."""
+LEAST = 1e-9
+"""Size of an element by its extent, and Jacobian of a corner by their mean, below which there is none."""
 
 
 def check(model: FiniteElementModel) -> None:
@@ -131,15 +133,17 @@ def _led_once(model: FiniteElementModel) -> None:
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:
-    size = sizes(block, model.nodes)
+    extent = np.linalg.norm(np.ptp(model.nodes[block.nodes], axis=1), axis=1)
+    is_beam = block.kind.startswith("beam")
+    has_size = sizes(block, model.nodes) > LEAST * extent ** (1 if is_beam else 2)
     worst = worst_corner(block, model.nodes)
-    for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
-        if not size[k] > 0:
+    for k in np.flatnonzero(~has_size | ~(worst > LEAST))[:NAMED].tolist():
+        if not has_size[k]:
             what = "has no size: its nodes lie at one place or on one line, or its sides cross"
-        elif block.kind.startswith("beam"):
+        elif is_beam:
             what = "has its middle node outside the middle half between its ends"
         else:
-            what = f"folds over (the least Jacobian is {worst[k]:.2g} of the mean); its nodes are in the wrong order or place"
+            what = f"folds over (least Jacobian {worst[k]:.2g} of the mean): nodes in wrong order, or two at one place"
         yield block.where(k), f"element {block.numbers[k]} of the set {block.set} {what}"
 
 

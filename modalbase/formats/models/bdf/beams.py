@@ -300,8 +300,9 @@ class Beams:
 
 def _straight(card: Card, centroid: tuple[float, float], along: Floats, axis: Floats, arms: Floats) -> Floats:
     """Offsets of the ends to the centroid of a bar whose axis 1 lies across it."""
-    across = np.linalg.norm(np.cross(along, axis))
-    if np.any(along) and not across > 1e-8 * np.linalg.norm(axis) * np.linalg.norm(along):
+    if not np.any(along):
+        raise card.error("its length is zero; both ends are in one place")
+    if not np.linalg.norm(np.cross(along, axis)) > 1e-8 * np.linalg.norm(axis) * np.linalg.norm(along):
         raise card.error("the orientation vector is along the beam; give a direction across it", 4)
     _, y, z = _axes(along, axis)
     return np.asarray(arms + centroid[0] * y + centroid[1] * z)

@@ -270,8 +270,5 @@ class Deck:
     def elements(self, *names: str) -> list[Card]:
         """Cards of elements, in the deck's order; numbers may not repeat among them."""
         found = self.take(*names)
-        seen: dict[str, Card] = {}
-        for card in found:
-            if seen.setdefault(card.text(0), card) is not card:
-                raise card.error(f"the element is there twice, first in line {seen[card.text(0)].line}", 0)
+        numbered(found, "element", "EID")
         return sorted(found, key=lambda card: card.line) if len(names) > 1 else found

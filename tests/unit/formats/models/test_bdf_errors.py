@@ -81,7 +81,7 @@ BAD = {
     "middles in part": (GRIDS + "GRID,5,,.5,0.,0.\nCQUAD8,1,1,1,2,3,4,5\nPSHELL,1,1,.01\nMAT1,1,1.,,.1\n", "line 6", "the middles of all sides, or of none"),
     "bar along itself": (BAR + "CBAR,1,1,1,2,1.,0.,0.\nPBAR,1,1,1.,1.,1.,1.\n", "line 4", "CBAR 1: the orientation vector is along the beam"),
     "bar without direction": (BAR + "CBAR,1,1,1,2\nPBAR,1,1,1.,1.,1.,1.\n", "line 4", "CBAR 1: X1 (field 6) is empty, expected a direction X1, X2, X3 or a grid G0"),
-    "bar without length": (BAR + "CBAR,1,1,1,1,0.,0.,1.\nPBAR,1,1,1.,1.,1.,1.\n", "line 4", "element 1 of the set pbar_1 has no size"),
+    "bar without length": (BAR + "CBAR,1,1,1,1,0.,0.,1.\nPBAR,1,1,1.,1.,1.,1.\n", "line 4", "CBAR 1: its length is zero"),
     "bar by a beam's property": (BAR + "CBAR,1,1,1,2,0.,0.,1.\nPBEAM,1,1,1.,1.,1.,,1.\n", "line 4", "there is no PBAR or PBARL 1"),
     "no area of a bar": (BAR + "CBAR,1,1,1,2,0.,0.,1.\nPBAR,1,1,,1.,1.,1.\n", "line 5", "PBAR 1: the area is 0"),
     "moments": (BAR + "CBAR,1,1,1,2,0.,0.,1.\nPBAR,1,1,1.,1.,1.,1.\n,,,,,,,,\n,,,2.\n", "line 5", "I12² ≤ I1 I2"),
