@@ -20,17 +20,7 @@ from typing import Literal
 import numpy as np
 
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import (
-    Axis,
-    Content,
-    Element,
-    FileHeader,
-    Frf,
-    Function,
-    GridPoint,
-    ModeShape,
-    Units,
-)
+from modalbase.formats.uff.content import Axis, Content, Element, FileHeader, Frf, Function, GridPoint, ModeShape, Units
 from modalbase.formats.uff.geometry import BEAMS
 
 _TAG = b"    -1\n"
