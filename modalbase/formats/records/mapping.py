@@ -334,7 +334,9 @@ def propose(variables: Variables) -> dict[str, Any]:
     Where no name says what a channel is, every variable as long as the time axis is proposed with the quantity "?".
     """
     long = {name: a for name, a in variables.items() if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
-    rate = next((n for n, a in variables.items() if a.size == 1 and _plain(n).endswith(_RATES)), None)
+    rate = next(
+        (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
+    )
     time = next((n for n, a in long.items() if re.split(r"[_.]", n.lower())[0] in ("time", "t") and _ascends(a)), None)
     point: Any = {"variable": "point"} if "point" in variables else 1
     channels = [
@@ -380,10 +382,6 @@ def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:
         return named
     samples = long[time].size
     return {"?": [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]}
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z]", "", name.lower())
 
 
 def _ascends(array: np.ndarray[Any, Any]) -> bool:

@@ -302,7 +302,7 @@ class Mesh:
             return {found}
         if (what, last) in own.members:
             return own.members[what, last]
-        defined = _sets(own, what)
+        defined = own.node_sets if what == "node" else own.element_sets
         if last not in defined:
             near = ", ".join(sorted(defined)[:8]) or "none"
             raise row.error(f"names the {what} set {name!r}, which is not there; there are {near}")
@@ -364,10 +364,6 @@ def joined(card: Card, most: int) -> Iterator[tuple[Row, list[str]]]:
             text = following.text
             fields = fields + following.fields
         yield row, fields
-
-
-def _sets(scope: Scope, what: str) -> dict[str, list[Source]]:
-    return scope.node_sets if what == "node" else scope.element_sets
 
 
 def _name(sets: dict[str, list[Source]], name: str, source: Source) -> None:

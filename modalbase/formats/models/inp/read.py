@@ -174,7 +174,9 @@ class _Reading:
             self._properties(part, axes)
         blocks = self._sections.joined()
         self._carried.complete()
-        self._note_types()
+        for element in mesh.elements:
+            if element.type.loss:
+                losses.note(element.row, element.type.loss, changes=element.type.changes)
         for part in self._parts:
             for card in part.named("NONSTRUCTURALMASS", *NAMES):
                 if card.name in NAMES:
@@ -245,11 +247,6 @@ class _Reading:
                 raise row.error(f"the thickness is {thickness:g}, expected a length above 0")
             found |= dict.fromkeys(part.nodes(name, row).tolist(), thickness)
         return found
-
-    def _note_types(self) -> None:
-        for element in self._mesh.elements:
-            if element.type.loss:
-                self._losses.note(element.row, element.type.loss, changes=element.type.changes)
 
     def _note_unused(self) -> None:
         used = _USED | NAMES | set(SHELLS) | set(BEAMS) | set(PROPERTIES.values())
