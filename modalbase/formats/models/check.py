@@ -133,7 +133,8 @@ def _led_once(model: FiniteElementModel) -> None:
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:
-    extent = np.linalg.norm(np.ptp(model.nodes[block.nodes], axis=1), axis=1)
+    corners = model.nodes[block.nodes[:, : CORNERS[block.kind]]]
+    extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
     is_beam = block.kind.startswith("beam")
     has_size = sizes(block, model.nodes) > LEAST * extent ** (1 if is_beam else 2)
     worst = worst_corner(block, model.nodes)
