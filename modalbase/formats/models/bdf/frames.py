@@ -71,9 +71,9 @@ class Grids:
         system = self.displacement.get(row)
         return BASIC.axes if system is None else self.systems[system].axes_at(self.places[row])
 
-    def system(self, card: Card, index: int, what: str, default: int | None = 0) -> System:
+    def system(self, card: Card, index: int, what: str) -> System:
         """The coordinate system that a field names."""
-        number = card.integer(index, what, default)
+        number = card.integer(index, what, 0)
         if number not in self.systems:
             raise card.wrong(index, what, f"a coordinate system of the deck; there is no CORD {number}")
         return self.systems[number]

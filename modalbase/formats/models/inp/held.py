@@ -348,7 +348,7 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
     """
     modes = step_of_modes(steps)
     before = steps[:modes]
-    nonlinear = any(step[0].says("NLGEOM") or step[0].parameters.get("NLGEOM") == "" for step in before)
+    nonlinear = any(step[0].parameters.get("NLGEOM", "NO").upper() != "NO" for step in before)
     plain = any("NLGEOM" in step[0].parameters for step in before) and not nonlinear
     for step in before:
         names = {card.name for card in step}

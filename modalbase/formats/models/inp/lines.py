@@ -134,10 +134,6 @@ class Card:
             raise self.error(f"has no {parameter}=, which says what it belongs to")
         return found
 
-    def says(self, parameter: str) -> bool:
-        """Whether a parameter is there, other than as NO."""
-        return self.parameters.get(squeezed(parameter), "NO").upper() != "NO"
-
     def number(self, text: str, what: str) -> float:
         """A parameter as a finite number."""
         return Row(self.label, text, self.line, self.file).number(text, what)
