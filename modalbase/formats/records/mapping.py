@@ -116,6 +116,10 @@ def _is_values(given: Any) -> bool:
     return _is_value(given) or (isinstance(given, list) and all(map(_is_number, given)))
 
 
+def _is_texts(given: Any) -> bool:
+    return isinstance(given, list) and all(isinstance(one, str) for one in given)
+
+
 _VALUE = 'a number or {"variable": name}'
 _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "sample_rate_hz": (_is_value, f"{_VALUE}, of the samples a second or of the time axis"),
@@ -129,7 +133,7 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "sensitivity": (lambda given: _is_number(given) and given > 0, "a number, more than 0"),
     "window_rate_per_s": (lambda given: _is_number(given) and given >= 0, "a number, 0 or more"),
     "full_scale": (lambda given: _is_number(given) and given > 0, "a number, more than 0"),
-    "label": (lambda given: isinstance(given, list) and all(isinstance(one, str) for one in given), "a list of texts"),
+    "label": (_is_texts, "a list of texts, one for each block"),
 }
 """What the fields of a mapping and of its channels must be."""
 
