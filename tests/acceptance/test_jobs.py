@@ -87,7 +87,7 @@ def test_jobs_over_many_campaigns_give_the_single_runs_result(api: httpx.Client)
         sent = api.post(f"campaigns/{campaign}/imports", params={"filename": "a.uff"}, content=paper.uff_file())
         finished(api, sent.headers["location"])
         modes = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}))["id"]
-        jobs.append({"campaign_id": campaign, "recipe": {"mode_set": modes}})
+        jobs.append({"campaign_id": campaign, "recipe": {**RECIPE, "mode_set": modes}})
     (single,) = results(api, jobs[:1])
     assert results(api, jobs[1:]) == [single, single]
 

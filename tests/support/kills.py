@@ -23,6 +23,7 @@ import psutil
 from sqlalchemy import text
 
 from service.app.demo import paper
+from tests.support.backups import RECIPE
 from tests.support.floor import PATIENCE_SECONDS, Floor, floor
 from tests.support.receivers import receiver
 from tests.support.rest import RAW, campaigns_of, plain_client
@@ -138,7 +139,7 @@ def _updates(client: _Client) -> Work:
     client.send_file(campaign)
     modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
     for number in count():
-        once, recipe = {"Idempotency-Key": f"soak {number}"}, {"mode_set": modes["id"]}
+        once, recipe = {"Idempotency-Key": f"soak {number}"}, {**RECIPE, "mode_set": modes["id"]}
         yield client.to_its_end(f"campaigns/{campaign}/update-jobs", "update-jobs", json=recipe, headers=once)
 
 
