@@ -144,7 +144,7 @@ def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, s
         elif is_beam:
             what = "has its middle node outside the middle half between its ends"
         else:
-            what = f"folds over (least Jacobian {worst[k]:.2g} of the mean): nodes in wrong order, or two at one place"
+            what = f"folds over (Jacobian {worst[k]:.2g} of the mean): nodes in wrong order or place, or two at one"
         yield block.where(k), f"element {block.numbers[k]} of the set {block.set} {what}"
 
 

@@ -138,8 +138,7 @@ def _points(values: list[float], system: str, row: Row) -> tuple[Floats, Floats]
 
 def _about(along: Floats, row: Row) -> Floats:
     """Axes of which the third lies along a direction."""
-    helper = np.eye(3)[np.argmin(np.abs(along))]
-    return frame(along, helper, row)[[1, 2, 0]]
+    return frame(along, np.eye(3)[np.argmin(np.abs(along))], row)[[1, 2, 0]]
 
 
 def _turn(card: Card) -> tuple[int | None, float]:

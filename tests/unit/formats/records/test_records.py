@@ -192,7 +192,11 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         ),
         (ARRAYS, _channel(1, variable=7), "mapping.channels.1.variable: is 7, expected a name"),
         (ARRAYS, _channel(0, sensitivity="2 mV/N"), "channels.0.sensitivity: is '2 mV/N', expected a number"),
-        (ARRAYS, _channel(0, window_rate_per_s=-1), "channels.0.window_rate_per_s: is -1, expected a number, 0 or more"),
+        (
+            ARRAYS,
+            _channel(0, window_rate_per_s=-1),
+            "channels.0.window_rate_per_s: is -1, expected a number, 0 or more",
+        ),
         (ARRAYS, _channel(0, point="point"), "channels.0.point: is 'point', expected a number or {\"variable\": name}"),
         (_named(acc=np.zeros((2, 3, 256))), MAPPING, r"acc: has shape \(2, 3, 256\), expected one block or a table"),
         (_named(acc=RESPONSE * 1j), MAPPING, "acc: holds complex numbers: it is no time block; FRFs go to POST frfs"),
