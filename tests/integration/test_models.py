@@ -10,9 +10,9 @@ import httpx
 import numpy as np
 import pytest
 
-from benchmarks.calculix import ccx, frequencies
 from modalbase.formats.models.inp import read_inp
 from tests.integration.test_bodies import updated
+from tests.support.calculix import ccx, frequencies
 from tests.support.places import ROOT, shared_file
 from tests.support.profiles import ANGLE, TRUTH, deck, measured, points
 from tests.support.rest import finished, ok
