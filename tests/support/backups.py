@@ -175,7 +175,7 @@ class Laboratory:
             {"campaign_id": self.campaign, "recipe": {"mode_set": self.recipe["mode_set"]}},
             {"campaign_id": imported, "recipe": {"mode_set": modes}},
         ]
-        self.post("update-jobs", {"joint": True, "jobs": jobs})
+        self.post("update-jobs", {"joint": True, "jobs": jobs, "recipe": {"parameters": RECIPE["parameters"]}})
         path = f"campaigns/{self.campaign}"
         etag = self.client.get(path).raise_for_status().headers["ETag"]
         self.client.patch(path, json={"temperature_c": 21.0}, headers={"If-Match": etag}).raise_for_status()
