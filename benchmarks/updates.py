@@ -11,9 +11,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from benchmarks import calculix, draws
-from benchmarks import laboratories as drawing
-from benchmarks.draws import Drawn, Truth, modes_at
 from benchmarks.tables import Off, Table, beside, print_coverage
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
@@ -24,6 +21,9 @@ from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.plans import PlannedTest, plan_tests
+from tests.support import calculix, draws
+from tests.support import random_laboratories as drawing
+from tests.support.draws import Drawn, Truth, modes_at
 from tests.support.strips import PLATE, STRIP, TRUTH, measured, panel, tour
 
 

@@ -1,7 +1,5 @@
 """Routes of nouns whose rows are jobs: those of every noun, and cancel, retry, watch."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Annotated, Any
 from uuid import UUID

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.draws import BEAM
 from fecore.arrays import FloatArray
 from fecore.body.constants import Body
 from fecore.frf import along_z
@@ -15,6 +14,7 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.layout import Layout
 from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter, parametrise
+from tests.support.draws import BEAM
 
 COARSE = replace(BEAM, divisions=(20, 2))
 """On which what is not about the mesh is updated: its bias is far below what the sets are drawn with."""

@@ -1,7 +1,5 @@
 """The user's own deck with updated numbers, and what its own solver will say of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """From a testing machine's file and the readings of a specimen to what its standard reports. No database, no web."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, cast

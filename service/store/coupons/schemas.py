@@ -1,7 +1,5 @@
 """What a client sends and gets about coupon batches, coupons and their raw curves. Moduli and strengths in Pa."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self

@@ -1,7 +1,5 @@
 """Routes of forecasts."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from uuid import UUID
 

@@ -1,7 +1,5 @@
 """What a client gets about imports; the routes of imports, of the original files, and of purging for good."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 from uuid import UUID

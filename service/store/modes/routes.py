@@ -1,7 +1,5 @@
 """Routes of mode sets and of identifications; a mode set as a UFF file, and edited by hand: poles kept or dropped, and why."""
 
-from __future__ import annotations
-
 import bisect
 import itertools
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """Routes of time blocks and of processings."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from functools import partial

@@ -2,8 +2,6 @@
 analysis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import IO, Annotated, Any, Literal
 from uuid import UUID

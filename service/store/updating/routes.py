@@ -1,7 +1,5 @@
 """Routes of update jobs, and of joint updates, which `POST /update-jobs` begins with `joint`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any

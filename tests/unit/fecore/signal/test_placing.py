@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hammer import Bench, Simulated, random_body, random_laboratory
 from fecore.frf import Dof
 from fecore.signal import Finding, Processing, by_point, process
 from fecore.signal.placing import locate
+from tests.support.hammer import Bench, Simulated, random_body, random_laboratory
 
 
 @pytest.mark.parametrize("kind", ["clamped", "free", "plate"])

@@ -1,16 +1,18 @@
 """Hits to FRFs, on simulated hammer tests whose truth is known; good ones stay good under what instruments and hands do."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from benchmarks import hammer
-from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.errors import InputError
 from fecore.modal import identify
 from fecore.signal import Hit, Processing, Windows, by_point, each_hit, inspect, process, remove_window
 from fecore.signal.judgement import _usual_of_most
+from tests.support import hammer
+from tests.support.habits import HabitBench
+from tests.support.hammer import Bench, campaign, random_body, random_laboratory
 
 
 def _bench(seed: int, kind: str = "free", rate: float = 0.0, **changes: object) -> Bench:
@@ -314,7 +316,7 @@ def test_force_and_response_that_are_swapped_are_named() -> None:
     ],
 )
 def test_a_habit_of_instruments_or_hands_makes_few_hits_bad_ones(habit: str, kind: str, seed: int) -> None:
-    _, places, simulated = campaign(np.random.default_rng(seed), kind, 4, 5, 0.0, habit=habit)
+    _, places, simulated = campaign(np.random.default_rng(seed), kind, 4, 5, 0.0, make=partial(HabitBench, habit=habit))
     found = process(by_point([s.hit for s in simulated]))
     refused = [[f.sentence for f in v.faults if f.criterion != "place"] for v in found.verdicts]
     assert len(refused) == 20
@@ -324,7 +326,8 @@ def test_a_habit_of_instruments_or_hands_makes_few_hits_bad_ones(habit: str, kin
 
 def test_a_body_that_rings_loudly_is_found_among_hits_that_follow_one_another() -> None:
     rng = np.random.default_rng(4)
-    bench, places, simulated = campaign(rng, "free", 4, 5, 0.0, habit="hits soon after one another")
+    habit = partial(HabitBench, habit="hits soon after one another")
+    bench, places, simulated = campaign(rng, "free", 4, 5, 0.0, make=habit)
     bench.habit = "as simulated"
     hits = [s.hit for s in simulated]
     hits[7] = bench.hit(2, places[2], 3, "early").hit

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.draws import Drawn, beam
 from fecore.body.specimen import Specimen
 from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.recipe import Recipe
 from tests.support.cantilever import COUPONS, PARAMETERS, TABLE_4, grid
+from tests.support.draws import Drawn, beam
 from tests.support.fits import COARSE, forward_model
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import scipy
 
-from benchmarks.draws import Drawn
 from fecore.modes import MeasuredModes
 from fecore.updating.belief import over_sets, stray_cost, weights_of
 from fecore.updating.measurement import Measurement
@@ -15,6 +14,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.posterior import LinearProblem, Mixture
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
+from tests.support.draws import Drawn
 from tests.support.fits import COARSE
 
 RANDOM = np.random.default_rng(8)

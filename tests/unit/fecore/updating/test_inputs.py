@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.draws import Drawn
 from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Spring, edges
@@ -23,6 +22,7 @@ from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
+from tests.support.draws import Drawn
 from tests.support.fits import COARSE, at_prior, forward_model, update_elastic
 
 

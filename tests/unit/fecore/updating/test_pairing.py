@@ -9,7 +9,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchmarks import draws
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
@@ -21,6 +20,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import missed_cost, pair_in_order, pair_likest, pair_with, probability_seen
 from fecore.updating.pipeline import update
+from tests.support import draws
 from tests.support.fits import at_prior, forward_model
 
 SPRUCE = OrthotropicMaterial(Ex=12e9, Ey=0.9e9, Gxy=0.75e9, Gxz=0.7e9, Gyz=0.06e9, nu_xy=0.37, density=420.0)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.draws import BEAM, Drawn, beam
 from fecore.errors import InputError, UpdatingError
 from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
@@ -16,6 +15,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.recipe import DEFAULT_LAWS, HoldOut, Recipe
 from fecore.updating.result import UpdateResult
 from fecore.updating.sampling import run_chain
+from tests.support.draws import BEAM, Drawn, beam
 from tests.support.fits import COARSE
 
 PARAMETERS = ("Ex", "Ey", "Gxy", "Gxz", "a0", "a1")

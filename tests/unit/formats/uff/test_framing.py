@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import pyuff
 
-from benchmarks import uff_damage
 from modalbase.formats.uff import (
     Axis,
     CoordinateSystem,
@@ -28,6 +27,7 @@ from modalbase.formats.uff import (
     read_file,
 )
 from modalbase.formats.uff.text import Refusal, real_block
+from tests.support import uff_damage
 from tests.support.places import shared_file
 from tests.support.uff import Reading, dataset, load, set_58
 

@@ -18,8 +18,7 @@ from pathlib import Path
 
 from sqlalchemy import URL, make_url
 
-from benchmarks.jobs_floor import WAITING, Floor, floor
-from benchmarks.tables import Table
+from tests.support.floor import Floor, floor
 
 LEASE_SECONDS = 3.0
 
@@ -98,7 +97,7 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
     with floor(database_url) as here, closing(Proxy(_socket(make_url(here.url)))) as proxy:
         database = make_url(here.url)
         through = database.set(host="127.0.0.1", port=proxy.port, query={}).render_as_string(hide_password=False)
-        here.put(WAITING, jobs)
+        here.put("idle", jobs)
         worker = here.worker(through, job_lease_seconds=LEASE_SECONDS)
         here.wait(1)
         here.until(lambda: _computing(here, worker), "the second job's computation")
@@ -113,7 +112,7 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
         if others:
             other.terminate()
             other.wait()
-            here.put(WAITING, 2)  # for the worker that comes back, and nobody else
+            here.put("idle", 2)  # for the worker that comes back, and nobody else
             jobs += 2
         here.wait(jobs)
         rows, results = here.jobs(), Counter(here.results())
@@ -147,17 +146,3 @@ def _computing(here: Floor, worker: subprocess.Popen[bytes]) -> bool:
         job.state == "running" and f":{worker.pid}:" in (job.worker or "") and "step" in (job.stage or "")
         for job in here.jobs()
     )
-
-
-def jobs_outage(seconds: int = 60) -> list[str]:
-    """A worker cut off from the database for a while; gives the cuts after which something was not right."""
-    wrong = []
-    columns = ("jobs:d", "succeeded:d", "results:d", "doubled:d", "attempts:d", "back after s:.1f")
-    table = Table("", "others:6", "cut s:.0f", *columns)
-    for others in (False, True):
-        it = outage(seconds, others=others)
-        counts = it.jobs, it.succeeded, it.results, it.doubled, it.attempts
-        table.row("yes" if others else "no", it.seconds, *counts, it.back_seconds)
-        if it.doubled or it.succeeded != it.jobs:
-            wrong.append(f"others {others}: {it}")
-    return wrong

@@ -21,15 +21,15 @@ import httpx
 import numpy as np
 from sqlalchemy import text
 
-from benchmarks.jobs_floor import ROOT, Floor, floor
-from benchmarks.service import RAW, post
 from modalbase.formats.uff import Frf, GridPoint, read_file
 from modalbase.formats.uff.write import encode
 from service.app.demo import paper
-from service.app.kinds import KINDS
 from service.db.opening import embedded_server
 from service.jobs.tables import Job
 from service.monitoring.scheduler import check
+from tests.support.floor import Floor, floor
+from tests.support.places import ROOT
+from tests.support.rest import RAW, posted
 
 POINTS = (14, 33)  # hit in the paper's file; so many of its FRFs are enough
 RECIPE = {
@@ -70,18 +70,6 @@ class Tally:
     after: Counter[tuple[str, str]] = field(default_factory=Counter)
     lost: list[str] = field(default_factory=list)  # what did not end as it should, in words
     seconds: float = 0.0
-
-
-def soak_backup(rounds: int = 3) -> list[str]:
-    """A backup of jobs that wait and run, restored, round by round; gives what was lost."""
-    lost = []
-    for _ in range(rounds):
-        tally = soak()
-        print(f"  jobs in the backup: {_counts(tally.before)}")
-        print(f"  after the restore:  {_counts(tally.after)}; {tally.seconds:.0f} s", flush=True)
-        waiting = {kind for kind, state in tally.before if state == "queued"}
-        lost += [*tally.lost, *(f"no {kind.name} waited" for kind in KINDS if kind.name not in waiting)]
-    return lost
 
 
 def soak() -> Tally:
@@ -148,7 +136,7 @@ class Laboratory:
 
     def post(self, path: str, body: Any = None, **more: Any) -> Any:
         """What a POST answers."""
-        return post(self.client, path, body, **more)
+        return posted(self.client, path, body, **more)
 
     def new_campaign(self) -> str:
         """Another campaign of the beam."""
@@ -250,7 +238,3 @@ def run(*words: str, **env: str) -> None:
 def _judgements(here: Floor) -> int:
     with here.sessions() as session:
         return int(session.scalar(text("SELECT count(*) FROM jobs WHERE kind = 'judge' AND state = 'succeeded'")) or 0)
-
-
-def _counts(counter: Counter[tuple[str, str]]) -> str:
-    return ", ".join(f"{n} {kind} {state}" for (kind, state), n in sorted(counter.items()))
