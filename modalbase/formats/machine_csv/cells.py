@@ -1,7 +1,5 @@
 """Numbers and units as testing machines write them: decimal point or comma, thousands grouped or not; and factors to SI."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Sequence
 from typing import Literal

@@ -4,8 +4,6 @@ A section lies in the plane of y (axis 1) and z (axis 2). Those of rectangles ar
 Σ b t³/3 of thin open walls, Bredt's of closed ones, and St-Venant's of the bar.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations
 

@@ -3,8 +3,6 @@
 Names are those of the comments that pre-processors write, safe as names of parameters.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Shear factors are those of Timoshenko for solid sections, and of thin ones the share of the walls along the force.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import pi

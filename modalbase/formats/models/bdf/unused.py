@@ -1,7 +1,5 @@
 """What is lost of a deck: cards that are not used, and parts of others."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 

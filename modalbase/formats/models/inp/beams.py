@@ -4,8 +4,6 @@ Profiles are made from dimensions; the origin is where the deck's nodes lie. She
 Guide*, "Choosing a beam element"), after Cowper (1966).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import pi

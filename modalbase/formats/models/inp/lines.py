@@ -1,7 +1,5 @@
 """Cards of a deck and their data lines, with the files that it includes put in their place."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """What is lost with cards that are not used."""
 
-from __future__ import annotations
-
 from modalbase.formats.models import model
 from modalbase.formats.models.inp.lines import Card, Row
 

@@ -1,7 +1,5 @@
 """Types of elements: what they become, or why they are refused."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 
