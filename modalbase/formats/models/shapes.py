@@ -6,8 +6,6 @@ of Timoshenko for solid ones, and of thin ones the share of the walls along the 
 User's Guide*, "Choosing a beam element"), after Cowper (1966).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

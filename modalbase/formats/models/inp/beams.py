@@ -1,7 +1,5 @@
 """Sections of beams, and the axes across them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from modalbase.formats.models.check import unit

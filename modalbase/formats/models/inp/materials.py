@@ -1,7 +1,5 @@
 """Materials of a deck."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from modalbase.formats.models.inp.lines import Card, Row, card_names, folded

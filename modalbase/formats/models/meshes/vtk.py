@@ -3,8 +3,6 @@
 These are read in the versions 1 to 5, text or binary (Kitware, VTK File Formats).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
