@@ -64,7 +64,7 @@ def test_updates_of_the_papers_beam(api: httpx.Client, tmp_path: Path, name: str
         truths.has_no_spring(found["result"])
 
 
-@pytest.mark.parametrize("name", ["cantilever-5pct-sensor-mass", "free-1pct", "paper-like"])
+@pytest.mark.parametrize("name", ["cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct", "paper-like"])
 def test_updates_of_open_sets(api: httpx.Client, name: str) -> None:
     found = updated(api, open_campaign(api, name), {})
     check(f"update-{name}", found)
@@ -98,7 +98,10 @@ def test_identifications_of_open_sets_with_faults(api: httpx.Client, name: str) 
     check(f"identification-{name}", {"import": read, "identification": state})
 
 
-@pytest.mark.parametrize(("name", "band"), [("angle", (20, 330)), ("i", (10, 260))])
+@pytest.mark.parametrize(
+    ("name", "band"),
+    [("angle", (20, 330)), ("box", (50, 500)), ("channel", (20, 320)), ("i", (10, 260)), ("panel", (5, 140))],
+)
 def test_identifications_of_open_structures(api: httpx.Client, name: str, band: tuple[float, float]) -> None:
     """Their first modes: all of them take ten times as long."""
     campaign = new_campaign(api, boundary="free")
