@@ -205,6 +205,8 @@ def test_an_update_of_a_deck_finds_the_constants_of_its_sets(api: httpx.Client, 
     for name, value in TRUTH.items():
         low, high = found[name]["interval_95"]
         assert low < value < high, name
+    if boundary == "free":
+        return  # all that is shown and written is asked of the body that is held
     report = api.get(f"{api.base_url.join(address)}/report").text
     assert "model angle.inp: flange 4 mm, web 4 mm" in report
     handed_back(api, address, found)
