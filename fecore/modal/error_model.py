@@ -8,6 +8,10 @@ Errors that all FRFs share do not become less by their number: a joint that high
 shape of mode k, m_ik its part in FRF i, they are the relative error of its curve,
 
     e_k(l) = Σ_i w_i m̄_ik r_i / Σ_i w_i |m_ik|².
+
+A pole takes up most of such an error as a shift. Where a spring makes the frequency of a mode depend on its amplitude, which
+falls as e^{-σt}, its curve gains iδ/2 (1/(σ + iΔ) - 1/(3σ + iΔ)), Δ the distance in frequency and δ half bandwidths the shift
+at first. By least squares on the lines about it the pole shifts by 0.19 δ and leaves an rms e of 0.047 δ: a shift of 4 e.
 """
 
 from __future__ import annotations
@@ -67,6 +71,6 @@ def shared_error(arrangement: Arrangement, fit: Level) -> FloatArray:
             continue
         each = weighted * fit.residual[:, near]
         square = float(np.sum(np.abs(each.sum(axis=0)) ** 2 / power))
-        usual = float(np.sum(np.abs(each) ** 2 / power)) * (freedom + 2 * np.sqrt(2 * freedom)) / (2 * int(near.sum()))
+        usual = float(np.sum(np.abs(each) ** 2 / power)) * (freedom + np.sqrt(2 * freedom)) / (2 * int(near.sum()))
         shared[k] = np.sqrt(max(square - usual, 0.0) / power.sum())
     return shared

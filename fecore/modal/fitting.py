@@ -27,7 +27,7 @@ from fecore.modal.growth import (
 )
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
-from fecore.modal.probability import doubled, probability
+from fecore.modal.probability import probability
 from fecore.modal.refinement import Fit, Level, level_at, refine, spare, weights
 
 _CULLS = 2  # turns of probability and refinement
@@ -49,12 +49,11 @@ class Fitted:
     linear: LinearPoles  # the linear poles
     drift: Drift | None  # None where there is none
     full: bool  # whether the search had as many poles as it may
-    doubled: FloatArray  # (2, n) variances of ln f and ζ by poles that are the same mode once more
 
     @property
     def covariance(self) -> FloatArray:
         """(2n, 2n) covariance of (ln f, ζ); the mean of as many drifts as there are tests is common to all frequencies."""
-        covariance, n = self.fit.parameter_covariance + np.diag(self.doubled.ravel()), self.fit.terms.pairs
+        covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
         if self.drift is not None:
             covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement)
         return covariance
@@ -83,9 +82,7 @@ def fit_series(arrangement: Arrangement, noise: FloatArray, highest: int, most: 
     full = fit.terms.pairs >= most
     fit = _without_company(still, fit)
     report("refining with all FRFs", 0.8)
-    last = _last(still, fit)
-    twice = doubled(still.arrangement, evidence_of(still.arrangement, last), last.terms)
-    return Fitted(still.arrangement, last, noise, linear, drift=drift, full=full, doubled=twice)
+    return Fitted(still.arrangement, _last(still, fit), noise, linear, drift=drift, full=full)
 
 
 @dataclass(frozen=True)
@@ -187,4 +184,15 @@ def _last(data: _Data, fit: Level) -> Fit:
     variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured, spare(arrangement, fit))
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return replace(fit, memory=tau, sessions=session_of(arrangement), shared=shared_error(arrangement, fit))
+    return replace(fit, memory=tau, sessions=session_of(arrangement), shared=_shared(arrangement, fit))
+
+
+def _shared(arrangement: Arrangement, fit: Fit) -> FloatArray:
+    """(n,) error of each pole's curve that all FRFs share; what poles that are rather no modes take up is error too."""
+    evidence = evidence_of(arrangement, fit)
+    p = probability(arrangement, evidence, fit.terms.damping_ratio)
+    gone = (p < 0.5) & in_band(arrangement, fit.terms.frequency_hz) & ~evidence.tone
+    alone = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
+    shared = shared_error(arrangement, fit)
+    shared[~gone] = np.maximum(shared[~gone], shared_error(arrangement, alone))
+    return shared

@@ -111,7 +111,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
     significance, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
-    fitted = replace(fitted, fit=fit, doubled=fitted.doubled[:, old])
+    fitted = replace(fitted, fit=fit)
     verdict = verdict.of(old, fit.terms.frequency_hz)
     kept = verdict.kept
     doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)

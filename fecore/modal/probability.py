@@ -20,7 +20,6 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.basis import Terms
 from fecore.modal.evidence import USUAL, Evidence
 from fecore.modal.weights import COVARIANCE, MEAN
 
@@ -30,7 +29,6 @@ _AT_ODDS = 0.4  # standard deviation of r for what is no mode
 _ANY = 0.3  # share of these whose phase is anything
 _EDGE = 1e-6  # of r at ±1
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
-_BESIDE = (4, 5)  # numbers of distance and shape in the design
 _DOUBLE = 0.15  # distance below which two poles are rather one mode
 _ALONE = 0.99  # distance from which a pole is alone
 
@@ -89,22 +87,6 @@ def no_mode(evidence: Evidence, damping_ratio: FloatArray) -> BoolArray:
 def judged(ratio: FloatArray, x: FloatArray, mean: FloatArray, covariance: FloatArray) -> FloatArray:
     """P of poles with a design, under weights with a covariance."""
     return predictive(ratio + x @ mean, np.einsum("ni,ij,nj->n", x, covariance, x))
-
-
-def doubled(arrangement: Arrangement, evidence: Evidence, terms: Terms) -> FloatArray:
-    """(2, n) variances of ln f and ζ of the poles that have doubles: poles j that would be modes but for one beside them.
-
-    With q_j = P_j, were it alone, less P_j, the mode is not at its pole k but between it and j, at their mean by power: where
-    that is the likelier case, q_j > ½, the variance is q_j (w_j Δ_jk)², w_j = h_j²/(h_j² + h_k²).
-    """
-    ratio, x = design(arrangement, evidence)
-    alone = np.where(np.isin(np.arange(x.shape[1]), _BESIDE), 0.0, x)
-    q = judged(ratio, alone, MEAN, COVARIANCE) - judged(ratio, x, MEAN, COVARIANCE)
-    q = np.where(no_mode(evidence, terms.damping_ratio) | (q < 0.5), 0.0, q)
-    k, power = evidence.twin, evidence.height**2
-    share = power / np.maximum(power + power[k], np.finfo(float).tiny)
-    off = np.stack([np.log(terms.frequency_hz / terms.frequency_hz[k]), terms.damping_ratio - terms.damping_ratio[k]])
-    return np.stack([np.bincount(k, each, terms.pairs) for each in q * (share * off) ** 2])
 
 
 def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:

@@ -40,6 +40,7 @@ _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction i
 _TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
 _FEWEST_SESSIONS = 8  # from which their scatter is known well enough
 _STEPS = 40  # most steps of one fit
+_SHIFT = 4.0  # half bandwidths by which a pole is off over the relative error that all FRFs share (see `error_model`)
 
 
 @dataclass(frozen=True)
@@ -99,9 +100,8 @@ class Fit(Level):
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
 
         A null direction of the information gives its own parameters a large variance and touches no other. Where the sessions
-        are known, each standard deviation is at least what the scatter between them shows (`_between`). A shift of a pole by δ
-        half bandwidths changes its curve by δ/√2 in the mean over it: errors e that all FRFs share are taken to have shifted it
-        by as much as they have left, √2 e.
+        are known, each standard deviation is at least what the scatter between them shows (`_between`). Errors e that all FRFs
+        share are taken to have shifted a pole by `_SHIFT` e half bandwidths.
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
@@ -109,7 +109,7 @@ class Fit(Level):
             vector.T**2 > _TOUCHED, vector.T**2, 0.0
         )
         inverse = inverse / scale[:, None] / scale
-        shifts = np.tile(2 * (self.shared * self.terms.damping_ratio) ** 2, 2)
+        shifts = np.tile((_SHIFT * self.shared * self.terms.damping_ratio) ** 2, 2)
         return np.asarray(widened(inverse, self.inflation, self.pull, self.sessions) + np.diag(shifts))
 
 

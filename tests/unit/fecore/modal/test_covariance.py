@@ -4,15 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from fecore.errors import IdentificationError
 from fecore.frf import Dof, FrfSet
+from fecore.modal import identify
 from fecore.modal.arrangement import Arrangement, arrange
 from fecore.modal.basis import Terms, columns
 from fecore.modal.error_model import memory, shared_error
 from fecore.modal.linear import mean_weight, orthonormal
 from fecore.modal.local_pair import Modes, Site
 from fecore.modal.refinement import Fit, evaluate, moved, spectrum
+from fecore.normal import Z_95
 
 HZ, ZETA, FRFS = np.array([101.3, 160.7]), np.array([0.01, 0.02]), 12
 
@@ -273,14 +276,32 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
     parts = np.sum(np.abs(own) ** 2, axis=1) / np.sum(np.abs(own) ** 2)
     lines = int(np.sum(power > 0))
     chance = (
-        (2 * lines - 4 + 2 * np.sqrt(4 * lines - 8)) / (2 * lines) * np.sum(parts**2)
+        (2 * lines - 4 + np.sqrt(4 * lines - 8)) / (2 * lines) * np.sum(parts**2)
     )  # were FRFs of this size independent
     expected = np.sqrt(np.sum(power * error**2) / np.sum(power) * (1 - chance))
     assert shared[0] == pytest.approx(expected, rel=0.05, abs=1e-12)
     assert shared[1] == 0.0
     wide = replace(fit, shared=shared)
     added = np.diag(wide.parameter_covariance - fit.parameter_covariance)
-    np.testing.assert_allclose(added, np.tile(2 * (shared * ZETA) ** 2, 2), rtol=1e-6, atol=1e-20)
+    np.testing.assert_allclose(added, np.tile((4 * shared * ZETA) ** 2, 2), rtol=1e-6, atol=1e-20)
+
+
+@pytest.mark.parametrize("first", [0.2, 0.5, 1.0])
+@pytest.mark.parametrize("noise", [1e-4, 5e-3])
+def test_an_interval_allows_for_a_frequency_that_falls_with_the_amplitude(first: float, noise: float) -> None:
+    """A spring kx³ shifts a mode by δ half bandwidths at first, δe^{-2σt} later: e^{iδ/2} Σ_n (-iδ/2)ⁿ/n! e^{-(1+2n)σt}."""
+    random, lines, hz, zeta = np.random.default_rng(1), np.arange(20.0, 80.0, 0.125), 50.0, 0.01
+    n = np.arange(12)
+    pole = 2 * np.pi * hz * (-zeta * (1 + 2 * n) + 1j * np.sqrt(1 - zeta**2))
+    part = np.exp(0.5j * first) * (-0.5j * first) ** n / scipy.special.factorial(n) / 2j
+    s = 2j * np.pi * lines[:, None]
+    curve = (part / (s - pole) + part.conj() / (s - pole.conj())).sum(axis=1)
+    white = random.standard_normal((2, 6, lines.size)) * noise * np.abs(curve).max()
+    values = random.standard_normal((6, 1)) * curve + white[0] + 1j * white[1]
+    found = identify(FrfSet(lines, values, tuple(Dof(i, 3) for i in range(6)), (Dof(9, 3),) * 6, "receptance")).modes
+    (off,), (sd,) = found.frequency_hz / hz - 1, found.frequency_sd_hz / hz
+    assert off > 0.15 * first * zeta  # the fit is off by far more than the noise makes it
+    assert sd / 2 < off < Z_95 * sd
 
 
 def test_a_basis_is_made_orthonormal_whatever_the_size_of_its_columns() -> None:

@@ -1,7 +1,6 @@
 """Which pole is a mode: the phase of distortions, one answer for every band, and no other error whatever the input."""
 
 import contextlib
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,10 +11,7 @@ from benchmarks.made_frfs import KINDS
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
 from fecore.modal import Identification, Options, identify
-from fecore.modal.basis import Terms
-from fecore.modal.evidence import Evidence
-from fecore.modal.preparation import prepare
-from fecore.modal.probability import doubled, phase_ratio, predictive, probability
+from fecore.modal.probability import phase_ratio, predictive
 
 SURE = 0.9
 
@@ -120,29 +116,3 @@ def test_a_sensor_that_rings_in_one_of_twelve_frfs_is_no_mode() -> None:
     kept = found.modes.frequency_hz[found.probability >= SURE]
     assert np.min(np.abs(kept / draw.distortions[0] - 1)) > 0.004
     assert all(np.min(np.abs(kept / f - 1)) < 0.004 for f in draw.frequency_hz)
-
-
-def test_an_interval_holds_both_poles_of_a_mode() -> None:
-    """Two poles of equal power: the mode is half-way as probably as the second one is no mode for its distance alone."""
-    arrangement = prepare(KINDS["bridge"](5).frfs, None).arrangement
-    terms = Terms(np.array([3.0, 3.001]), np.array([0.01, 0.012]), (-2, 0))
-    both = {"phase": 1.0, "rise": 1e3, "share": 0.7, "damping": 0.0} | {
-        "shape": 1.0, "reach": 0.7, "height": 2.0, "trend": 0.01,
-    }  # fmt: skip
-    evidence = Evidence(
-        **{name: np.full(2, value) for name, value in both.items()},
-        apart=np.array([np.inf, 0.05]),
-        neighbour=np.array([1, 0]),
-        twin=np.array([1, 0]),
-        tone=np.zeros(2, dtype=bool),
-        delay=0.0,
-        turned=False,
-    )
-    near = probability(arrangement, evidence, terms.damping_ratio)[1]
-    alone = probability(arrangement, replace(evidence, apart=np.full(2, np.inf)), terms.damping_ratio)[1]
-    assert near < 0.1 < 0.99 < alone
-    half = np.array([np.log(3.001 / 3.0), 0.002]) / 2
-    expected = np.stack([(alone - near) * half**2, np.zeros(2)], axis=1)
-    np.testing.assert_allclose(doubled(arrangement, evidence, terms), expected, rtol=1e-9)
-    tone = replace(evidence, tone=np.array([False, True]))
-    assert not np.any(doubled(arrangement, tone, terms))
