@@ -71,6 +71,6 @@ def shared_error(arrangement: Arrangement, fit: Level) -> FloatArray:
             continue
         each = weighted * fit.residual[:, near]
         square = float(np.sum(np.abs(each.sum(axis=0)) ** 2 / power))
-        usual = float(np.sum(np.abs(each) ** 2 / power)) * (freedom + np.sqrt(2 * freedom)) / (2 * int(near.sum()))
+        usual = float(np.sum(np.abs(each) ** 2 / power)) * (freedom + 2 * np.sqrt(2 * freedom)) / (2 * int(near.sum()))
         shared[k] = np.sqrt(max(square - usual, 0.0) / power.sum())
     return shared

@@ -276,7 +276,7 @@ def test_an_error_that_all_frfs_share_is_counted_whole(size: float) -> None:
     parts = np.sum(np.abs(own) ** 2, axis=1) / np.sum(np.abs(own) ** 2)
     lines = int(np.sum(power > 0))
     chance = (
-        (2 * lines - 4 + np.sqrt(4 * lines - 8)) / (2 * lines) * np.sum(parts**2)
+        (2 * lines - 4 + 2 * np.sqrt(4 * lines - 8)) / (2 * lines) * np.sum(parts**2)
     )  # were FRFs of this size independent
     expected = np.sqrt(np.sum(power * error**2) / np.sum(power) * (1 - chance))
     assert shared[0] == pytest.approx(expected, rel=0.05, abs=1e-12)
