@@ -52,10 +52,16 @@ class Fitted:
 
     @property
     def covariance(self) -> FloatArray:
-        """(2n, 2n) covariance of (ln f, ζ); the mean of as many drifts as there are tests is common to all frequencies."""
+        """(2n, 2n) covariance of (ln f, ζ).
+
+        The mean of as many drifts as there are tests is common to all frequencies. Where the mass of a roving sensor moves
+        them, modes do not drift alike: each may be off by the mean of the drifts by its own power in the FRFs.
+        """
         covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
         if self.drift is not None:
-            covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement)
+            power = np.abs(self.fit.residues()[0]) ** 2
+            own = self.drift.each @ power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+            covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement) + np.diag(own**2)
         return covariance
 
 
