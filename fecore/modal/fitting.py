@@ -99,8 +99,7 @@ class _Data:
 
     @classmethod
     def of(cls, arrangement: Arrangement, noise: FloatArray) -> _Data:
-        small = compress(arrangement, noise)
-        return cls(arrangement, noise, small.arrangement, small.squares(noise))
+        return cls(arrangement, noise, *compress(arrangement, noise))
 
     def settled(self, terms: Terms) -> Terms:
         """The poles refined on the combinations."""
