@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.modal.arrangement import Arrangement
 
 _NODES = 64  # frequencies at which the scatter of the lines is taken, by ratio
 _REACH = 0.3  # half the window over the number of its line
@@ -74,6 +75,12 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
         known = np.isfinite(own)
         out[row] = np.exp(np.interp(line, nodes[known], np.log(own[known]))) if known.any() else usual[row]
     return np.asarray(np.maximum(out, _FLOOR**2 * np.maximum(usual, np.finfo(float).tiny)[:, None]))
+
+
+def scatter_of(arrangement: Arrangement) -> FloatArray:
+    """(N, L) variance of what changes from line to line of FRFs."""
+    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
+    return line_scatter(arrangement.values, arrangement.measured, first)
 
 
 def local_variance(
