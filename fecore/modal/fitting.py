@@ -183,7 +183,7 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
 def _last(data: _Data, fit: Level) -> Fit:
     """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
     arrangement = data.arrangement
-    variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured, spare(arrangement, fit))
+    variance = student(arrangement, fit.residual, data.noise, spare(arrangement, fit))
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
     return replace(fit, memory=tau, sessions=session_of(arrangement), shared=shared_error(arrangement, fit))

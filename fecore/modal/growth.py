@@ -89,7 +89,7 @@ def grow(
         whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
         fit = pruned(
             arrangement,
-            level_at(arrangement, whole.terms, _local_variance(arrangement, whole.residual, noise)),
+            level_at(arrangement, whole.terms, local_variance(arrangement, whole.residual, noise)),
             beside,
         )
         step(fit.terms.pairs)
@@ -106,14 +106,10 @@ def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
 
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
     """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
-    fit = level_at(arrangement, terms, _local_variance(arrangement, arrangement.values, noise))
+    fit = level_at(arrangement, terms, local_variance(arrangement, arrangement.values, noise))
     for _ in range(_SETTLES):
-        fit = level_at(arrangement, terms, _local_variance(arrangement, fit.residual, noise))
+        fit = level_at(arrangement, terms, local_variance(arrangement, fit.residual, noise))
     return fit
-
-
-def _local_variance(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray) -> FloatArray:
-    return local_variance(residual, arrangement.values, noise, arrangement.measured)
 
 
 def linear_weight(arrangement: Arrangement, noise: FloatArray) -> FloatArray:
@@ -221,7 +217,7 @@ def _as_all_leave(arrangement: Arrangement, fit: Level, pool: ComplexArray, nois
     of the group, and none pays alone.
     """
     whole = level_at(arrangement, with_poles(fit.terms, pool), fit.variance)
-    return level_at(arrangement, fit.terms, _local_variance(arrangement, whole.residual, noise))
+    return level_at(arrangement, fit.terms, local_variance(arrangement, whole.residual, noise))
 
 
 def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int, beside: int) -> ComplexArray:
