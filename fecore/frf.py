@@ -21,8 +21,8 @@ Quantity = Literal["accelerance", "mobility", "receptance"]
 MAINS_HZ = (50.0, 60.0)
 """Frequencies of the public supplies, at whose multiples cables hum, Hz."""
 
-SMALLEST, LARGEST = 1e-100, 1e100
-"""Of the largest value of an FRF: what lies between can be squared in double precision, and nothing beyond is measured."""
+SMALLEST, LARGEST = 1e-70, 1e70
+"""Of the largest value of an FRF: what lies between can be squared twice in double precision; nothing beyond is measured."""
 
 POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 """Power of iω that turns a receptance into each quantity."""
