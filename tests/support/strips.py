@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.draws import modes_at
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
@@ -17,6 +16,7 @@ from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter, parametrise
+from tests.support.draws import modes_at
 
 NOMINAL = OrthotropicMaterial(Ex=40e9, Ey=9e9, Gxy=4.0e9, Gxz=4.0e9, Gyz=3.2e9, nu_xy=0.28, density=1900.0)
 """A glass fibre laminate, as a handbook has it."""
@@ -27,6 +27,11 @@ TRUTH = {"Ex": 36.5e9, "Ey": 10.4e9, "Gxy": 4.6e9, "Gxz": 3.5e9, "Gyz": 2.9e9, "
 STRIP = (0.25, 0.03, 0.005)
 PLATE = (0.30, 0.20, 0.005)
 _THEORY, _NOISE = 0.0005, 0.0003  # relative errors of a frequency: of a plate theory, of a measurement
+
+
+def tour(length: float, width: float) -> tuple[tuple[float, float], ...]:
+    """Points of eleven rows of three."""
+    return tuple((float(x), y) for x in np.linspace(length / 11, length, 11) for y in (-width / 2, 0.0, width / 2))
 
 
 def panel(random: np.random.Generator, *, boundary: str = "free", modes: int = 9) -> list[Campaign]:

@@ -9,8 +9,6 @@ say. A body cannot move before it is hit: of the two readings only one has its i
 period, and that one is taken. Where neither stands out, the spectra are left alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -37,13 +35,7 @@ from modalbase.formats.uff.units import FORCE, RESPONSE, Dimension, read_label
 
 TIME_RESPONSE, AUTO_SPECTRUM, CROSS_SPECTRUM = 1, 2, 3
 _UNSTATED_TYPES = (0, 1)
-_TYPES: dict[int, ChannelQuantity] = {
-    8: "displacement",
-    11: "velocity",
-    12: "acceleration",
-    9: "force",
-    13: "force",
-}
+_TYPES: dict[int, ChannelQuantity] = {8: "displacement", 11: "velocity", 12: "acceleration", 9: "force", 13: "force"}
 _DIMENSIONS: dict[Dimension, ChannelQuantity] = {
     FORCE: "force",
     RESPONSE["accelerance"]: "acceleration",

@@ -1,7 +1,5 @@
 """A deck and its INCLUDE files to lines, and these to cards, whose fields are numbers with their places."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -104,9 +102,9 @@ class Card:
             self.integers_for_reals.append(index)
         return value
 
-    def positive(self, index: int, what: str, default: float | None = None) -> float:
+    def positive(self, index: int, what: str) -> float:
         """A field as a real above zero."""
-        value = self.real(index, what, default)
+        value = self.real(index, what)
         if not value > 0:
             raise self.wrong(index, what, "a number above zero")
         return value

@@ -1,13 +1,11 @@
 """The joint model against solids of quadratic bricks by another code, whose files are read where they are."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
 import pytest
 
-from benchmarks.structures import OPEN, body, frequencies
+from tests.support.stored_solids import OPEN, body, frequencies
 
 
 @pytest.mark.parametrize(

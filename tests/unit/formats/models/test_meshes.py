@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.structures import frequencies
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile, uff_of, write_vtu
 from modalbase.formats.models.inp import read_inp
@@ -19,6 +18,7 @@ from service.compute.models.bodies import body_of_model
 from service.compute.models.meshes import MESHES, mesh_in_si
 from tests.support.places import ROOT
 from tests.support.profiles import ANGLE, deck
+from tests.support.stored_solids import frequencies
 
 FILES = {path.name: path.read_bytes() for path in sorted((ROOT / "tests/corpus/meshes").iterdir())}
 """By gmsh 4.15 and VTK 9.7: a flange of two quadrilaterals with a web of four triangles, clamped at x = 0, in mm."""
