@@ -21,15 +21,16 @@ Quantity = Literal["accelerance", "mobility", "receptance"]
 MAINS_HZ = (50.0, 60.0)
 """Frequencies of the public supplies, at whose multiples cables hum, Hz."""
 
-SMALLEST, LARGEST = 1e-100, 1e100
-"""Of the largest value of an FRF: what lies between can be squared in double precision, and nothing beyond is measured."""
+SMALLEST, LARGEST = 1e-70, 1e70
+"""Of the largest value of an FRF: what lies between can be squared twice in double precision; nothing beyond is measured."""
 
-_POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+POWER_OF_I_OMEGA: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+"""Power of iω that turns a receptance into each quantity."""
 
 
 def convert(omega: FloatArray, quantity: Quantity) -> ComplexArray:
     """(L,) factor from receptance to another quantity: (iω)⁰, (iω)¹ or (iω)²."""
-    factor: ComplexArray = (1j * omega) ** _POWER_OF_I_OMEGA[quantity]
+    factor: ComplexArray = (1j * omega) ** POWER_OF_I_OMEGA[quantity]
     return factor
 
 
@@ -175,7 +176,7 @@ class FrfSet:
         Raises:
             InputError: the set has a line at 0 Hz and the conversion would divide by it.
         """
-        power = _POWER_OF_I_OMEGA[quantity] - _POWER_OF_I_OMEGA[self.quantity]
+        power = POWER_OF_I_OMEGA[quantity] - POWER_OF_I_OMEGA[self.quantity]
         if power < 0 and self.frequency_hz[0] == 0:
             raise InputError("frequency_hz", f"a line at 0 Hz has no {quantity}; leave it out")
         factor = (1j * self.omega) ** power

@@ -2,8 +2,7 @@
 
 A roving hammer keeps the response fixed and a roving sensor the reference. By reciprocity H_ij = H_ji both give a
 column of the FRF matrix, and the mode shape is found at the dofs that rove. Campaigns with several fixed dofs, or
-with both rows
-and columns of the matrix, are covered too: the fixed dofs are the fewest that touch every FRF.
+with both rows and columns of the matrix, are covered too: the fixed dofs are the fewest that touch every FRF.
 """
 
 from __future__ import annotations
@@ -16,10 +15,8 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
-from fecore.frf import Dof, FrfSet, Quantity
+from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet, Quantity
 
-#: Power of iω that turns a receptance into each quantity.
-POWER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 _AXIS_NAMES = ("X", "Y", "Z", "RX", "RY", "RZ")
 FEW = 4
 """FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors, one that is alone."""
@@ -50,7 +47,7 @@ class Arrangement:
     @property
     def power(self) -> int:
         """Power of iω that turns a receptance into these FRFs."""
-        return POWER[self.quantity]
+        return POWER_OF_I_OMEGA[self.quantity]
 
     @cached_property
     def spacing_hz(self) -> float:

@@ -1,16 +1,14 @@
 """Many FRFs as the few that carry all of their common content.
 
 The FRFs of one structure are real combinations of as many functions of frequency as there are modes and residual terms, so N
-FRFs
-span few dimensions above their noise. With a_i the noise of FRF i, the rows H_i/a_i (real beside imaginary parts) have a
-singular
-value decomposition U S Vᵀ; its leading rows UᵀH/a are themselves FRFs with the same poles: real combinations keep the conjugate
-symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all FRFs.
+FRFs span few dimensions above their noise. With a_i the noise of FRF i, the rows H_i/a_i (real beside imaginary parts) have a
+singular value decomposition U S Vᵀ; its leading rows UᵀH/a are themselves FRFs with the same poles: real combinations keep the
+conjugate symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all FRFs.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,49 +21,37 @@ _SHORT = 0.02  # of the lines: a gap up to here is bridged for the search
 _BRIDGED = 0.5  # of the FRFs must be whole or bridged
 
 
-@dataclass(frozen=True)
-class Compressed:
-    """Leading combinations of FRFs."""
+def compress(arrangement: Arrangement, noise: FloatArray) -> tuple[Arrangement, FloatArray]:
+    """The leading combinations under a noise variance (N, L), as if they were FRFs, and the (r, L) variance of their noise.
 
-    arrangement: Arrangement  # the combinations as if they were FRFs; its pairs name no true dofs
-    mixing: FloatArray  # (r, N) real factors, combination = mixing @ FRFs
-    source: Arrangement  # the FRFs
-
-    def squares(self, square: FloatArray) -> FloatArray:
-        """(r, L) what independent parts of the FRFs, with mean squares (N, L), have as mean squares in the combinations."""
-        return square if len(self.mixing) == len(self.source.pairs) else np.asarray(self.mixing**2 @ square)
-
-
-def compress(arrangement: Arrangement, noise: FloatArray) -> Compressed:
-    """The leading combinations under a noise variance (N, L); all FRFs as they are where they are few or full of gaps."""
+    Their pairs name no true dofs. FRFs that are few or full of gaps stay as they are.
+    """
     rows = len(arrangement.pairs)
-    identity = Compressed(arrangement, np.eye(rows), arrangement)
     if rows <= _ENOUGH:
-        return identity
+        return arrangement, noise
     values, bridged = _bridged(arrangement)
     if bridged.sum() < _BRIDGED * rows:
-        return identity
-    whole, noise = values[bridged], noise[bridged]
-    own = np.sqrt(np.median(noise, axis=1))
-    scaled = whole / own[:, None]
-    weight = 1 / np.sqrt(np.mean(noise / own[:, None] ** 2 + np.abs(scaled) ** 2 * 1e-4, axis=0))
+        return arrangement, noise
+    own = np.sqrt(np.median(noise[bridged], axis=1))
+    scaled = values[bridged] / own[:, None]
+    weight = 1 / np.sqrt(np.mean(noise[bridged] / own[:, None] ** 2 + np.abs(scaled) ** 2 * 1e-4, axis=0))
     flat = np.concatenate([scaled.real * weight, scaled.imag * weight], axis=1)
     value, vector = np.linalg.eigh(flat @ flat.T)
-    kept = vector[:, ::-1][:, : _count(value[::-1], flat.shape[1])]
-    mixing = np.zeros((kept.shape[1], rows))
-    mixing[:, bridged] = kept.T / own
-    if len(mixing) >= rows:
-        return identity
-    small = replace(
+    count = _count(value[::-1], flat.shape[1])
+    if count >= rows:
+        return arrangement, noise
+    mixing = np.zeros((count, rows))
+    mixing[:, bridged] = vector[:, ::-1][:, :count].T / own
+    few = replace(
         arrangement,
         values=mixing @ values,
-        measured=np.ones((len(mixing), arrangement.frequency_hz.size), dtype=bool),
-        variance=np.full((len(mixing), arrangement.frequency_hz.size), np.nan),
-        pairs=arrangement.pairs[: len(mixing)],
-        row=arrangement.row[: len(mixing)],
-        source=arrangement.source[: len(mixing)],
+        measured=np.ones((count, arrangement.frequency_hz.size), dtype=bool),
+        variance=np.full((count, arrangement.frequency_hz.size), np.nan),
+        pairs=arrangement.pairs[:count],
+        row=arrangement.row[:count],
+        source=arrangement.source[:count],
     )
-    return Compressed(small, mixing, arrangement)
+    return few, np.asarray(mixing**2 @ noise)
 
 
 def _count(value: FloatArray, columns: int) -> int:

@@ -102,8 +102,7 @@ class _Data:
 
     @classmethod
     def of(cls, arrangement: Arrangement, noise: FloatArray) -> _Data:
-        small = compress(arrangement, noise)
-        return cls(arrangement, noise, small.arrangement, small.squares(noise))
+        return cls(arrangement, noise, *compress(arrangement, noise))
 
     def settled(self, terms: Terms) -> Terms:
         """The poles refined on the combinations."""
@@ -187,7 +186,7 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
 def _last(data: _Data, fit: Level) -> Fit:
     """A few steps with a variance for each value (Student's law of the errors), and what the covariance needs."""
     arrangement = data.arrangement
-    variance = student(fit.residual, arrangement.values, data.noise, arrangement.measured, spare(arrangement, fit))
+    variance = student(arrangement, fit.residual, data.noise, spare(arrangement, fit))
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
     return replace(fit, memory=tau, sessions=session_of(arrangement), shared=_shared(arrangement, fit))

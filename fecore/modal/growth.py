@@ -75,11 +75,7 @@ def grow(
         candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
-        room = most - fit.terms.pairs
-        added = _chosen(arrangement, fit, candidates, room, beside)
-        if not fit.terms.pairs and not added.size:
-            # A first pole that most of the FRFs' own variance is gains no more than that: it pays for the combinations alone.
-            added = _chosen(arrangement, fit, candidates, room, 0)
+        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs, beside)
         if not added.size:
             break
         larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=STEPS, enough=ENOUGH)
@@ -89,7 +85,7 @@ def grow(
         whole = level_at(arrangement, with_residual_terms(arrangement, larger.terms), larger.variance)
         fit = pruned(
             arrangement,
-            level_at(arrangement, whole.terms, _local_variance(arrangement, whole.residual, noise)),
+            level_at(arrangement, whole.terms, local_variance(arrangement, whole.residual, noise)),
             beside,
         )
         step(fit.terms.pairs)
@@ -106,14 +102,10 @@ def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
 
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
     """The fit at given poles under the variance of its own misfit, at least the noise (N, L)."""
-    fit = level_at(arrangement, terms, _local_variance(arrangement, arrangement.values, noise))
+    fit = level_at(arrangement, terms, local_variance(arrangement, arrangement.values, noise))
     for _ in range(_SETTLES):
-        fit = level_at(arrangement, terms, _local_variance(arrangement, fit.residual, noise))
+        fit = level_at(arrangement, terms, local_variance(arrangement, fit.residual, noise))
     return fit
-
-
-def _local_variance(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray) -> FloatArray:
-    return local_variance(residual, arrangement.values, noise, arrangement.measured)
 
 
 def linear_weight(arrangement: Arrangement, noise: FloatArray) -> FloatArray:
@@ -221,7 +213,7 @@ def _as_all_leave(arrangement: Arrangement, fit: Level, pool: ComplexArray, nois
     of the group, and none pays alone.
     """
     whole = level_at(arrangement, with_poles(fit.terms, pool), fit.variance)
-    return level_at(arrangement, fit.terms, _local_variance(arrangement, whole.residual, noise))
+    return level_at(arrangement, fit.terms, local_variance(arrangement, whole.residual, noise))
 
 
 def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int, beside: int) -> ComplexArray:

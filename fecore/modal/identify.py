@@ -34,6 +34,7 @@ Report = Callable[[str, float], None]
 REFUSED = 0.1
 """Probability below which a pole is refused."""
 
+_STEPS = ("screening", "search and refinement", "probability and shapes")  # whose time is taken
 _SAID = 3  # features that are said of a pole
 _FAR = 4.6  # |residual|² over its own variance from which a value has hardly any weight
 _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
@@ -73,16 +74,17 @@ def identify(
         IdentificationError: the data support no mode; the message says what was seen and what to try.
     """
     options = options or Options()
-    clock = _Clock()
+    times = [time.perf_counter()]
     report("screening the FRFs", 0.0)
     prepared = prepare(frfs, options.band_hz)
-    clock.lap("screening")
+    times.append(time.perf_counter())
     fitted = fit_series(prepared.arrangement, prepared.noise, options.highest_order, options.most_modes, report)
-    clock.lap("search and refinement")
+    times.append(time.perf_counter())
     report("judging the poles", 0.9)
-    found = _judged(prepared, fitted, options.threshold, clock)
+    found = _judged(prepared, fitted, options.threshold)
+    times.append(time.perf_counter())
     report("done", 1.0)
-    return found
+    return replace(found, seconds=dict(zip(_STEPS, np.diff(times).tolist(), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -101,7 +103,7 @@ class _Verdict:
         return _Verdict(kept, self.probability[old], [self.features[k] for k in old], self.refused)
 
 
-def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock) -> Identification:
+def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identification:
     """Which of the poles are modes, with their shapes, and all that there is to say of them."""
     arrangement, fit = fitted.arrangement, fitted.fit
     diagram = diagram_of(arrangement, fitted.linear)
@@ -129,7 +131,6 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         *_noise_remarks(arrangement, fit),
         *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
     )
-    clock.lap("probability and shapes")
     return Identification(
         found=Found(
             modes=_modes(fitted, verdict, shapes),
@@ -155,7 +156,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float, clock: _Clock)
         drift=0.0 if fitted.drift is None else fitted.drift.sd,
         delay=evidence.delay,
         memory_lines=fit.memory,
-        seconds=clock.laps,
+        seconds={},
     )
 
 
@@ -299,16 +300,3 @@ def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[Re
         + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not"
         " swapped, and that the imaginary part has the sign of exp(+iωt)."
     )
-
-
-class _Clock:
-    """Seconds of each step."""
-
-    def __init__(self) -> None:
-        self.laps: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def lap(self, name: str) -> None:
-        now = time.perf_counter()
-        self.laps[name] = now - self._last
-        self._last = now

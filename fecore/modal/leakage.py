@@ -10,23 +10,19 @@ import scipy
 from fecore.modal.arrangement import Arrangement
 
 _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
-_RAISED = 10.0  # power at 0 Hz over that at the end of such lines, from which they are leakage
-_FEWEST = 3  # lines that leakage at 0 Hz takes at least
-_MOST = 0.5  # of the lines that it takes: a record that jumps beyond is noise
+_RAISED = 10.0  # power of such lines next to 0 Hz over that at their end, from which they are leakage
 
 
 def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     """Leave out the lines next to 0 Hz in which the FRFs jump from line to line as noise does, and rise towards 0 Hz."""
     values = arrangement.values
-    if values.shape[1] < 10 * _FEWEST:
-        return arrangement, []
     power = np.sum(np.abs(values) ** 2, axis=0)
     jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
     around = (power[:-2] + power[1:-1] + power[2:]) / 3
     rough = scipy.ndimage.median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
-    smooth = np.flatnonzero(rough < _DROWNED)
-    first = int(smooth[0]) + 1 if smooth.size else 0
-    if not _FEWEST <= first <= _MOST * power.size or np.mean(power[:_FEWEST]) < _RAISED * power[first]:
+    drowned = int(np.argmax(rough < _DROWNED))
+    first = drowned + 1  # `rough` is of the lines between others
+    if not drowned or np.mean(power[:first]) < _RAISED * power[first]:
         return arrangement, []
     cut = replace(
         arrangement,

@@ -10,6 +10,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
+from fecore.modal.arrangement import Arrangement
 
 _NODES = 64  # frequencies at which the scatter of the lines is taken, by ratio
 _REACH = 0.3  # half the window over the number of its line
@@ -76,11 +77,16 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     return np.asarray(np.maximum(out, _FLOOR**2 * np.maximum(usual, np.finfo(float).tiny)[:, None]))
 
 
+def scatter_of(arrangement: Arrangement) -> FloatArray:
+    """(N, L) variance of what changes from line to line of FRFs."""
+    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
+    return line_scatter(arrangement.values, arrangement.measured, first)
+
+
 def local_variance(
+    arrangement: Arrangement,
     residual: ComplexArray,
-    values: ComplexArray,
     noise: FloatArray,
-    measured: BoolArray,
     *,
     spare: FloatArray | float = 1.0,
     alike: bool = True,
@@ -90,14 +96,14 @@ def local_variance(
     peak.
 
     Args:
+        arrangement: the FRFs.
         residual: (N, L) of a fit.
-        values: (N, L) the FRFs.
         noise: (N, L) variance of the noise.
-        measured: (N, L) where they were measured.
         spare: (L,) share of each line that the fit leaves to its errors, 1 less the leverage: on the two or three lines of a
             narrow peak the residue and the pole take up most of them.
         alike: take the variances as one function of frequency but for a factor, v_il = g_i p_l, where no value is missing.
     """
+    values, measured = arrangement.values, arrangement.measured
     square = scipy.ndimage.uniform_filter1d(
         np.where(measured, np.abs(residual) ** 2, 0.0), _LOCAL, axis=1, mode="nearest"
     )
@@ -120,9 +126,7 @@ def _relative(residual: ComplexArray, values: ComplexArray, spare: FloatArray | 
     return float(min(np.median(share) / np.log(2), _MOST_RELATIVE**2))
 
 
-def student(
-    residual: ComplexArray, values: ComplexArray, noise: FloatArray, measured: BoolArray, spare: FloatArray
-) -> FloatArray:
+def student(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray, spare: FloatArray) -> FloatArray:
     """(N, L) variance of each value by Student's law with ν degrees of freedom about the local one: v/u, at least the noise.
 
     u = (ν + 2)/(ν + 2|r|²/v), v the local mean of u|r|² (expectation maximisation; Lange, Little and Taylor 1989): a line of
@@ -130,6 +134,6 @@ def student(
     """
     weight: FloatArray = np.ones(residual.shape)
     for _ in range(_ROUNDS):
-        v = local_variance(residual * np.sqrt(weight), values, noise, measured, spare=spare, alike=False)
+        v = local_variance(arrangement, residual * np.sqrt(weight), noise, spare=spare, alike=False)
         weight = (_FREEDOM + 2) / (_FREEDOM + 2 * np.abs(residual) ** 2 / v)
     return np.asarray(v / np.minimum(weight, 1.0))

@@ -11,7 +11,7 @@ from fecore.arrays import FloatArray
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.leakage import leakage
-from fecore.modal.noise import believable, line_scatter
+from fecore.modal.noise import believable, scatter_of
 from fecore.modal.screening import Refused, screen
 
 _ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
@@ -40,7 +40,7 @@ def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
     """
     screened = screen(frfs, band_hz)
     arrangement, left_out = leakage(screened.arrangement)
-    scatter = _scatter(arrangement)
+    scatter = scatter_of(arrangement)
     arrangement, doubts = _doubt_variance(arrangement, scatter)
     arrangement = _of_lines(arrangement, scatter)
     said = (*screened.warnings, *doubts, *left_out)
@@ -49,16 +49,11 @@ def prepare(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None
 
 def noise_of(arrangement: Arrangement) -> FloatArray:
     """(N, L) variance of the noise: as stated where it is, and as seen from line to line elsewhere."""
-    return _known_or(arrangement, _scatter(arrangement))
+    return _known_or(arrangement, scatter_of(arrangement))
 
 
 def _known_or(arrangement: Arrangement, scatter: FloatArray) -> FloatArray:
     return np.where(np.isfinite(arrangement.variance), arrangement.variance, scatter)
-
-
-def _scatter(arrangement: Arrangement) -> FloatArray:
-    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
-    return line_scatter(arrangement.values, arrangement.measured, first)
 
 
 def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arrangement, list[str]]:

@@ -21,7 +21,6 @@ from fecore.modal.causality import turned_backwards
 
 _FEWEST_LINES = 16  # that an FRF must have in the band
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
-_JUMP = 30.0  # ... that is worth comparing between FRFs
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line
 _ALONE = (
     5.0  # times the jump of any other FRF at a line: no mode shape, even at few points, has such a peak there alone
@@ -29,7 +28,6 @@ _ALONE = (
 _RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
 _LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
-_POSSIBLE = (1e-70, 1e70)  # of a record's rms: beyond, the fit's products leave double precision
 _DEAD = 1e-9  # of the strongest record's rms: below it a channel is dead
 _CONJUGATES = (
     "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive structure does with exp(+iωt)"
@@ -149,8 +147,6 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
                 f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches {largest[strongest]:.2g}: a dead "
                 "channel, or the scale of one of the two is wrong; check cable and scale"
             )
-        elif not _POSSIBLE[0] < level < _POSSIBLE[1]:
-            found[row] = f"is of the size of {level:.1g}, which no FRF in SI units is; check the scale"
         elif lines < _FEWEST_LINES:
             found[row] = f"has only {lines} measured lines in the band, at least {_FEWEST_LINES} are needed"
         elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:
@@ -167,8 +163,8 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     """Leave out single lines that stand out of a smooth record, as an overload or a mains line makes them."""
     pairs = zip(arrangement.values, arrangement.measured, strict=True)
     seen = [_spikes(v, m) for v, m in pairs]
-    spikes, standing, jumps, height = (np.array(marks) for marks in zip(*seen, strict=True))
-    spikes &= jumps.sum(axis=0) <= max(1, _SHARED * len(jumps))  # what most records show is a resonance
+    spikes, standing, height = (np.array(marks) for marks in zip(*seen, strict=True))
+    spikes &= standing.sum(axis=0) <= max(1, _SHARED * len(standing))  # what most records show is a resonance
     if len(height) >= FEW:  # ... but an overload may fall on one: no other FRF jumps nearly as far there
         spikes |= standing & (height > _ALONE * np.partition(height, -2, axis=0)[-2])
     if not spikes.any():
@@ -189,16 +185,15 @@ def _without_spikes(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     return replace(arrangement, measured=measured, values=np.where(measured, arrangement.values, 0)), notes
 
 
-def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolArray, BoolArray, FloatArray]:
+def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolArray, FloatArray]:
     """What each line of a record looks like between its neighbours.
 
     Returns:
         spikes: (L,) lines that jump far beyond the local scatter while their neighbours are not raised.
         standing: (L,) the same beside raised neighbours too.
-        jumps: (L,) all jumps.
-        height: (L,) of the jumps.
+        height: (L,) by how much it jumps.
     """
-    spikes, standing, jumps = (np.zeros(record.size, dtype=bool) for _ in range(3))
+    spikes, standing = (np.zeros(record.size, dtype=bool) for _ in range(2))
     height = np.zeros(record.size)
     at = np.flatnonzero(measured)
     values = record[at]
@@ -215,8 +210,8 @@ def _spikes(record: ComplexArray, measured: BoolArray) -> tuple[BoolArray, BoolA
     far_out = (jump > _SPIKE * (usual + floor)) & largest & (np.abs(middle) > 3 * near)
     inner = at[2:-2]
     spikes[inner], standing[inner] = far_out & (near < _RAISED * far), far_out
-    jumps[inner], height[inner] = jump > _JUMP * (usual + floor), np.sqrt(jump)
-    return spikes, standing, jumps, height
+    height[inner] = np.sqrt(jump)
+    return spikes, standing, height
 
 
 def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Refused | None], list[str]]:
