@@ -45,7 +45,8 @@ guide: $(SERVER)
 # Long runs that print counts; the tests have each in a short form.
 soak: $(READY)
 	$(BIN)/python -m benchmarks soak
-	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py tests/integration/test_every_operation.py
+	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py tests/integration/test_every_operation.py \
+		tests/integration/test_few_frfs.py
 
 # What the service needs; and what the tests and checks need beside it.
 $(SERVER): pyproject.toml

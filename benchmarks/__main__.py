@@ -56,13 +56,13 @@ TABLES = {
         Case("campaigns", "updates", "plans 12 17", "plans 1 17"),
         Case("cards", "core", quick="1", needs="ccx"),
         Case("trend", "trend", quick="2"),
-        Case("uff_damage", "uff_damage", quick="100"),
     ),
     "speed": (
         Case("forward", "core", quick="3"),
         Case("updating", "core", quick="400"),
         Case("mixed_deck", "mixed_deck", quick="20"),
         Case("measurements", "database", quick="100 801"),
+        Case("backup", "database", quick="200 801"),
         Case("many_hits", "database", quick="200"),
         Case("recordings", "recordings", quick="1"),
         Case("live_hits", "database", quick="2"),
@@ -73,13 +73,10 @@ TABLES = {
         Case("start", "screen", quick="1"),
     ),
     "soak": (
-        Case("soak_fuzz", "soak", quick="0"),
+        Case("uff_damage", "soak", quick="100"),
         Case("soak_bombs", "soak", quick="1"),
-        Case("soak_load", "soak_load", quick="10"),
-        Case("soak_kills", "soak_kills", quick="4"),
-        Case("soak_small", "soak", quick="1"),
-        Case("soak_backup", "soak_backup", quick="1"),
-        Case("jobs_outage", "jobs_outage", quick="5"),
+        Case("soak_load", "soak", quick="10"),
+        Case("soak_kills", "soak", quick="4"),
     ),
 }
 

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.draws import modes_at
 from benchmarks.tables import Table, beside
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
@@ -30,6 +29,7 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
+from tests.support.draws import modes_at
 
 SOLIDS = Path(__file__).parents[2] / "shared" / "blind-open"
 MODULI = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")

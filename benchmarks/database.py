@@ -4,15 +4,12 @@ import base64
 import io
 import json
 import os
-import socket
 import statistics
 import tempfile
-import threading
 import time
 import uuid
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import httpx
@@ -22,14 +19,16 @@ import pyuff
 from scipy import fft
 
 from benchmarks.clock import timed
-from benchmarks.hammer import campaign as hit_campaign
-from benchmarks.service import RAW, Cost, api_of, campaigns_of, copied, ended, measured, served
+from benchmarks.service import Cost, api_of, contents, copied, ended, measured, served
 from benchmarks.tables import Table, load
-from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from service.db.opening import embedded_server
 from service.store.storage.originals import CHUNK_BYTES
+from tests.support.backups import run
+from tests.support.hammer import campaign as hit_campaign
+from tests.support.rest import RAW, campaigns_of
 
 PAIRS = 3
 
@@ -57,7 +56,7 @@ def _imports(
     with tempfile.TemporaryDirectory(prefix="mb-") as folder:
         path = Path(folder, "frfs.uff")
         for pair in range(pairs):
-            write_file(path, _made(frfs, lines, seed=pair), binary=binary)  # bytes that are not there yet
+            write_file(path, contents(frfs, lines, 0.5, seed=pair), binary=binary)  # bytes that are not there yet
             sets, (peer, _) = timed(lambda: pyuff.UFF(str(path)).read_sets())
             assert sum(s["type"] == 58 for s in sets) == frfs
             file, spectrum = path.read_bytes(), os.urandom(16 * lines)
@@ -73,15 +72,6 @@ def _imports(
     return [statistics.median(column) for column in zip(*runs, strict=True)]
 
 
-def _made(count: int, lines: int, seed: int) -> Iterator[GridPoint | Frf]:
-    rng = np.random.default_rng(seed)
-    yield from (GridPoint(n, (0.001 * n, 0.0, 0.0)) for n in range(1, count + 1))
-    for n in range(1, count + 1):
-        label = f"FRF {n}Z/1Z"
-        values, ids = rng.standard_normal((2, lines)), (label, "NONE", "NONE", "NONE", "NONE")
-        yield Frf(0, label, ids, n, 3, 1, 3, "accelerance", Axis(0.0, 0.5, lines), values[0] + 1j * values[1])
-
-
 def _spectra(api: httpx.Client, service: LocalService, lines: int) -> None:
     (campaign,), real = campaigns_of(api, "spectra"), np.random.default_rng(2).standard_normal((2, 100, lines))
     given = {"frequency_hz": np.arange(lines) * 0.5, "values": real[0] + 1j * real[1]}
@@ -95,44 +85,27 @@ def _spectra(api: httpx.Client, service: LocalService, lines: int) -> None:
     api.post(f"campaigns/{campaign}/frfs", content=_npz(**given, **dofs), headers=npz).raise_for_status()
     address = f"campaigns/{campaign}/frfs/data?format=npz"
 
-    def over_http(url: str = address) -> None:
-        with np.load(io.BytesIO(api.get(url).raise_for_status().content)) as got:
+    def over_http() -> None:
+        with np.load(io.BytesIO(api.get(address).raise_for_status().content)) as got:
             assert got["values"].shape == (100, lines)
 
-    body = api.get(address).raise_for_status().content
-    with _bare_server(body) as bare, psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
         query = "SELECT data FROM frfs WHERE campaign_id = %s ORDER BY id"
 
         def select() -> None:
             rows = connection.execute(query, [campaign], binary=True).fetchall()
             assert len([np.frombuffer(row[0], "<c16") for row in rows]) == 100
 
-        turns = [[timed(call)[1][0] for call in (select, lambda: over_http(bare), over_http)] for _ in range(25)]
-    raw, client, http = (statistics.median(column) for column in zip(*turns, strict=True))
+        turns = [[timed(call)[1][0] for call in (select, over_http)] for _ in range(25)]
+    raw, http = (statistics.median(column) for column in zip(*turns, strict=True))
     print(f"\n100 FRFs × {lines} lines, medians of 25 turns, {load()} (target: at most 3 × a raw SELECT)")
-    print(f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio {http / raw:.2f};", end=" ")
-    print(f"the client alone, with the same bytes from a bare socket: {1000 * client:.1f} ms, {client / raw:.2f}")
+    print(f"raw SELECT {1000 * raw:.1f} ms, npz over HTTP {1000 * http:.1f} ms, ratio {http / raw:.2f}")
 
 
 def _npz(**arrays: object) -> bytes:
     file = io.BytesIO()
     np.savez(file, **arrays)  # type: ignore[arg-type]  # whatever numpy makes an array of
     return file.getvalue()
-
-
-@contextmanager
-def _bare_server(body: bytes) -> Iterator[str]:
-    """Address of a socket that gives these bytes to whoever connects, whatever is asked."""
-    answer = b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%b" % (len(body), body)
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-
-        def serve() -> None:
-            with listener.accept()[0] as connection:
-                while connection.recv(65536):
-                    connection.sendall(answer)
-
-        threading.Thread(target=serve, daemon=True).start()
-        yield f"http://127.0.0.1:{listener.getsockname()[1]}/"
 
 
 def _listing(api: httpx.Client, service: LocalService, sizes: tuple[int, int]) -> None:
@@ -169,6 +142,27 @@ def _fill(connection: psycopg.Connection[tuple[uuid.UUID]], campaign: str, rows:
     return middle[0].bytes
 
 
+def backup(frfs: int = 10_000, lines: int = 801) -> None:
+    """A backup of so many FRFs while the service runs, and its restore into a data folder and into an empty server."""
+    with tempfile.TemporaryDirectory(prefix="mb-") as name, served() as service, api_of(service) as api:
+        folder = Path(name)
+        folder.chmod(0o755)  # the server may run as a user of its own
+        sent, file = folder / "frfs.uff", folder / "all.modalbase"
+        write_file(sent, contents(frfs, lines), binary=True)
+        (campaign,) = campaigns_of(api, "backup")
+        ended(api, api.post(f"campaigns/{campaign}/imports", content=sent.read_bytes(), headers=RAW))
+        table = Table(f"{frfs} FRFs × {lines} lines, {load()}", "what:28", "s:.1f", "MB:.0f")
+
+        def shown(what: str, *words: str, **settings: str) -> None:
+            seconds = timed(lambda: run(*words, **settings))[1][0]
+            table.row(what, seconds, file.stat().st_size / 1e6)
+
+        shown("backup", "backup", str(file), MODALBASE_DATABASE_URL=service.settings.database_url)
+        shown("restore, data folder", "restore", str(file), "--data", str(folder / "data"))
+        with embedded_server(folder / "empty") as url:
+            shown("restore, empty server", "restore", str(file), MODALBASE_DATABASE_URL=url)
+
+
 # --- hits ---------------------------------------------------------------------------------------------------------------
 
 SAMPLES, RATE_HZ, AT_A_POINT, IN_A_FILE = 16_384, 12_800.0, 5, 50
@@ -202,7 +196,6 @@ def many_hits(hits: int = 10_000) -> None:
         rows = [[os.urandom(4 * SAMPLES)] * 2 * IN_A_FILE] * (size // (8 * SAMPLES * IN_A_FILE))
         copied(service, rows)
         stored = shown("PostgreSQL alone, one COPY", copied(service, rows))
-        shown("PostgreSQL alone, two at once", copied(service, rows, 2))
         (campaign,) = campaigns_of(api, "many hits")
         query = _mapping(sample_rate_hz=RATE_HZ, hit={"variable": "hit"})
 

@@ -1,36 +1,32 @@
 """Raw hammer hits of the bodies and analysers of `hammer`: what the judgement finds, and what becomes of FRFs and damping."""
 
-import json
-import os
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from pathlib import Path
+from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks import hammer
-from benchmarks.habits import HABITS
-from benchmarks.hammer import CLAMPED, FAULTS, FREE, Bench, Body, Laboratory, campaign, random_body, random_laboratory
 from benchmarks.tables import Off, Table, beside, print_coverage
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.frf import Dof
 from fecore.modal import Options, identify
-from fecore.signal import Block, Hit, Processing, Windows, by_point, process, remove_window
+from fecore.signal import Hit, Processing, Windows, by_point, process, remove_window
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
+from tests.support import hammer
+from tests.support.habits import HABITS, HabitBench
+from tests.support.hammer import Bench, Body, Laboratory, Simulated, campaign, random_body, random_laboratory
 
 KINDS = ("clamped", "free", "plate")
 NAMED = {"clip_force": "overload", "clip_response": "overload", "off_place": "place"}
-Positions = dict[int, tuple[float, float, float]]
-Tally = dict[str, Counter[str]]
 
 try:
     from pyFRF import FRF
@@ -39,90 +35,57 @@ except ImportError:  # an optional peer
 
 
 def hits(campaigns: int = 12, seed: int = 20260) -> None:
-    """Hits judged: good ones thrown away, bad ones missed, with five, three and two hits a point, beside pyFRF's check.
-
-    After them the sets of another simulator beside the project, whose folder `MODALBASE_HITS` names.
-    """
-    rng, tallies = np.random.default_rng(seed), {count: _new_tally() for count in (5, 3, 2)}
+    """Hits judged: good ones thrown away, bad ones missed, with five, three and two hits a point, beside pyFRF's check."""
+    rng, every = np.random.default_rng(seed), {count: Counter[tuple[str, str]]() for count in (5, 3, 2)}
     for number in range(campaigns):
         _, places, simulated = campaign(rng, KINDS[number % 3], 8, 5, 1 / 3)
-        positions = {label: (*place, 0.0) for label, place in places.items()}
-        for count, tally in tallies.items():
+        for count, tally in every.items():
             some = [s for s in simulated if s.hit.number <= count]
-            _count(tally, [s.hit for s in some], [s.fault for s in some], positions, with_peer=count == 5)
-    _table(f"{campaigns} simulated campaigns", tallies[5])
-    table = Table("\nthrown away, by hits a point", "fault:16", *(f"{count}, of:14" for count in tallies))
-    for fault in sorted(tallies[5]["hits"]):
-        table.row(fault, *(f"{tally['found'][fault]} of {tally['hits'][fault]}" for tally in tallies.values()))
-    folder = Path(os.environ.get("MODALBASE_HITS", Path(__file__).parents[2] / "shared" / "blind-open"))
-    for name in ("hits-cantilever", "hits-free-window", "hits-plate-one-point"):
-        if (folder / name / "truth.json").is_file():
-            _count(tally := _new_tally(), *_read(folder / name))
-            _table(name, tally)
+            for one, found in zip(some, _judged(some, places), strict=True):
+                fault = one.fault or "good"
+                seen = {"hits": True, "found": found, "named": NAMED.get(fault, fault) in found}
+                if FRF is not None and count == 5:
+                    peer = FRF(int(one.hit.sample_rate_hz), exc_type="f", resp_type="a", fft_len=one.hit.samples)
+                    seen["pyFRF"] = not peer.is_data_ok(one.hit.force.samples, one.hit.responses[0].samples)
+                tally.update((name, fault) for name, true in seen.items() if true)
+    faults, five = sorted(fault for name, fault in every[5] if name == "hits"), every[5]
+    columns = "fault:16", "hits:d", "thrown away:.1%", "under its name:.1%", "pyFRF throws:.1%"
+    table = Table(f"\n{campaigns} simulated campaigns", *columns)
+    for fault in faults:
+        thrown, named, peer = (five[name, fault] / five["hits", fault] for name in ("found", "named", "pyFRF"))
+        shown = None if fault == "good" else named, None if FRF is None else peer
+        table.row(fault, five["hits", fault], thrown, *shown)
+    table = Table("\nthrown away, by hits a point", "fault:16", *(f"{count}, of:14" for count in every))
+    for fault in faults:
+        table.row(fault, *(f"{tally['found', fault]} of {tally['hits', fault]}" for tally in every.values()))
 
 
-def _read(folder: Path) -> tuple[list[Hit], list[str | None], Positions]:
-    """Hits of a set of another simulator, in SI, their faults, and where the points lie."""
-    data, truth = np.load(folder / "hits.npz"), json.loads((folder / "truth.json").read_text())
-    known = truth["instruments"]
-    rate, sensor = known["window_rate_per_s"], Dof(known["sensor_point"], 3)
-    found = []
-    for force, response, point, number in zip(
-        *(data[n] for n in ("force", "acceleration", "point", "hit")), strict=True
-    ):
-        struck = Block(Dof(int(point), 3), "force", force.astype(float) / known["force_V_per_N"], rate)
-        answer = Block(sensor, "acceleration", response.astype(float) / known["acceleration_V_per_m_s2"], rate)
-        found.append(Hit(struck, (answer,), float(known["fs_hz"]), int(number)))
-    positions = {label: (place[0], place[1], 0.0) for label, place in enumerate(truth["points"], 1)}
-    return found, [record["fault"] for record in truth["records"]], positions
-
-
-def _new_tally() -> Tally:
-    return {"hits": Counter(), "found": Counter(), "named": Counter(), "pyFRF": Counter()}
-
-
-def _count(
-    tally: Tally, hits: Sequence[Hit], faults: Sequence[str | None], positions: Positions, *, with_peer: bool = True
-) -> None:
-    try:
-        verdicts = process(by_point(hits), Processing(positions=positions)).verdicts
-    except Exception as error:  # noqa: BLE001 - a set without a good hit is a result
-        print(f"  {error}")
-        verdicts = ()
-    for i, (hit, fault) in enumerate(zip(hits, faults, strict=True)):
-        name, found = fault or "good", {f.criterion for f in verdicts[i].faults} if verdicts else {"overload"}
-        tally["hits"][name] += 1
-        tally["found"][name] += bool(found)
-        tally["named"][name] += NAMED.get(name, name) in found
-        if FRF is not None and with_peer:
-            peer = FRF(int(hit.sample_rate_hz), exc_type="f", resp_type="a", fft_len=hit.samples)
-            tally["pyFRF"][name] += not peer.is_data_ok(hit.force.samples, hit.responses[0].samples)
-
-
-def _table(name: str, tally: Tally) -> None:
-    table = Table(f"\n{name}", "fault:16", "hits:d", "thrown away:.1%", "under its name:.1%", "pyFRF throws:.1%")
-    for fault, n in sorted(tally["hits"].items()):
-        named = None if fault == "good" else tally["named"][fault] / n
-        table.row(fault, n, tally["found"][fault] / n, named, None if FRF is None else tally["pyFRF"][fault] / n)
+def _judged(simulated: Sequence[Simulated], places: dict[int, tuple[float, float]]) -> list[set[str]]:
+    """Why each hit is refused; nothing where it is not."""
+    positions = {label: (*place, 0.0) for label, place in places.items()}
+    verdicts = process(by_point([s.hit for s in simulated]), Processing(positions=positions)).verdicts
+    return [{fault.criterion for fault in verdict.faults} for verdict in verdicts]
 
 
 def hits_habits(campaigns: int = 3, seed: int = 5) -> None:
     """Good hits thrown away and faults found under the habits of instruments and hands, a tenth of the hits with a fault."""
     table = Table("", "habit:32", "good hits:d", "thrown away:.1%", "for:20", "faulty found:20")
     for habit in HABITS:
-        rng, tally, reasons = np.random.default_rng([seed, zlib.crc32(habit.encode())]), _new_tally(), Counter[str]()
+        rng, made, found, reasons = (
+            np.random.default_rng([seed, zlib.crc32(habit.encode())]),
+            Counter[str](),
+            Counter[str](),
+            Counter[str](),
+        )
         for number in range(campaigns):
-            _, places, simulated = campaign(rng, KINDS[number % 3], 8, 5, 0.1, habit=habit)
-            positions = {label: (*place, 0.0) for label, place in places.items()}
-            verdicts = process(by_point([s.hit for s in simulated]), Processing(positions=positions)).verdicts
-            for one, verdict in zip(simulated, verdicts, strict=True):
-                tally["hits"][one.fault or "good"] += 1
-                tally["found"][one.fault or "good"] += not verdict.accepted
-                reasons.update({f.criterion for f in verdict.faults} if one.fault is None else ())
-        found, n = tally["found"], tally["hits"]
-        faults = ", ".join(f"{name} {found[name]}/{n[name]}" for name in sorted(n) if name != "good")
-        reason = ", ".join(f"{name} {count}" for name, count in reasons.items())
-        table.row(habit, n["good"], found["good"] / n["good"], reason, faults)
+            _, places, simulated = campaign(rng, KINDS[number % 3], 8, 5, 0.1, make=partial(HabitBench, habit=habit))
+            for one, why in zip(simulated, _judged(simulated, places), strict=True):
+                made[one.fault or "good"] += 1
+                found[one.fault or "good"] += bool(why)
+                reasons.update(why if one.fault is None else ())
+        faults = ", ".join(f"{name} {found[name]}/{made[name]}" for name in sorted(made) if name != "good")
+        reason = ", ".join(f"{name} {count}" for name, count in sorted(reasons.items()))
+        table.row(habit, made["good"], found["good"] / made["good"], reason, faults)
 
 
 # --- accuracy -----------------------------------------------------------------------------------------------------------
@@ -140,31 +103,19 @@ def hits_accuracy(campaigns: int = 18, repeats: int = 40) -> None:
     columns = ("scale off, median:.3%", "worst:.2%", "1 - log-correlation, median:.1e", "worst:.1e", "within:.0%")
     table = Table(title, "hits:16", "FRFs:d", *columns)
     for name, spread in (("on the point", 0.0), ("2 mm beside", hammer.PLACE_SD_M)):
-        with _places_within(spread):
+        with patch.object(hammer, "PLACE_SD_M", spread):
             found = np.array([row for number in range(campaigns) for row in _against_exact(number)])
         scale, unlike = np.abs(found[:, 0] - 1), 1 - found[:, 1]
         within = np.mean((scale < 0.01) & (unlike < 0.001))
         table.row(name, len(found), np.median(scale), scale.max(), np.median(unlike), unlike.max(), within)
     print(
-        f"\nstated variance over the seen one, {repeats} repetitions of four hits each (1 is right), median over the lines:"
+        f"\nstated variance over the seen one, {repeats} repetitions of four hits (1 is right), median over the lines:"
     )
     print("  ".join(f"{_variance_ratio(number, repeats):.2f}" for number in range(min(6, campaigns))))
     rates = (0.0, 0.5, 1.0, 3.0)
-    print(
-        "\ndamping ratio over the true one, first two elastic modes, window rates of "
-        + ", ".join(f"{r:g}" for r in rates)
-    )
+    print(f"\ndamping ratio over the true one, first two elastic modes, window rates of {rates}")
     for number in range(min(4, campaigns)):
         print("  ".join(f"{ratio:.4f}" for ratio in _under_windows(number, rates).ravel()))
-
-
-@contextmanager
-def _places_within(spread: float) -> Iterator[None]:
-    before, hammer.PLACE_SD_M = hammer.PLACE_SD_M, spread
-    try:
-        yield
-    finally:
-        hammer.PLACE_SD_M = before
 
 
 def _against_exact(number: int) -> Iterator[tuple[float, float]]:
@@ -193,7 +144,7 @@ def _good(bench: Bench, places: Sequence[tuple[float, float]], hits: int) -> lis
 
 
 def _variance_ratio(number: int, repeats: int) -> float:
-    with _places_within(0.0):
+    with patch.object(hammer, "PLACE_SD_M", 0.0):
         bench = _bench(number)
         windows = Processing(windows=Windows(40 / bench.laboratory.sample_rate_hz, 1.0))
         every = [process(by_point(_good(bench, [(0.7, 0.3)], 4)), windows) for _ in range(repeats)]
@@ -271,7 +222,7 @@ def _strip(rng: np.random.Generator, boundary: str) -> tuple[Body, Specimen, tup
     )
     ex, gxy = rng.uniform(20e9, 45e9), rng.uniform(4e9, 8e9)
     gxz, clamped = 0.8 * gxy, boundary == "cantilever"
-    roots = CLAMPED if clamped else FREE
+    roots = hammer.CLAMPED if clamped else hammer.FREE
     slender = roots**2 / (2 * np.pi * length**2) * np.sqrt(ex * thickness**2 / (12 * density))
     bending = slender / np.sqrt(1 + (roots * thickness / length) ** 2 / 12 * (1 + ex / (5 / 6 * gxz)))
     ratio = thickness / width
@@ -298,7 +249,7 @@ def _updated(body: Body, stated: Specimen, laboratory: Laboratory, rng: np.rando
     places = [(x * body.length_m, y * body.width_m) for x, y in [*shares, (0.97, 0.45)]]
     bench = Bench(body, laboratory, places[-1], rng)
     hits = [
-        bench.hit(label, place, number, str(rng.choice(FAULTS)) if rng.random() < 1 / 3 else None).hit
+        bench.hit(label, place, number, str(rng.choice(hammer.FAULTS)) if rng.random() < 1 / 3 else None).hit
         for label, place in enumerate(places[:-1], start=1)
         for number in range(1, 5)
     ]

@@ -1,17 +1,13 @@
-"""Jobs in numbers: what the queue costs, how soon a job starts and stops, what REST adds to the core, what a second
-worker brings.
-
-Targets: started under 100 ms after the POST, stopped under 1 s after the cancel, under 300 ms added to a real job, two
-workers at least 1.7 times one on two processors.
-"""
+"""Jobs in numbers: how soon one starts and stops, what REST adds to the core, what a second worker brings."""
 
 import os
 import statistics
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
+from itertools import chain
 from typing import Any
 from uuid import UUID
 
@@ -19,16 +15,18 @@ import httpx
 import psutil
 
 from benchmarks.clock import timed
-from benchmarks.jobs_floor import EMPTY, SECOND, Floor, floor
-from benchmarks.service import RAW, campaigns_of, ended, post
+from benchmarks.service import ended
 from benchmarks.tables import Table, load
 from service.app.demo import paper
 from service.compute.updating import compute_update
 from service.jobs.queue import request_cancel
-from service.jobs.tables import Job
 from service.store.updating.loading import load_update
+from service.store.updating.tables import UpdateJob
+from tests.support.floor import Floor, floor
+from tests.support.rest import RAW, campaigns_of, posted
+from tests.support.working import look, wait
 
-Row = Callable[..., None]
+Row = tuple[str, str, str]  # what, what was found, and the target
 
 
 class _Quiet:
@@ -45,49 +43,30 @@ def jobs(empty: int = 200, cancelled: int = 20, real: int = 12) -> None:
     """What the queue costs, cancelling, what REST adds to the core, two workers over one."""
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     table = Table(load(), "what:58", "found:16", "target:10")
-
-    def row(name: str, value: str, target: str = "") -> None:
-        table.row(name, value, target)
-
     with floor() as here:
-        _queue_costs(here, row)
-        _throughput(here, empty, row)
-        _cancelling(here, cancelled, row)
+        for row in chain(_starts(here), _throughput(here, empty), _cancelling(here, cancelled)):
+            table.row(*row)
     with floor() as here:
-        _real_jobs(here, real, row)
+        for row in _real_jobs(here, real):
+            table.row(*row)
 
 
 def _spread(values: Sequence[float]) -> str:
     return f"{1000 * statistics.median(values):.1f} / {1000 * max(values):.1f} ms"
 
 
-def _seconds(later: datetime | None, earlier: datetime | None) -> float:
-    return (later - earlier).total_seconds()
-
-
-def _queue_costs(here: Floor, row: Row) -> None:
-    """Enqueueing, and an idle worker's answer to one job."""
-    enqueued = [timed(lambda: here.put(EMPTY, 1))[1][0] for _ in range(100)]
-    row("enqueue one job and commit, median / worst of 100", _spread(enqueued))
-    worker = here.worker()
+def _starts(here: Floor) -> Iterator[Row]:
+    """Queueing, and an idle worker's answer to one job."""
+    queued = [timed(lambda: here.put("empty", 1))[1][0] for _ in range(100)]
+    yield "enqueue one job and commit, median / worst of 100", _spread(queued), ""
+    worker, waits = here.worker(), []
     here.wait(100)
-    waits = []
     for _ in range(30):
         time.sleep(0.15)  # until it is idle
-        job = _end_of(here, here.put(EMPTY, 1)[0])
-        waits.append(_seconds(job.started_at, job.queued_at))
-    row("idle worker: queued to started, median / worst of 30", _spread(waits))
+        job = wait(here.sessions, here.put("empty", 1)[0])
+        waits.append((job.started_at - job.queued_at).total_seconds())
+    yield "idle worker: queued to started, median / worst of 30", _spread(waits), ""
     _stop(here, worker)
-
-
-def _end_of(here: Floor, job_id: UUID) -> Job:
-    with here.sessions() as session:
-        job = session.get_one(Job, job_id)
-        while job.finished_at is None:
-            time.sleep(0.01)
-            session.expire(job)
-            session.commit()
-        return job
 
 
 def _stop(here: Floor, *workers: subprocess.Popen[bytes]) -> None:
@@ -98,27 +77,25 @@ def _stop(here: Floor, *workers: subprocess.Popen[bytes]) -> None:
         here.processes.remove(worker)
 
 
-def _throughput(here: Floor, jobs: int, row: Row) -> None:
+def _throughput(here: Floor, jobs: int) -> Iterator[Row]:
     """Empty jobs a second at one, two and four workers."""
     for count in (1, 2, 4):
         workers = [here.worker() for _ in range(count)]
         time.sleep(6)  # until they are all there
-        mine = set(here.put(EMPTY, jobs))
+        before = len(here.jobs())
+        mine = set(here.put("empty", jobs))
+        here.wait(before + jobs)
         rows = [job for job in here.jobs() if job.id in mine]
-        while any(job.finished_at is None for job in rows):
-            time.sleep(0.1)
-            rows = [job for job in here.jobs() if job.id in mine]
-        seconds = max(_seconds(job.finished_at, rows[0].queued_at) for job in rows)
-        seconds -= min(_seconds(job.started_at, rows[0].queued_at) for job in rows)
-        row(f"empty jobs a second, {count} worker(s)", f"{jobs / seconds:.1f}")
+        took = max(job.finished_at for job in rows) - min(job.started_at for job in rows)
+        yield f"empty jobs a second, {count} worker(s)", f"{jobs / took.total_seconds():.1f}", ""
         _stop(here, *workers)
 
 
-def _cancelling(here: Floor, times: int, row: Row) -> None:
+def _cancelling(here: Floor, times: int) -> Iterator[Row]:
     """From the request to the end of a busy process."""
     worker, passed = here.worker(), []
     for _ in range(times):
-        (job_id,) = here.put(SECOND, 1)
+        (job_id,) = here.put("busy", 1)
         child = _busy_child(here, worker.pid, job_id)
         began = time.perf_counter()
         with here.sessions.begin() as session:
@@ -126,58 +103,58 @@ def _cancelling(here: Floor, times: int, row: Row) -> None:
         while child.is_running() and child.status() != psutil.STATUS_ZOMBIE:
             time.sleep(0.002)
         passed.append(time.perf_counter() - began)
-        _end_of(here, job_id)
-    row(f"cancel to the end of the process, median / worst of {times}", _spread(passed), "< 1000 ms")
+        wait(here.sessions, job_id)
+    yield f"cancel to the end of the process, median / worst of {times}", _spread(passed), "< 1000 ms"
     _stop(here, worker)
 
 
 def _busy_child(here: Floor, worker: int, job_id: UUID) -> psutil.Process:
     """The job's process: the youngest child of the worker's fork server, once it computes."""
-    here.until(lambda: any(job.id == job_id and "step" in (job.stage or "") for job in here.jobs()), "the computation")
+    here.until(lambda: "step" in (look(here.sessions, job_id).stage or ""), "the computation")
     parent = psutil.Process(worker)
     children = [child for child in parent.children(recursive=True) if child.parent() != parent]
     return max(children, key=lambda child: child.create_time())
 
 
-def _real_jobs(here: Floor, jobs: int, row: Row) -> None:
+def _real_jobs(here: Floor, jobs: int) -> Iterator[Row]:
     """Real updates over REST against the core alone, and one worker against two."""
     with here.client("benchmark") as api:
         first, (campaign,) = here.modalbase("worker"), campaigns_of(api, "benchmark")
         ended(api, api.post(f"campaigns/{campaign}/imports", content=paper.uff_file(), headers=RAW))
-        modes = post(api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
+        modes = posted(api, f"campaigns/{campaign}/mode-sets", {"name": "published", "modes": paper.MODES})["id"]
         recipe = {"mode_set": modes}
         runs = [_run(api, campaign, recipe) for _ in range(jobs + 1)][1:]  # the first one warms the caches of files
-        wall, started = [run[0] for run in runs], [run[1] for run in runs]
+        wall, started, ids = zip(*runs, strict=True)
         with here.sessions() as session:
-            inputs = load_update(session, UUID(runs[-1][2]), here.folder)
+            inputs = load_update(session, session.get_one(UpdateJob, UUID(ids[-1])), here.folder)
         bare = [timed(lambda: list(compute_update(inputs, _Quiet())))[1][0] for _ in range(jobs + 1)][1:]
-        row("POST to started, over REST, median / worst", _spread(started), "< 100 ms")
-        row("real job over REST, median / worst", _spread(wall))
-        row("the same by the core alone, median / worst", _spread(bare))
+        yield "POST to started, over REST, median / worst", _spread(started), "< 100 ms"
+        yield "real job over REST, median / worst", _spread(wall), ""
+        yield "the same by the core alone, median / worst", _spread(bare), ""
         added = 1000 * (statistics.median(wall) - statistics.median(bare))
-        row("REST, queue, process and storage add", f"{added:.0f} ms", "< 300 ms")
+        yield "REST, queue, process and storage add", f"{added:.0f} ms", "< 300 ms"
         one = _batch(api, campaign, recipe, 2 * jobs)
         second = here.modalbase("worker")
         time.sleep(8)  # until it is there
         two = _batch(api, campaign, recipe, 2 * jobs)
-        row("real jobs a second, one worker / two", f"{one:.2f} / {two:.2f}")
-        row("two workers over one", f"{two / one:.2f}", f">= 1.7; two bare cores here: {_two_cores():.2f}")
+        yield "real jobs a second, one worker / two", f"{one:.2f} / {two:.2f}", ""
+        yield "two workers over one", f"{two / one:.2f}", f">= 1.7; two bare cores here: {_two_cores():.2f}"
         _stop(here, first, second)
 
 
 def _run(api: httpx.Client, campaign: str, recipe: dict[str, Any]) -> tuple[float, float, str]:
     """Seconds from the POST to the result in hand, and to the start; the job's id."""
-    posted, began = time.time(), time.perf_counter()
+    sent, began = time.time(), time.perf_counter()
     job = ended(api, api.post(f"campaigns/{campaign}/update-jobs", json=recipe))
     api.get(f"update-jobs/{job['id']}/result").raise_for_status()
     seconds = time.perf_counter() - began
-    return seconds, datetime.fromisoformat(job["started_at"]).timestamp() - posted, job["id"]
+    return seconds, datetime.fromisoformat(job["started_at"]).timestamp() - sent, job["id"]
 
 
 def _batch(api: httpx.Client, campaign: str, recipe: dict[str, Any], jobs: int) -> float:
     """Real jobs a second."""
     began = time.perf_counter()
-    made = post(api, "update-jobs", {"recipe": recipe, "jobs": [{"campaign_id": campaign}] * jobs})["items"]
+    made = posted(api, "update-jobs", {"recipe": recipe, "jobs": [{"campaign_id": campaign}] * jobs})["items"]
     for job in made:
         ended(api, f"update-jobs/{job['id']}")
     return jobs / (time.perf_counter() - began)

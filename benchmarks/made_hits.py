@@ -1,6 +1,6 @@
 """Made campaigns with bad hits of every kind, and what each hit's FRF is off by.
 
-The bodies, analysers and habits of `benchmarks.hammer` and `benchmarks.hits_habits`, with 1 to 5 hits a point and up to 40 % of
+The bodies, analysers and habits of `tests.support.hammer` and `habits`, with 1 to 5 hits a point and up to 40 % of
 the hits bad. Beside the faults of `hammer.FAULTS`:
 
 `saturated` a soft amplifier; `truncated` the recording ends before the block; `dropout` the sensor's cable is loose for a
@@ -23,8 +23,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.habits import HABITS, HabitBench, instruments
-from benchmarks.hammer import FAULTS, Simulated, random_body, random_laboratory
 from benchmarks.tables import Table
 from fecore.arrays import ComplexArray, FloatArray
 from fecore.errors import InputError
@@ -33,6 +31,8 @@ from fecore.signal.points import frfs_of
 from fecore.signal.spectra import Spectra
 from fecore.signal.traits import find_traits
 from fecore.signal.windows import total_rate
+from tests.support.habits import HABITS, HabitBench
+from tests.support.hammer import FAULTS, Simulated, random_body, random_laboratory
 
 MORE = ("saturated", "truncated", "dropout", "spike", "dead", "neighbour", "turned", "sensitivity", "hard", "swapped")
 KINDS = (*FAULTS, *MORE)
@@ -49,22 +49,22 @@ class Made:
     faults: list[str | None]
     biases: list[bool]
     positions: dict[int, Position]
-    habit: str
 
 
 class MadeBench(HabitBench):
-    """A bench whose hits may have every fault; `twin` is the last hit as it had been without."""
+    """A bench whose hits may have every fault; `twins` are its hits as they had been without."""
 
-    places: dict[int, tuple[float, float]]
-    twin: Simulated
+    faults = KINDS
+    twins: list[Hit]
 
     def hit(self, label: int, place: tuple[float, float], number: int, fault: str | None = None) -> Simulated:
         """One hit of the grid point `label`."""
         rng, body, lab = self.rng, self.body, self.laboratory
         before = rng.bit_generator.state
-        self.twin = super().hit(label, place, number)
+        twin = super().hit(label, place, number)
+        self.twins.append(twin.hit)
         if fault is None:
-            return self.twin
+            return twin
         rng.bit_generator.state = before
         if fault == "neighbour":
             other = self.places[int(rng.choice([k for k in self.places if k != label]))]
@@ -107,30 +107,19 @@ def made(seed: int) -> Made:
     habit = str(rng.choice(HABITS[:-1])) if rng.random() < 0.4 else "as simulated"
     body = random_body(rng, ("clamped", "free", "plate")[seed % 3])
     sensor = 0.96 * body.length_m, 0.45 * body.width_m
-    bench = MadeBench(body, instruments(random_laboratory(rng), habit, rng), sensor, rng, habit)
-    points, hits, faulty = int(rng.integers(3, 9)), int(rng.integers(1, 6)), rng.uniform(0.0, 0.4)
-    bench.places = {
-        n + 1: (rng.uniform(0.1, 0.98) * body.length_m, rng.uniform(-0.48, 0.48) * body.width_m) for n in range(points)
-    }
-    kinds = [f for f in KINDS if not ("pretrigger" in habit and f == "late")]
-    simulated: list[Simulated] = []
-    twins: list[Hit] = []
-    for label, place in bench.places.items():
-        for number in range(1, hits + 1):
-            fault = str(rng.choice(kinds)) if rng.random() < faulty else None
-            simulated.append(bench.hit(label, place, number, fault))
-            twins.append(bench.twin.hit)
-    own = [s.hit for s in simulated]
-    biases = _biases(bench, simulated, twins)
-    return Made(own, [s.fault for s in simulated], biases, {k: (*p, 0.0) for k, p in bench.places.items()}, habit)
+    bench = MadeBench(body, random_laboratory(rng), sensor, rng, habit)
+    bench.twins = []
+    simulated = bench.tour(int(rng.integers(3, 9)), int(rng.integers(1, 6)), rng.uniform(0.0, 0.4))
+    faults, places = [s.fault for s in simulated], {k: (*place, 0.0) for k, place in bench.places.items()}
+    return Made([s.hit for s in simulated], faults, _biases(bench, simulated), places)
 
 
-def _biases(bench: MadeBench, simulated: Sequence[Simulated], twins: Sequence[Hit]) -> list[bool]:
+def _biases(bench: MadeBench, simulated: Sequence[Simulated]) -> list[bool]:
     hits, good = [s.hit for s in simulated], np.array([s.fault is None for s in simulated])
     spectra = Spectra(by_point([h for h, sound in zip(hits, good, strict=True) if sound] or hits), Processing())
     hz, rate = spectra.frequency[spectra.compared], total_rate(hits[0], spectra.windows)
     exact = np.array([bench.accelerance(hz, bench.places[hit.force.dof.point], rate) for hit in hits])
-    found, sound = (np.array([_frf(spectra, hit) for hit in some]) for some in (hits, twins))
+    found, sound = (np.array([_frf(spectra, hit) for hit in some]) for some in (hits, bench.twins))
     power = _banded(np.abs(exact) ** 2)
     off, moved = (np.sqrt(_banded(np.abs(found - other) ** 2) / power) for other in (exact, sound))
     usual = np.quantile(off[good], 0.75, axis=0) if good.any() else np.zeros(_BANDS)
@@ -175,35 +164,28 @@ def made_hits(campaigns: int = 140, seed: int = 1000) -> None:
     They are counted by how many hits a point has where only these show the fault; then how many of these have two good hits
     beside them, and how far bad hits that are used move the FRF of their point.
     """
-    hits, refused, shown = Counter[str](), Counter[str](), Counter[bool]()
-    moves: list[float] = []
+    hits, refused, shown, moves = Counter[str](), Counter[str](), Counter[bool](), list[float]()
     for number in range(seed, seed + campaigns):
         own = made(number)
-        points = by_point(own.hits)
+        points, processing = by_point(own.hits), Processing(positions=own.positions)
         try:
-            accepted = [v.accepted for v in process(points, Processing(positions=own.positions)).verdicts]
+            accepted = [v.accepted for v in process(points, processing).verdicts]
         except InputError:  # not one good hit: all are refused
             accepted = [False] * len(own.hits)
-        spectra = Spectra(points, Processing(positions=own.positions))
-        beside = [len(hits) for hits in points for _ in hits]
-        edges = np.cumsum([0, *map(len, points)])
-        good = [own.faults[a:b].count(None) for a, b in pairwise(edges) for _ in range(a, b)]
-        place = [(a, k - a) for a, b in pairwise(edges) for k in range(a, b)]
-        for i, (fault, biases, count, sound, used) in enumerate(
-            zip(own.faults, own.biases, beside, good, accepted, strict=True)
-        ):
-            kind = fault or "none: good"
-            kind += "" if biases or fault is None else ", harmless"
-            kind += ", 1 or 2 hits" if fault in (*COMPARED, "turned") and count < 3 else ""
-            hits[kind] += 1
-            refused[kind] += not used
-            if biases and not (fault in (*COMPARED, "turned") and sound < 2):
-                shown[used] += 1
-            if biases and used and "," not in kind:
-                first, number = place[i]
-                of_point = points[int(np.searchsorted(edges, i, side="right")) - 1]
-                beside_it = [k for k in range(count) if accepted[first + k]]
-                moves.append(_moves(spectra, of_point, beside_it, number))
+        spectra, edges = Spectra(points, processing), np.cumsum([0, *map(len, points)])
+        for point, (a, b) in zip(points, pairwise(edges), strict=True):
+            used, faults = accepted[a:b], own.faults[a:b]
+            for k, (fault, biases) in enumerate(zip(faults, own.biases[a:b], strict=True)):
+                by_others = fault in (*COMPARED, "turned")
+                kind = fault or "none: good"
+                kind += "" if biases or fault is None else ", harmless"
+                kind += ", 1 or 2 hits" if by_others and b - a < 3 else ""
+                hits[kind] += 1
+                refused[kind] += not used[k]
+                if biases and not (by_others and faults.count(None) < 2):
+                    shown[used[k]] += 1
+                if biases and used[k] and "," not in kind:
+                    moves.append(_moves(spectra, point, np.flatnonzero(used).tolist(), k))
     table = Table("", "kind:36", "refused:d", "of:d", "share:.1%")
     for kind in sorted(hits):
         table.row(kind, refused[kind], hits[kind], refused[kind] / hits[kind])

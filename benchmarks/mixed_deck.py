@@ -10,7 +10,6 @@ from itertools import count
 
 import numpy as np
 
-from benchmarks.draws import noisy
 from benchmarks.tables import print_beside
 from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
@@ -23,6 +22,7 @@ from fecore.updating.recipe import Recipe
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.units import in_si
 from service.compute.models.bodies import AS_MODELLED, body_of_model
+from tests.support.draws import noisy
 
 LENGTH, WIDTH, HEIGHT = 2.0, 0.4, 0.12
 CORNERS = (0, 28, 35, 63)  # of 70 nodes around the tube: skins of 28 elements, webs of 7

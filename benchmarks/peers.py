@@ -8,6 +8,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import eigsh
 
+from fecore.body.generators import strip
 from fecore.body.laminate import Ply
 from fecore.body.sections import section
 from fecore.body.specimen import Specimen
@@ -17,6 +18,8 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
 from fecore.updating.law_problem import Nuisance
 from fecore.updating.misfit import FrfMisfit
+from tests.support.calculix import ccx
+from tests.support.calculix import frequencies as calculix_frequencies
 
 MODES = 10
 
@@ -90,6 +93,25 @@ def pyfe3d(specimen: Specimen) -> np.ndarray:
     free = np.flatnonzero(keep.ravel())
     triples = ((kv, kr, kc), (mv, mr, mc))
     return _frequencies(*(coo_matrix((v, (r, c)), shape=(total, total)).tocsc()[free][:, free] for v, r, c in triples))
+
+
+def calculix(specimen: Specimen) -> np.ndarray:
+    """Ten frequencies of a cantilever of 40 × 4 S8R shells; it has in-plane modes too."""
+    return calculix_frequencies(ccx([*_shells(specimen), "*STEP", "*FREQUENCY", str(MODES), "*END STEP"]))
+
+
+def _shells(specimen: Specimen) -> list[str]:
+    """Mesh, material and clamp."""
+    mesh, m = strip(specimen.length, specimen.width, 40, 4), specimen.material
+    lines = ["*NODE, NSET=ALL", *(f"{i + 1},{x:.12g},{y:.12g},0" for i, (x, y, _) in enumerate(mesh.nodes))]
+    lines.append("*ELEMENT, TYPE=S8R, ELSET=E")
+    lines += [",".join(map(str, [i + 1, *(e + 1)])) for i, e in enumerate(mesh.blocks[0].nodes)]
+    root = ",\n".join(str(node + 1) for node in mesh.node_sets["start"])
+    lines += ["*NSET, NSET=ROOT", root, "*MATERIAL, NAME=M", "*ELASTIC, TYPE=ENGINEERING CONSTANTS"]
+    nu = m.nu_xy
+    lines += [f"{m.Ex:g},{m.Ey:g},{m.Ey:g},{nu:g},{nu:g},{nu:g},{m.Gxy:g},{m.Gxz:g}", f"{m.Gyz:g}"]
+    lines += ["*DENSITY", f"{m.density:g}", "*SHELL SECTION, ELSET=E, MATERIAL=M", f"{specimen.thickness:g}"]
+    return [*lines, "*BOUNDARY", "ROOT,1,6"]
 
 
 # Both stages as `least_squares` solves them: the same misfits, unknowns, priors and starts, by differences. What it has of us

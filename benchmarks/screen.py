@@ -19,14 +19,16 @@ from contextlib import contextmanager
 from http import HTTPStatus
 from pathlib import Path
 
+import httpx
 import numpy as np
 import psutil
 
-from benchmarks.service import client_at, processor_s, served
+from benchmarks.service import processor_s, served
 from benchmarks.tables import Table, load
 from service.app.demo.run import Laboratory
 from service.app.supervisor import listening_socket
 from tests.support.browser import PROGRAMS, browser, watched_page
+from tests.support.rest import plain_client
 
 
 def start(times: int = 9) -> None:
@@ -73,7 +75,10 @@ def _ready(port: int) -> bool:
 
 def pages(figures: int = 30, reports: int = 3, visits: int = 7) -> None:
     """Figure, report and drawn page of a result, beside their limits."""
-    with served() as service, client_at(service.url, service.new_key("reader")) as api:
+    with (
+        served() as service,
+        plain_client(service.url, {"Authorization": f"Bearer {service.new_key('reader')}"}, httpx.Limits()) as api,
+    ):
         job = Laboratory(api).update_beam()["provenance"]["update_job"]
         process = psutil.Process(service.processes["api"].pid)
         columns = ("processor ms:.1f", "least ms:.0f", "middle ms:.0f", "limit ms:d")

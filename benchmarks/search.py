@@ -11,13 +11,13 @@ import numpy as np
 import psycopg
 
 from benchmarks.clock import timed
-from benchmarks.service import Cost, api_of, campaigns_of, ended, measured, post, served
+from benchmarks.service import Cost, api_of, contents, ended, measured, served
 from benchmarks.tables import Table, load
 from benchmarks.tiled_catalogue import FIELDS, beside
-from modalbase.formats.uff import Axis, Frf, GridPoint
 from modalbase.formats.uff.write import write_file
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from tests.support.rest import campaigns_of, posted
 
 PAGE = (Path(__file__).parents[1] / "docs/search.md").read_text(encoding="utf-8")
 QUESTIONS = re.findall(r"^\| [^|]+ \| `(\w+)` \| `([^`]+)` \|$", PAGE, re.MULTILINE)
@@ -82,8 +82,8 @@ def search(*campaigns: int) -> list[str]:
     """The questions of `docs/search.md` over HTTP, and an import, as the database grows; gives what was too slow."""
     slow: list[str] = []
     with served() as service, api_of(service) as api, tempfile.TemporaryDirectory(prefix="mb-") as folder:
-        project, there, file = str(post(api, "projects", {"name": "all"})["id"]), 0, Path(folder, "frfs.uff")
-        write_file(file, _made(), binary=True)
+        project, there, file = str(posted(api, "projects", {"name": "all"})["id"]), 0, Path(folder, "frfs.uff")
+        write_file(file, contents(IMPORTED, LINES), binary=True)
         empty = _imported(api, service, file)
         print(f"{len(QUESTIONS)} questions, first page and counts over HTTP, {TURNS} times; {load()}")
         for count in campaigns or SIZES:
@@ -130,15 +130,6 @@ def _fill(service: LocalService, project: str, structures: int) -> None:
                 connection.execute(statement.encode())
         connection.execute("VACUUM ANALYZE")
         connection.execute("CHECKPOINT")
-
-
-def _made() -> Iterator[GridPoint | Frf]:
-    rng, axis = np.random.default_rng(1), Axis(0.0, 1.0, LINES)
-    for n in range(1, IMPORTED + 1):
-        yield GridPoint(n, (0.001 * n, 0.0, 0.0))
-    for n in range(1, IMPORTED + 1):
-        values, ids = rng.standard_normal((2, LINES)), ("FRF", "NONE", "NONE", "NONE", "NONE")
-        yield Frf(0, "FRF", ids, n, 3, 1, 3, "accelerance", axis, values[0] + 1j * values[1])
 
 
 def _imported(api: httpx.Client, service: LocalService, file: Path) -> Cost:

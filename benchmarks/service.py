@@ -1,32 +1,25 @@
-"""A service of its own for a benchmark, what its processes and PostgreSQL take, and what a laboratory puts into it."""
+"""A service of its own for a benchmark, and what its processes and PostgreSQL take."""
 
 import json
 import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import psutil
 import psycopg
 
-from service.app.demo import paper
+from modalbase.formats.uff import Axis, Frf, GridPoint
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.settings import Settings
-
-RAW = {"Content-Type": "application/octet-stream"}
-ASKED_FREELY: dict[str, Any] = {
-    "webhook_networks": "198.51.100.0/24",  # so the service must be allowed to send there
-    "key_requests_a_second": 10**6,
-    "key_failures_a_minute": 10**6,
-}
-"""Settings of a service that is asked as much as can be."""
+from tests.support.rest import client_at
 
 
 @contextmanager
@@ -41,30 +34,9 @@ def served(*, worker: bool = True, **settings: Any) -> Iterator[LocalService]:
 
 @contextmanager
 def api_of(service: LocalService, name: str = "benchmark") -> Iterator[httpx.Client]:
-    """A client with a key of its own."""
-    with client_at(f"{service.url}/api/v1/", service.new_key(name)) as api:
+    """A client with a key of its own, which keeps its connection."""
+    with client_at(service.url, service.new_key(name), limits=httpx.Limits()) as api:
         yield api
-
-
-def client_at(url: str, key: str) -> httpx.Client:
-    """A client of an API at an address, with a key."""
-    return httpx.Client(base_url=url, headers={"Authorization": f"Bearer {key}"}, timeout=600, trust_env=False)
-
-
-def post(api: httpx.Client, path: str, body: Any = None, **more: Any) -> Any:
-    """The answer to a POST, which must succeed."""
-    answer = api.post(path, **({"json": body} if body is not None else {}), **more)
-    if answer.is_error:
-        raise RuntimeError(f"POST {path}: {answer.status_code} {answer.text}")
-    return answer.json() if answer.content else None
-
-
-def campaigns_of(api: httpx.Client, name: str, count: int = 1) -> list[str]:
-    """Ids of new campaigns of the paper's beam, without FRFs, in a project of their own."""
-    project = post(api, "projects", {"name": name})["id"]
-    structure = post(api, f"projects/{project}/structures", paper.STRUCTURE)["id"]
-    path = f"structures/{structure}/campaigns"
-    return [str(post(api, path, {**paper.CAMPAIGN, "name": f"{name} {n}"})["id"]) for n in range(count)]
 
 
 def ended(api: httpx.Client, answer: httpx.Response | str) -> dict[str, Any]:
@@ -147,24 +119,29 @@ def _processor_s(service: LocalService) -> float:
     return time.process_time() + processor_s(server, *(process.pid for process in service.processes.values()))
 
 
-def copied(service: LocalService, transactions: Sequence[Sequence[bytes]], connections: int = 1) -> Cost:
-    """What PostgreSQL alone needs to store these bytes by COPY, over one connection or several."""
-    url = psycopg_url(service.settings.database_url)
-
-    def store(share: Sequence[Sequence[bytes]]) -> None:
+def copied(service: LocalService, transactions: Sequence[Sequence[bytes]]) -> Cost:
+    """What PostgreSQL alone needs to store these bytes by COPY."""
+    with psycopg.connect(psycopg_url(service.settings.database_url), autocommit=True) as connection:
+        connection.execute("CREATE TABLE copied (id uuid PRIMARY KEY DEFAULT uuidv7(), data bytea)")
+        connection.execute("ALTER TABLE copied ALTER COLUMN data SET STORAGE EXTERNAL")
+        connection.execute("ALTER TABLE copied SET (toast_tuple_target = 8160)")  # as `original_chunks`
         command = "COPY copied (data) FROM STDIN (FORMAT BINARY)"
-        with psycopg.connect(url, autocommit=True) as connection:
-            for rows in share:
+        with measured(service) as cost:
+            for rows in transactions:
                 with connection.transaction(), connection.cursor() as cursor, cursor.copy(command) as copy:
                     copy.set_types(["bytea"])
                     for row in rows:
                         copy.write_row((row,))
-
-    with psycopg.connect(url, autocommit=True) as connection:
-        connection.execute("CREATE TABLE copied (id uuid PRIMARY KEY DEFAULT uuidv7(), data bytea)")
-        connection.execute("ALTER TABLE copied ALTER COLUMN data SET STORAGE EXTERNAL")
-        connection.execute("ALTER TABLE copied SET (toast_tuple_target = 8160)")  # as `original_chunks`
-        with measured(service) as cost, ThreadPoolExecutor(connections) as pool:
-            list(pool.map(store, [transactions[first::connections] for first in range(connections)]))
         connection.execute("DROP TABLE copied")
     return cost
+
+
+def contents(frfs: int, lines: int, step_hz: float = 1.0, seed: int = 1) -> Iterator[GridPoint | Frf]:
+    """What a UFF file of random FRFs, each of a point of its own, is written from."""
+    rng, axis = np.random.default_rng(seed), Axis(0.0, step_hz, lines)
+    yield from (GridPoint(n, (0.001 * n, 0.0, 0.0)) for n in range(1, frfs + 1))
+    for n in range(1, frfs + 1):
+        real, imaginary = rng.standard_normal((2, lines))
+        label = f"FRF {n}Z/1Z"
+        ids = (label, "NONE", "NONE", "NONE", "NONE")
+        yield Frf(0, label, ids, n, 3, 1, 3, "accelerance", axis, real + 1j * imaginary)

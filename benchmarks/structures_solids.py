@@ -12,12 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks import calculix
-from benchmarks.calculix import modes
-from benchmarks.structures import body, frequencies, rms_and_worst, stated, update_printed
+from benchmarks.structures import rms_and_worst, update_printed
 from benchmarks.tables import Off, Table, print_coverage
 from fecore.frf import Dof, FrfSet
+from tests.support import calculix
 from tests.support.beams import add_noise
+from tests.support.stored_solids import body, frequencies, stated
 
 WALL = {
     "E1": 28.8e9, "E2": 9.2e9, "E3": 8.3e9, "nu12": 0.245, "nu13": 0.3, "nu23": 0.35,
@@ -139,7 +139,7 @@ def measured(kind: str, seed: int, *, clamped: bool) -> tuple[dict, FrfSet]:
     stations = np.linspace(0.12 if clamped else 0.02, 0.98, _STATIONS) * d["L"]
     wanted = [((x, y, z), axis) for x in stations for y, z, axis in rows(kind, d)]
     nodes = [int(np.argmin(np.sum((body.places - place) ** 2 * (1, 4, 4), axis=1))) for place, _ in wanted]
-    hz, motions = modes(body, _MODES, [node + 1 for node in nodes], clamped=clamped)
+    hz, motions = calculix.modes(body, _MODES, [node + 1 for node in nodes], clamped=clamped)
     hz[: 0 if clamped else 6] = 0.0
     axes = [axis for _, axis in wanted]
     shapes = np.array([np.sign(a) * motions[:, i, abs(a) - 1] for i, a in enumerate(axes)])  # (p, n)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.draws import modes_at, yielding
 from benchmarks.tables import Table
 from fecore.arrays import FloatArray
 from fecore.body.laminate import OrthotropicMaterial
@@ -25,6 +24,7 @@ from fecore.updating.parameters import default_parameters
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
+from tests.support.draws import modes_at, yielding
 
 MATERIAL = OrthotropicMaterial(33e9, 32e9, 5.7e9, 4.5e9, 4.5e9, 0.15, 2012.0)
 L, WIDTH, THICKNESS, NOISE, THEORY = 0.5, 0.04, 0.010, 2e-4, 5e-4

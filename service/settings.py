@@ -1,7 +1,5 @@
 """Settings of the service, from the environment (`MODALBASE_PORT`, `MODALBASE_DATABASE_URL` …), files, and the command line."""
 
-from __future__ import annotations
-
 import os
 from ipaddress import IPv4Network, IPv6Network, ip_network
 from pathlib import Path

@@ -4,8 +4,6 @@ A schema is read with patterns whose time is linear, and without references: one
 few that refer to one another can make a check last for hours.
 """
 
-from __future__ import annotations
-
 import json
 from typing import Annotated, Any, Literal
 

@@ -4,8 +4,6 @@ Those that wait for nothing are coroutines: the framework sends any other throug
 a turn of the interpreter's lock while other requests compute.
 """
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator, Callable
 from typing import Annotated, TypeVar
 

@@ -6,8 +6,6 @@ found valid a moment ago is counted under its own name at the gate, any other un
 let in by memory alone: the transaction that answers a request asks for the key again.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import hmac

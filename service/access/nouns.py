@@ -5,8 +5,6 @@ What a noun does in a way of its own is a function in its room. A function here 
 which the client calls it, and a text for the documentation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any, Generic, TypeVar

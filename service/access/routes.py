@@ -3,8 +3,6 @@
 Those of users are for administrators. None of them makes a key, so nobody acts in another's name.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Annotated

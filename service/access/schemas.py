@@ -1,7 +1,5 @@
 """Bodies of the access routes."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Any
 from uuid import UUID

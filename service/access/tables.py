@@ -1,7 +1,5 @@
 """Tables of users, keys, projects, members and the audit trail."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Any
 from uuid import UUID

@@ -1,7 +1,5 @@
 """Users: found by name or key, entered under a name before they have a key, disabled; and the audit trail of what they do."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any

@@ -1,7 +1,5 @@
 """The API: everything under `/api/v1`, health, metrics, and documentation pages that need no internet."""
 
-from __future__ import annotations
-
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 

@@ -4,8 +4,6 @@ Importing this module imports every table, which is what the comparison of model
 A new feature adds its router here and nowhere else.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 from fastapi import APIRouter

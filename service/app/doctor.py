@@ -1,7 +1,5 @@
 """What is wrong with a service, in words: its data folder, its database, its schema, its workers, what it stores."""
 
-from __future__ import annotations
-
 import os
 import pwd
 import shutil

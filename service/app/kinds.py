@@ -3,8 +3,6 @@
 A new feature adds its kinds here and nowhere else.
 """
 
-from __future__ import annotations
-
 from service.jobs.kinds import JobKind
 from service.monitoring.judgements import JUDGE
 from service.store.forecasts.operations import FORECASTS

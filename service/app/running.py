@@ -4,8 +4,6 @@ The other commands read the notes, so that `modalbase keys create` reaches the s
 data folder.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator

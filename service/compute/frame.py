@@ -7,8 +7,6 @@ e_x, e_y of the specimen's axes in the file's coordinates. With E = [e_x, e_y, e
     x_specimen = Eᵀ (x_file - origin).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

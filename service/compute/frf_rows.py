@@ -3,8 +3,6 @@
 This module imports neither database nor web, since the child imports it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any

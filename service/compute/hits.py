@@ -1,7 +1,5 @@
 """Stored blocks to the core's hits, and judgements to what clients see."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """What the child process of an identification does: FRFs in, modes and the document about them out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Runs in, the series document out: each watched parameter with its baseline, scor
 and the episodes of alarm, which the store turns into alarms.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

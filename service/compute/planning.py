@@ -1,7 +1,5 @@
 """What a plan computes, in a child process of the API: no database, no web."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Records to FRFs in the child process. This module imports no database."""
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

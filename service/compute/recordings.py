@@ -3,8 +3,6 @@
 This module imports no database and no web, since the child imports it.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass

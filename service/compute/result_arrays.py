@@ -1,7 +1,5 @@
 """Arrays of a result that are kept beside its document, as one npz: what its figures and its predicted FRFs are made of."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Spectra as bytes: little-endian, in the precision that the file had, with a SHA-256 that every read verifies."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 from typing import Any, Literal

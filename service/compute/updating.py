@@ -1,7 +1,5 @@
 """What an update job and a joint update compute, in the worker's child process: no database, no web."""
 
-from __future__ import annotations
-
 import platform
 import time
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Base of all tables: names of constraints, UUIDv7 keys, creation times in UTC; and the database's clock."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Annotated, Any, ClassVar
 from uuid import UUID

@@ -4,8 +4,6 @@ Measured on 1,000 spectra of 51 kB: 1.27 s as text, 0.22 s in binary. Rows go in
 stores while the next row is still being made, and reads ahead while one is worked on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Engine and sessions: synchronous SQLAlchemy on psycopg 3; documents on their way into the database, as JSON has them."""
 
-from __future__ import annotations
-
 import json
 import math
 import select

@@ -5,8 +5,6 @@ system who is at the other end (peer authentication). PostgreSQL refuses to run 
 owner of its files, of new ones as the account `pgserver`.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

@@ -10,7 +10,7 @@ What a feature needs of it::
 
     row = IDENTIFICATIONS.start(session, user, Identification(campaign_id=campaign.id)) # in the request's transaction
 
-    routes = JobRoutes(router, IDENTIFICATIONS, IdentificationOut, describe, "identification_id")
+    routes = JobRoutes(router, IDENTIFICATIONS, IdentificationOut, "identification_id", own)
     routes.cancelling("cancel_identification", "Ask for an identification's end.")      # POST …/{id}/cancel
 
 Nothing is imported here: the process that computations are forked from loads `child` and `kinds` without the database.

@@ -4,8 +4,6 @@ A parser that meets a hostile file must not take the API's memory or time. It ru
 both; the request gives its slot back meanwhile, so that a few large files do not keep everybody else waiting.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any

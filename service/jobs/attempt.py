@@ -2,8 +2,6 @@
 absence: errors pass that do so by themselves, and a result is kept so that it can be stored again.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

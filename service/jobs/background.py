@@ -3,8 +3,6 @@
 The listener hears what the database announces at commit (LISTEN/NOTIFY). A notice is a hint: who needs to be sure also looks.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from typing import Self

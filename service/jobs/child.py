@@ -5,8 +5,6 @@ memory limit, and it dies with its worker: the kernel kills it with the fork ser
 (Linux), and a thread of its own ends it when the worker's end of a pipe closes (everywhere).
 """
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

@@ -9,8 +9,6 @@ some milliseconds, so that turns and limits hold exactly, whatever the number of
 Jobs that nobody works on any more wait again, or are given up. Every worker looks for them with each of its heartbeats.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable
 from uuid import UUID
 

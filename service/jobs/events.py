@@ -7,8 +7,6 @@ All streams of a process share one look at the database: at the jobs that a noti
 watched, since a notice may be lost. A stream itself holds neither a connection nor a thread.
 """
 
-from __future__ import annotations
-
 import asyncio
 import json
 import time

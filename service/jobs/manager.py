@@ -5,8 +5,6 @@ fetches its ticket, and leaves the end of a ticket to the transaction that ends 
 with the first broken connection, this one tries again.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Iterable

@@ -4,8 +4,6 @@ Any API process gives the figures of the whole installation, so scrape one, or t
 deleted project takes with it looks to Prometheus like a counter's reset.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterable, Sequence

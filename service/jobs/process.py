@@ -1,7 +1,5 @@
 """The child process seen from the worker: start, listen, kill, and say why it ended."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import pickle

@@ -4,8 +4,6 @@ What a worker writes is fenced by the attempt: one that is no longer the present
 as its attempt began it.
 """
 
-from __future__ import annotations
-
 from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID

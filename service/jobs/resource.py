@@ -1,7 +1,5 @@
 """A noun of the contract whose rows are jobs: how a job is shown; started, cancelled and tried again by the same operations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from datetime import datetime
 from pathlib import Path

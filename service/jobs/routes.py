@@ -1,7 +1,5 @@
 """Routes of nouns whose rows are jobs: those of every noun, and cancel, retry, watch."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Annotated, Any
 from uuid import UUID
@@ -13,8 +11,9 @@ from sqlalchemy.orm import Session
 from service.access import CurrentUser, SessionDep
 from service.access.nouns import NounRoutes, Out, Row
 from service.jobs.events import STREAM, Events
-from service.jobs.resource import JobNoun
+from service.jobs.resource import JobNoun, job_state
 from service.jobs.tables import Job
+from service.web import shown_as
 
 
 class JobRoutes(NounRoutes[Row, Out]):
@@ -25,15 +24,15 @@ class JobRoutes(NounRoutes[Row, Out]):
         router: APIRouter,
         noun: JobNoun[Row],
         model: type[Out],
-        describe: Callable[[Session, Sequence[tuple[Row, Job]]], Iterable[Out]],
         key: str,
+        own: Callable[[Session, Sequence[Row]], Iterable[dict[str, Any]]],
         *,
         newest_first: bool = True,
         weight: ColumnElement[int] | None = None,
     ) -> None:
-        """State a noun; as of `NounRoutes`, but that `describe` has the job of each row too."""
+        """State a noun; as of `NounRoutes`, but that `own` says only what is in neither a row nor its job."""
         super().__init__(router, noun.find, model, self._with_jobs, noun.address, key, weight=weight)
-        self._noun, self._describe_both, self.newest_first = noun, describe, newest_first
+        self._noun, self._own, self.newest_first = noun, own, newest_first
 
     def _with_jobs(self, session: Session, rows: Sequence[Any]) -> Iterable[Out]:
         """Rows and their jobs are read at one moment, so that a job that has succeeded never stands beside a row without its
@@ -42,7 +41,13 @@ class JobRoutes(NounRoutes[Row, Out]):
         table: Any = self._noun.find.table
         query = select(table, Job).join(Job, Job.id == table.id).where(table.id.in_([row.id for row in rows]))
         found = {job.id: (row, job) for row, job in session.execute(query.execution_options(populate_existing=True))}
-        return self._describe_both(session, [found[row.id] for row in rows])
+        read = [found[row.id] for row in rows]
+        own = self._own(session, [row for row, _ in read])
+        return [self._both(*both, **members) for both, members in zip(read, own, strict=True)]
+
+    def _both(self, row: Row, job: Job, **own: Any) -> Out:
+        priority = {"priority": job.priority} if "priority" in self._model.model_fields else {}
+        return shown_as(self._model, row, **job_state(job), **priority, **own)
 
     def cancelling(self, name: str, text: str) -> None:
         """Add `POST …/{id}/cancel`."""

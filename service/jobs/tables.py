@@ -1,7 +1,5 @@
 """The jobs' table: the truth about every job; and what long ones have saved on their way."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Any
 from uuid import UUID

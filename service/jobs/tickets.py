@@ -5,8 +5,6 @@ between it changes with the row, so that neither is ever without the other. What
 queries, on the caller's connection.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Collection
 from datetime import UTC, datetime

@@ -6,8 +6,6 @@ Attempts have folders below one of the worker's own; what a killed worker left i
 lives is known by its lock on a file, which the operating system drops however the worker dies.
 """
 
-from __future__ import annotations
-
 import asyncio
 import getpass
 import os

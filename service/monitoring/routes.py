@@ -1,7 +1,5 @@
 """Routes of monitors, their runs and series, and alarms."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Annotated, Any, Literal
 from uuid import UUID

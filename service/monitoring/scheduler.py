@@ -6,8 +6,6 @@ the monitor's row. It is a thread and not a periodic task of the queue, since a 
 and a long job may hold that for an hour.
 """
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

@@ -2,8 +2,6 @@
 filtered; its models describe it in the OpenAPI document.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from datetime import datetime

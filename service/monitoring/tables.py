@@ -1,7 +1,5 @@
 """Tables of monitors: their series, runs, assessments, alarms; webhooks and deliveries."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Any
 from uuid import UUID

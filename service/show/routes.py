@@ -3,8 +3,6 @@
 Those of results are in `service.show.results`.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 from uuid import UUID
 

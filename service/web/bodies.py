@@ -1,7 +1,5 @@
 """Base of all request and response bodies: strict, finite, storable."""
 
-from __future__ import annotations
-
 import json
 import re
 from typing import Annotated, Any, Generic, TypeVar

@@ -1,7 +1,5 @@
 """Downloads: an answer that is written while the transaction is open, to memory or disk, and sent when it is over."""
 
-from __future__ import annotations
-
 import io
 import tempfile
 from collections.abc import Callable, Mapping

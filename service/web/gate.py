@@ -9,8 +9,6 @@ and somebody new finds one, also beside a key that is counted under its address 
 Buckets of tokens, in this process's memory, limit how much of something one caller may have in a time.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections import OrderedDict, deque

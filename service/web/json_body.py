@@ -5,8 +5,6 @@ server error later; and it keeps the last of a field that is there twice. Here e
 stands, in words for a person: the nearest member that there is, a limit with its unit.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections import Counter

@@ -2,8 +2,6 @@
 the unexpected, and an end for clients that open a line and then say nothing.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What kind a body is, and which format a client wants: `?format=` before Accept."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from pydantic import WithJsonSchema

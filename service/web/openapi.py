@@ -2,8 +2,6 @@
 page that shows it, from this host alone.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from base64 import b64encode

@@ -4,8 +4,6 @@ Lists come in pages by keyset on the UUIDv7 key: a page costs the same at any de
 has an ETag, which a change of it must name (If-Match).
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 import hashlib

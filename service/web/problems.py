@@ -1,7 +1,5 @@
 """The one place where errors become HTTP: RFC 9457 problem details with a JSON pointer for each fault."""
 
-from __future__ import annotations
-
 import http
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

@@ -6,8 +6,6 @@ them.
 The ranges are wide, so that foams (1 MPa), balsa (100 kg/m³), films (0.2 mm) and bridge decks (30 m) need no confirmation.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

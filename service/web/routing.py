@@ -3,8 +3,6 @@
 They refuse names in a query that they do not know: a mistyped filter would answer with more than was asked for.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Coroutine, Iterable, Set
 from functools import partial
 from threading import RLock

@@ -4,8 +4,6 @@ The OpenAPI document describes every property and every id in a path. What a sch
 here, by the name of the property, or of schema and property where one name has two meanings.
 """
 
-from __future__ import annotations
-
 TERMS: dict[str, str] = {
     # who and when
     "id": "UUIDv7; sorts by the time of creation",

@@ -2,8 +2,6 @@
 is streamed to a spool file while it is hashed, raw or as multipart field `file`.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hashlib
 import io

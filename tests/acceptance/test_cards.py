@@ -9,12 +9,12 @@ import httpx
 import numpy as np
 import pytest
 
-from benchmarks.calculix import ccx, frequencies
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from modalbase.formats.decks import Deck, write_shells
 from service.app.demo import paper
 from service.app.supervisor import LocalService
+from tests.support.calculix import ccx, frequencies
 from tests.support.command import modalbase_here
 from tests.support.plates import solve
 from tests.support.rest import finished, ok, posted, result_of

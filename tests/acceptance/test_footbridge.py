@@ -16,7 +16,7 @@ from tests.support.command import modalbase_here
 from tests.support.places import ROOT
 from tests.support.rest import session_client
 
-CAMPAIGNS = 8
+CAMPAIGNS = 5
 PAGE = (ROOT / "docs" / "footbridge.md").read_text(encoding="utf-8")
 
 

@@ -21,7 +21,11 @@ from tests.support.waiting import until
 
 MONITOR = {
     "name": "stringer",
-    "recipe": {"damping_models": ["rayleigh"], "parameters": [{"name": "Ex"}, {"name": "Gxy"}]},
+    "recipe": {
+        "identification": {"band_hz": [5, 500], "highest_order": 10},
+        "damping_models": ["rayleigh"],
+        "parameters": [{"name": "Ex"}, {"name": "Gxy"}],
+    },
     "parameters": [{"name": "Ex"}, {"name": "a1"}],
     "baseline": {"campaigns": 5},
     "covariates": ["temperature_c"],
@@ -34,7 +38,7 @@ LOOSE = 7  # first campaign with 4 % less stiffness; damping stays
 @pytest.fixture
 def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
     with new_service(
-        monitor_sweep_seconds=0.5,
+        monitor_sweep_seconds=2.0,
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",
         delivery_pause_seconds=0.1,

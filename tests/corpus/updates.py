@@ -7,8 +7,6 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from benchmarks import draws, laboratories
-from benchmarks.draws import Drawn
 from benchmarks.updates import Found, judge
 from fecore.body.supports import Boundary
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
@@ -24,6 +22,9 @@ from fecore.updating.pipeline import update
 from fecore.updating.recipe import HoldOut, Recipe
 from fecore.updating.result import UpdateResult
 from tests.corpus.outcomes import Case, Updated, deviations, estimates
+from tests.support import draws
+from tests.support import random_laboratories as laboratories
+from tests.support.draws import Drawn
 
 # A coarse mesh, whose bias is far below what the sets are drawn with, makes an update three times as fast.
 BEAM = replace(draws.BEAM, divisions=(20, 2))

@@ -176,7 +176,8 @@ def test_coupons_of_one_wall_are_the_prior_of_its_constants(api: httpx.Client, p
 def test_a_sensor_on_a_wall_is_a_mass_there(api: httpx.Client, project: str) -> None:
     structure = made(api, project)
     sensor = {"sensor_mass_kg": 0.002, "sensor_point": 2}
-    _, result = updated(api, structure["id"], measured(), "free", instruments=sensor)
+    recipe = {"parameters": [{"name": "flange.E1"}], "damping_models": ["rayleigh"]}
+    _, result = updated(api, structure["id"], measured(), "free", recipe, instruments=sensor)
     sources = {entry["source"] for row in result["parameters"] for entry in row["budget"]}
     assert "sensor_mass" in sources
 

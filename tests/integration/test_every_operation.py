@@ -1,7 +1,7 @@
 """Every operation of the OpenAPI document: who gets in where, what is drawn from the document, and junk.
 
-The operations are taken from the service's own document, so a new one is tested from its first day. `make soak` asks the
-same at length and prints what came of it.
+The operations are taken from the service's own document, so a new one is tested from its first day. `make soak` asks for
+longer.
 """
 
 import os
@@ -9,10 +9,12 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from benchmarks.service import ASKED_FREELY
-from benchmarks.soak import fuzz
 from service.app.supervisor import LocalService
 from tests.support import access, furnished
+from tests.support.fuzz import fuzz
+from tests.support.rest import ASKED_FREELY
+
+LONG = "MODALBASE_TEST_LONG" in os.environ
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,7 @@ def asked(service: LocalService) -> Iterator[access.Round]:
 
 
 def test_nothing_leaks_and_every_operation_is_judged(asked: access.Round) -> None:
-    found = asked.run(long="MODALBASE_TEST_LONG" in os.environ)
+    found = asked.run(long=LONG)
     assert found.leaks == []
     assert min(found.calls.values()) > 0
     assert {200, 401, 403, 404} <= found.statuses.keys()
@@ -54,7 +56,7 @@ def test_a_wrong_judgement_and_a_missing_one_are_found(asked: access.Round, monk
 def test_no_request_that_the_document_allows_or_forbids_is_an_error_or_an_undocumented_answer(
     service: LocalService,
 ) -> None:
-    found = fuzz(service, examples=1)
+    found = fuzz(service, rounds=10 if LONG else 1, examples=10 if LONG else 1)
     assert found.faults == {}
     assert len(found.answered) > 30  # else nothing got anywhere
     assert {200, 201, 404, 422} <= found.statuses.keys()

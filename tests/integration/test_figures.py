@@ -18,7 +18,6 @@ import numpy as np
 import psycopg
 import pytest
 
-from benchmarks.soak import small_campaigns
 from service.app.demo.run import Laboratory
 from service.app.supervisor import LocalService
 from tests.support.rest import client_at, finished, ok, plain_client, result_of, session_client
@@ -362,14 +361,6 @@ def test_what_a_browser_opens_and_cannot_be_made_is_said_on_a_page(demo: Done, s
         led = nobody.get(report, headers=looked_for)
         assert (led.status_code, unquote(led.headers["location"])) == (303, f"../../../../sign-in?next={report[1:]}")
         assert nobody.get(report).status_code == 401
-
-
-def test_a_campaign_of_one_frf_has_every_figure_and_its_report(demo: Done, service: LocalService) -> None:
-    """Its arrays, of 1,000 lines, are stored in fewer bytes than are read at a time; the report prints each figure."""
-    with plain_client(service.url, dict(demo.api.headers)) as client:
-        answers = dict(small_campaigns(client, sizes=((1, 1),), formats=("plotly",)))
-    assert {asked.split(": ")[1].split("?")[0] for asked in answers} >= {"report", "figures/frf", "figures/shapes"}
-    assert set(answers.values()) == {200}, answers
 
 
 @pytest.mark.parametrize(

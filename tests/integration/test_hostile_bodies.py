@@ -12,9 +12,8 @@ import numpy as np
 import psutil
 import pytest
 
-from benchmarks.service import campaigns_of
 from service.app.supervisor import LocalService
-from tests.support.rest import plain_client
+from tests.support.rest import campaigns_of, plain_client
 
 MIB = 1024 * 1024
 

@@ -12,12 +12,11 @@ import pytest
 import uvicorn
 from fastapi import FastAPI
 
-from benchmarks.service import campaigns_of
-from benchmarks.soak_load import load
 from service.app.supervisor import LocalService
 from service.web import middleware
 from tests.support.crowd import at_once, statuses, with_crowd
-from tests.support.rest import client_of, ok
+from tests.support.heavy_load import load
+from tests.support.rest import campaigns_of, client_of, ok
 
 SLOTS, QUEUE = 4, 20
 
@@ -116,8 +115,9 @@ def test_one_key_has_half_of_the_streams_of_events(narrow: LocalService) -> None
         assert int(refused.headers["Retry-After"]) >= 1
 
 
-def test_many_clients_and_streams_at_once_get_answers(new_database: Callable[[], str]) -> None:
-    found = load(seconds=2, clients=40, streams=40, keys=4, pause=1, database_url=new_database())
+def test_many_clients_and_streams_at_once_get_answers(new_service: Callable[..., LocalService]) -> None:
+    with new_service(access_log=False) as service:
+        found = load(service, seconds=2, clients=40, streams=40, keys=4, pause=1)
     assert found.bare_errors == []
     assert found.streams == 40
     assert found.events >= 40

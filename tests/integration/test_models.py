@@ -10,9 +10,9 @@ import httpx
 import numpy as np
 import pytest
 
-from benchmarks.calculix import ccx, frequencies
 from modalbase.formats.models.inp import read_inp
 from tests.integration.test_bodies import updated
+from tests.support.calculix import ccx, frequencies
 from tests.support.places import ROOT, shared_file
 from tests.support.profiles import ANGLE, TRUTH, deck, measured, points
 from tests.support.rest import finished, ok
@@ -94,7 +94,8 @@ def test_a_deck_and_what_it_includes_come_in_one_zip(api: httpx.Client, bare: st
     model = sent(api, bare, zipped(**files), units="m-N-kg", filename="angle.zip")
     assert model["status"] == "succeeded", model["message"]
     assert model["found"]["materials"][0]["constants"]["E1"] == 23e9
-    address, _ = updated(api, bare, measured(), "free")
+    one = {"parameters": [{"name": "flange.E1"}], "damping_models": ["rayleigh"]}
+    address, _ = updated(api, bare, measured(), "free", one)
     answer = api.get(f"{api.base_url.join(address)}/deck")
     assert answer.headers["content-disposition"] == 'attachment; filename="updated-angle.zip"'
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:

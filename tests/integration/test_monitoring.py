@@ -42,9 +42,9 @@ def day(number: int) -> str:
 
 @pytest.fixture(scope="module")
 def service(new_service: Callable[..., LocalService]) -> Iterator[LocalService]:
-    """A service of its own, whose scheduler looks often and whose webhooks may go to loopback."""
+    """A service of its own, whose scheduler looks at every monitor every two seconds and whose webhooks may go to loopback."""
     with new_service(
-        monitor_sweep_seconds=0.5,
+        monitor_sweep_seconds=2.0,
         campaign_settle_seconds=0.0,
         webhook_networks="127.0.0.0/8",
         webhook_ports="1-65535",

@@ -15,12 +15,12 @@ import psycopg
 import pytest
 from psycopg.types.json import Json
 
-from benchmarks.soak_backup import RECIPE, small_file
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from service.store.updating.document import MARKS, VERSION, up_to_date
 from service.store.updating.result_schemas import ResultOut
+from tests.support.backups import RECIPE, small_file
 from tests.support.rest import finished, ok, session_client
 
 OLD = ("0.1.0", "0.2.0")

@@ -12,16 +12,14 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
-from benchmarks.service import campaigns_of
-from benchmarks.soak import MOST_GROWTH, throw
 from service.app.supervisor import LocalService
-from tests.support.rest import client_of, ok
+from tests.support.bombs import MOST_GROWTH, throw
+from tests.support.rest import RAW, campaigns_of, client_of, ok
 from tests.support.waiting import until
 
 Finished = Callable[[str], dict[str, Any]]
 
 RATE, SAMPLES = 2048.0, 512
-RAW = {"Content-Type": "application/octet-stream"}
 
 
 def hits() -> dict[str, np.ndarray]:

@@ -14,7 +14,6 @@ from sqlalchemy import select, text
 from sqlalchemy.exc import DBAPIError, OperationalError
 from typer.testing import CliRunner
 
-from benchmarks.jobs_floor import EMPTY
 from service.access import Member, Project, User
 from service.app.cli.command import app
 from service.app.doctor import Finding, examine
@@ -23,6 +22,7 @@ from service.db.engine import Sessions, make_engine, make_sessions
 from service.jobs.queue import enqueue
 from service.settings import Settings
 from service.store.structures.operations import structure_for
+from tests.support.job_kinds import KINDS
 from tests.support.laboratory import BEAM
 from tests.support.rest import client_at, ok
 
@@ -306,7 +306,7 @@ def test_doctor_sees_jobs_that_wait_in_vain_and_those_that_were_given_up(databas
         session.add(project)
         session.flush()
         for _ in range(2):
-            enqueue(session, kind=EMPTY, project_id=project.id)
+            enqueue(session, kind=KINDS["empty"], project_id=project.id)
     assert [finding.level for finding in looked_at(database, "jobs")] == ["ok"]  # they wait since a moment ago
     with sessions.begin() as session:
         session.execute(text("UPDATE jobs SET queued_at = now() - interval '1 hour'"))

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from benchmarks.hammer import Bench, Simulated, random_body, random_laboratory
-from benchmarks.hammer import campaign as simulated_campaign
 from fecore.signal import by_point, inspect
+from tests.support.hammer import Bench, Simulated, random_body, random_laboratory
+from tests.support.hammer import campaign as simulated_campaign
 from tests.support.rest import ok
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until

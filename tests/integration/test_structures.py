@@ -9,7 +9,6 @@ import psycopg
 import pytest
 from sqlalchemy import delete
 
-from benchmarks.service import RAW
 from service.access import Member, Project, User
 from service.app.demo import paper
 from service.app.supervisor import LocalService
@@ -18,7 +17,7 @@ from service.errors import NotFound
 from service.store.structures.operations import Structure, structure_for
 from tests.support.furnished import MODES, frfs, record
 from tests.support.laboratory import BEAM
-from tests.support.rest import client_of, every_page, finished, ok
+from tests.support.rest import RAW, client_of, every_page, finished, ok
 from tests.support.waiting import until
 
 PLY = {

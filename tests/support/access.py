@@ -20,7 +20,6 @@ from uuid import uuid4
 import httpx
 from sqlalchemy import update
 
-from benchmarks.service import RAW, client_at, post
 from service.access.keys import SCOPES, create_key, user_named
 from service.access.tables import ApiKey, User
 from service.app.demo import paper
@@ -28,6 +27,7 @@ from service.app.supervisor import LocalService
 from service.db.engine import Sessions, make_engine, make_sessions
 from tests.support import furnished
 from tests.support.furnished import BODIES, HOOK, furnish, record
+from tests.support.rest import RAW, client_of, posted
 
 PREFIX = "/api/v1"
 RANK = {"viewer": 0, "editor": 1, "owner": 2}
@@ -80,10 +80,7 @@ def asking_of(service: LocalService) -> Iterator["Round"]:
         engine = make_engine(service.settings.database_url, pool_size=2)
         stack.callback(engine.dispose)
         line = stack.enter_context(httpx.Client(base_url=service.url, timeout=120, trust_env=False))
-        owner, stranger = (
-            stack.enter_context(client_at(f"{service.url}{PREFIX}/", service.new_key(name)))
-            for name in ("owner", "stranger")
-        )
+        owner, stranger = (stack.enter_context(client_of(service, name)) for name in ("owner", "stranger"))
         yield Round(make_sessions(engine), line, owner, stranger)
 
 
@@ -284,15 +281,15 @@ class Round:
         if name.startswith("DELETE /projects/{project_id}/members"):
             self._join("guest", "viewer")
         elif name == "DELETE /projects/{project_id}":
-            post(self.owner, f"projects/{own['project_id']}/restore")
+            posted(self.owner, f"projects/{own['project_id']}/restore")
         elif name.startswith("DELETE /records"):
-            campaign = post(self.owner, f"structures/{own['structure_id']}/campaigns", paper.CAMPAIGN)["id"]
-            own["record_id"] = post(self.owner, f"campaigns/{campaign}/records", record())["items"][0]["id"]
+            campaign = posted(self.owner, f"structures/{own['structure_id']}/campaigns", paper.CAMPAIGN)["id"]
+            own["record_id"] = posted(self.owner, f"campaigns/{campaign}/records", record())["items"][0]["id"]
         elif name.startswith("DELETE /searches"):
             body = {"project": own["project_id"], "name": str(uuid4()), "noun": "frfs"}
-            own["search_id"] = post(self.owner, "searches", body)["id"]
+            own["search_id"] = posted(self.owner, "searches", body)["id"]
         elif name.startswith("DELETE /webhooks"):
-            own["webhook_id"] = post(self.owner, "webhooks", {"project": own["project_id"], "url": HOOK})["id"]
+            own["webhook_id"] = posted(self.owner, "webhooks", {"project": own["project_id"], "url": HOOK})["id"]
 
 
 def _anonymous(content: str, ids: Ids) -> str:

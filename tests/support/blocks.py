@@ -57,7 +57,7 @@ def _measured() -> dict[str, Any]:
 
 
 def _hits() -> dict[str, Any]:
-    from benchmarks.hammer import campaign
+    from tests.support.hammer import campaign
 
     _, _, simulated = campaign(np.random.default_rng(3), "cantilever", 2, 3, 0.0)
     force, response = np.random.default_rng(4).standard_normal((2, 3, 256))

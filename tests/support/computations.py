@@ -96,3 +96,27 @@ def chain(inputs: dict[str, Any], report: Report) -> Iterator[Any]:
         if step == 20:
             hold(inputs, report, step)
     yield {"begun at": begun, "digest": digest.hex()}
+
+
+def busy(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
+    """Keep a processor busy for so many seconds, in ten steps."""
+    for step in range(10):
+        report(f"step {step + 1} of 10", step / 10)
+        end = time.thread_time() + inputs["seconds"] / 10
+        while time.thread_time() < end:
+            pass
+    yield {"job": inputs["job"], "child": os.getpid()}
+
+
+def idle(inputs: dict[str, Any], report: Report) -> Iterator[dict[str, Any]]:
+    """Take so many seconds, in ten steps, and leave the processor to others."""
+    for step in range(10):
+        report(f"step {step + 1} of 10", step / 10)
+        time.sleep(inputs["seconds"] / 10)
+    yield {"job": inputs["job"], "child": os.getpid()}
+
+
+def empty(_: None, report: Report) -> Iterator[None]:
+    """Nothing at all."""
+    report("nothing", 1.0)
+    return iter(())

@@ -8,11 +8,11 @@ from uuid import UUID
 import httpx
 from sqlalchemy import insert
 
-from benchmarks.service import RAW, post
 from service.app.demo import paper
 from service.app.kinds import KINDS  # every table is imported by this
 from service.db.base import Base
 from service.db.engine import Sessions
+from tests.support.rest import RAW, posted
 
 assert KINDS  # it is imported for its tables
 
@@ -52,7 +52,7 @@ def furnish(client: httpx.Client, sessions: Sessions, mark: str) -> dict[str, st
     """
 
     def made(path: str, body: Any = None, **more: Any) -> Any:
-        return post(client, path, body, **more)
+        return posted(client, path, body, **more)
 
     project = made("projects", {"name": mark, "description": mark})["id"]
     structure = made(f"projects/{project}/structures", {**paper.STRUCTURE, "name": mark})["id"]

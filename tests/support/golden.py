@@ -1,8 +1,9 @@
 """Golden documents: what a user sees, kept as data, so that a change of the code that changes it is seen.
 
-`check` compares a document with `tests/golden/data/NAME.json`; `python -m tools.golden` writes these files anew. Compared are
-keys, types, lengths and the order of lists exactly, sentences but for the numbers in them, and numbers to `CLOSE` of their size
-or `SHARE` of their standard deviation, whichever is wider. Ids, times and what depends on the machine are masked.
+`check` compares a document with `tests/golden/data/NAME.json`. With MODALBASE_GOLDEN=write it writes what is different anew and
+prints it: `pytest tests/golden -s`, with `-k` for some. Compared are keys, types, lengths and the order of lists exactly,
+sentences but for the numbers in them, and numbers to `CLOSE` of their size or `SHARE` of their standard deviation, whichever is
+wider. Ids, times and what depends on the machine are masked.
 """
 
 import json
@@ -21,7 +22,7 @@ import numpy as np
 from tests.support.places import ROOT
 
 DATA = ROOT / "tests" / "golden" / "data"
-WRITE = "MODALBASE_GOLDEN"  # set by `tools.golden`
+WRITE = "MODALBASE_GOLDEN"
 CLOSE, SHARE = 1e-9, 1e-6
 MOST, ROWS = 12, 24  # numbers and rows of a list that are kept whole
 SAMPLE = {"numbers", "missing", "rms", "some"}
@@ -223,7 +224,7 @@ def _short(value: Any) -> str:
 
 
 def check(name: str, document: Any) -> None:
-    """A document is as it is kept; or, as `tools.golden` wants it, it is kept as it is."""
+    """A document is as it is kept; or, where `WRITE` is set, it is kept as it is."""
     path, found = DATA / f"{name}.json", freeze(document)
     kept = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
     differences = sorted(different(kept, found, name))
@@ -232,8 +233,8 @@ def check(name: str, document: Any) -> None:
         path.write_text(json.dumps(found, ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
         sys.stdout.write("\n  ".join([f"\n{name}:", *(differences if kept is not None else ["is new"])]) + "\n")
         return
-    assert not differences, f"{name} is not as it was; if that is a gain: python -m tools.golden\n" + "\n".join(
-        differences
+    assert not differences, (
+        f"{name} is not as it was; if that is a gain: {WRITE}=write pytest tests/golden -s\n" + "\n".join(differences)
     )
 
 

@@ -12,7 +12,10 @@ from sqlalchemy.orm import Session
 from service.access.tables import AuditEvent
 from service.jobs.kinds import REQUESTS, JobKind
 from service.jobs.tables import Job
+from service.store.updating.tables import UpdateJob
 from tests.support import computations
+
+ITEM = "test.item"
 
 
 def load(session: Session, job_id: UUID, workspace: Path) -> dict[str, Any]:
@@ -24,7 +27,7 @@ def load(session: Session, job_id: UUID, workspace: Path) -> dict[str, Any]:
 def store(session: Session, job_id: UUID, items: Iterator[Any]) -> None:
     """Each item becomes a row; audit events are a table at hand."""
     for item in items:
-        session.add(AuditEvent(action="test.item", subject_type="job", subject_id=job_id, detail={"value": item}))
+        session.add(AuditEvent(action=ITEM, subject_type="job", subject_id=job_id, detail={"value": item}))
         session.flush()
 
 
@@ -35,6 +38,12 @@ def load_badly(session: Session, job_id: UUID, workspace: Path) -> None:
 def store_half(session: Session, job_id: UUID, items: Iterator[Any]) -> None:
     store(session, job_id, iter([next(items)]))
     raise ZeroDivisionError
+
+
+def load_seconds(session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
+    """A second; of an update that a service was asked for, what its recipe's seed says in ms."""
+    asked = session.get(UpdateJob, job_id)
+    return {"job": str(job_id), "seconds": asked.recipe["seed"] / 1000 if asked else 1.0}
 
 
 KINDS = {
@@ -53,6 +62,11 @@ KINDS = {
         JobKind("chain", load=load, compute=computations.chain, store=store),
         JobKind("bad load", load=load_badly, compute=computations.echo, store=store),
         JobKind("bad store", load=load, compute=computations.echo, store=store_half),
+        # Where every second or so the worker of some job is killed on purpose, a job may well meet that a dozen times.
+        JobKind("update", load=load_seconds, compute=computations.busy, store=store, max_attempts=100),
+        JobKind("busy", load=load_seconds, compute=computations.busy, store=store, max_attempts=5),
+        JobKind("idle", load=load_seconds, compute=computations.idle, store=store, max_attempts=5),
+        JobKind("empty", load=lambda *_: None, compute=computations.empty, store=lambda *_: None),
     )
 }
 

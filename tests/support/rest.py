@@ -6,24 +6,34 @@ import httpx
 
 from fecore.modes import MeasuredModes
 from modalbase.client.connection import no_certificates
+from service.app.demo import paper
 from service.app.supervisor import LocalService
 from tests.support.waiting import PATIENCE, until
 
 ONCE = httpx.Limits(max_connections=None, max_keepalive_connections=0)
+RAW = {"Content-Type": "application/octet-stream"}
+ASKED_FREELY: dict[str, Any] = {
+    "webhook_networks": "198.51.100.0/24",  # so the service must be allowed to send there
+    "key_requests_a_second": 10**6,
+    "key_failures_a_minute": 10**6,
+}
+"""Settings of a service that is asked as much as can be."""
 
 
-def client_at(url: str, key: str) -> httpx.Client:
+def client_at(url: str, key: str, limits: httpx.Limits = ONCE) -> httpx.Client:
     """A client of an API at an address, with a key.
 
     It uses no connection twice: an idle one may be closed by the service at the very moment of its next use.
     """
-    return plain_client(f"{url}/api/v1/", {"Authorization": f"Bearer {key}"})
+    return plain_client(f"{url}/api/v1/", {"Authorization": f"Bearer {key}"}, limits)
 
 
-def plain_client(base_url: httpx.URL | str, headers: dict[str, str] | None = None) -> httpx.Client:
+def plain_client(
+    base_url: httpx.URL | str, headers: dict[str, str] | None = None, limits: httpx.Limits = ONCE
+) -> httpx.Client:
     """A client over HTTP without TLS."""
     return httpx.Client(
-        base_url=base_url, headers=headers, timeout=PATIENCE, trust_env=False, limits=ONCE, verify=no_certificates()
+        base_url=base_url, headers=headers, timeout=PATIENCE, trust_env=False, limits=limits, verify=no_certificates()
     )
 
 
@@ -98,9 +108,17 @@ def mode_rows(modes: MeasuredModes, relative_sd: float) -> list[dict[str, Any]]:
     ]
 
 
-def posted(api: httpx.Client, path: str, body: Any) -> Any:
-    """What a POST of JSON answers."""
-    return ok(api.post(path, json=body))
+def posted(api: httpx.Client, path: str, body: Any = None, **more: Any) -> Any:
+    """What a POST, of JSON by default, answers with success."""
+    return ok(api.post(path, **({"json": body} if body is not None else {}), **more))
+
+
+def campaigns_of(api: httpx.Client, name: str, count: int = 1) -> list[str]:
+    """Ids of new campaigns of the paper's beam, without FRFs, in a project of their own."""
+    project = posted(api, "projects", {"name": name})["id"]
+    structure = posted(api, f"projects/{project}/structures", paper.STRUCTURE)["id"]
+    path = f"structures/{structure}/campaigns"
+    return [str(posted(api, path, {**paper.CAMPAIGN, "name": f"{name} {n}"})["id"]) for n in range(count)]
 
 
 def pointers(problem: dict[str, Any]) -> set[str]:

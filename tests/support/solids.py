@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.calculix import Solid, solid
-from benchmarks.calculix import modes as modes_of
 from modalbase.formats.uff import Frf, GridPoint
 from modalbase.formats.uff.content import Axis
 from modalbase.formats.uff.write import encode
 from tests.support.beams import add_noise
+from tests.support.calculix import Solid, solid
+from tests.support.calculix import modes as modes_of
 
 MODULI = {"plate": 25e3, "rib": 20e3}
 """N/mm², nominal; lengths are mm, masses t."""

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.draws import modes_at
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
@@ -17,6 +16,7 @@ from fecore.updating.campaigns import Campaign
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter, parametrise
+from tests.support.draws import modes_at
 
 NOMINAL = OrthotropicMaterial(Ex=40e9, Ey=9e9, Gxy=4.0e9, Gxz=4.0e9, Gyz=3.2e9, nu_xy=0.28, density=1900.0)
 """A glass fibre laminate, as a handbook has it."""

@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from benchmarks.__main__ import TABLES
 from fecore.updating.result import HeldOut, ModeComparison, ParameterEstimate
 from service.settings import MIB, Settings
 from service.show.guide.contents import render
@@ -46,6 +47,16 @@ def found(dotted: str) -> bool:
     if not hasattr(importlib.import_module(parent), "__path__"):
         return hasattr(importlib.import_module(parent), member)
     return importlib.util.find_spec(dotted) is not None or hasattr(importlib.import_module(parent), member)
+
+
+def test_a_benchmark_that_a_page_names_is_a_case() -> None:
+    cases = {case.name for table in TABLES.values() for case in table}
+    for page in PAGES:
+        text = page.read_text()
+        named = re.findall(r"python\s+-m benchmarks (?:quick )?(\w+)", text)
+        if page.stem in ("accuracy", "benchmarks"):
+            named += re.findall(r"^\| `(?!python)(\w+)[^|]*` \|", text, re.MULTILINE)
+        assert set(named) <= {*cases, *TABLES}, page
 
 
 def test_an_index_names_every_page_and_a_decision_says_why_and_what_enforces_it() -> None:

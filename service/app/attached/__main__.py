@@ -1,7 +1,5 @@
 """What `python -m service.app.attached` runs. As it has this name, the worker's children do not load it."""
 
-from __future__ import annotations
-
 import os
 import sys
 from functools import partial

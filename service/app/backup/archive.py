@@ -4,8 +4,6 @@ Binary COPY keeps every value bit for bit. The queue's own tables are left out: 
 is written beside a service that runs, as one read-only transaction sees one moment of the database, and read back whole.
 """
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Restoring a backup into an empty database, all in one transaction: what fails leaves nothing."""
 
-from __future__ import annotations
-
 import hashlib
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The check of everything that is stored under a SHA-256: spectra, coherences, curves, models and original files."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from itertools import groupby

@@ -1,7 +1,5 @@
 """The command `modalbase`, put together; and how it ends."""
 
-from __future__ import annotations
-
 import sys
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """How a command ends: what goes wrong on purpose is one line on standard error, and SIGTERM unwinds."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

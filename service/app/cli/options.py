@@ -1,7 +1,5 @@
 """What several commands take, and the settings that follow from it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -1,7 +1,5 @@
 """What the paper says of its cantilever: Mondal and Chakraborty (2015), Tables 3 and 4, with the errata of `docs/errata.md`."""
 
-from __future__ import annotations
-
 from importlib.resources import files
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`modalbase demo`: a service of its own on a free port and in a folder of its own, the main job, and the end of both."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile

@@ -1,7 +1,5 @@
 """How the points of a test lie on a model, and where its frame is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from fecore.arrays import BoolArray, FloatArray

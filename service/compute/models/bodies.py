@@ -4,8 +4,6 @@ What the core has no word for is said in its own: mass that is no structure's is
 shear area a thousand times its area, springs of one stiffness are one parameter.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace

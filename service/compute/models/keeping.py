@@ -3,8 +3,6 @@
 Not pickles: a worker of a later version may read it.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import types

@@ -1,7 +1,5 @@
 """Models that are matrices: read, in SI, described, kept, and as the core's body."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Meshes that users send, with the sections that they state of the sets."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 from typing import Any

@@ -1,7 +1,5 @@
 """Messages are written to the outbox in the transaction of the event, one row for each receiver, and sent afterwards."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from datetime import UTC, datetime

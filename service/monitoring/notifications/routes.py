@@ -1,7 +1,5 @@
 """Routes of webhooks and of what was sent to them, with what a client sends and gets."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from functools import partial
 from typing import Annotated, Literal

@@ -13,8 +13,6 @@ Signatures are those of Standard Webhooks (standardwebhooks.com), which has veri
     webhook-signature: v1,base64(HMAC-SHA256(secret, "{webhook-id}.{webhook-timestamp}.{body}"))
 """
 
-from __future__ import annotations
-
 import asyncio
 import base64
 import hashlib

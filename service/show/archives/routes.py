@@ -1,7 +1,5 @@
 """Routes of archives: of a project, a campaign, or what a search found."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial

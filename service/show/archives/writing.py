@@ -3,8 +3,6 @@
 The layout is a public format, described in `docs/archives.md`; `FORMAT` counts its versions.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

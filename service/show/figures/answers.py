@@ -1,7 +1,5 @@
 """A figure over HTTP: Plotly JSON, or a print that a browser shows in place."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from hashlib import sha256

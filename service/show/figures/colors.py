@@ -1,7 +1,5 @@
 """Colours of figures by what they stand for, and what stands for them on a dark page."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 Theme = Literal["light", "dark"]

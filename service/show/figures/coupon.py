@@ -1,7 +1,5 @@
 """The raw curve of a coupon: stress over strain with the chord, its bounds, and what the standard reads off it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

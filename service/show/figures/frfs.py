@@ -2,8 +2,6 @@
 point that it is made of; the agreement of measured and predicted ones, line by line (CSAC, CSF) and by point (SAC, FRAC).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle, pairwise

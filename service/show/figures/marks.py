@@ -4,8 +4,6 @@ Texts are plain; a line break is a line break. `hover` alone is a template of Pl
 nothing is said.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -5,8 +5,6 @@ Two points of a shape are joined where the ball between them holds no other (Gab
 of a rectangular grid its rows and columns, of irregular points a part of their triangulation, never a zigzag.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A figure for the screen: Plotly's JSON, for pages, notebooks (`plotly.io.from_json`) and REST."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from html import escape
 from typing import Any

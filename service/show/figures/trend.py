@@ -6,8 +6,6 @@ one campaign alone is outside; the chart's values and their limit. Campaigns and
 that a page can link them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

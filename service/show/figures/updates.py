@@ -2,8 +2,6 @@
 laws; how the fits came to their end; campaigns of a joint update beside one another.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle

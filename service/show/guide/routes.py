@@ -1,7 +1,5 @@
 """The guide over HTTP. It is the same for everybody, so it asks for no key."""
 
-from __future__ import annotations
-
 import hashlib
 
 from fastapi import Request, Response

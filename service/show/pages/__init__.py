@@ -4,8 +4,6 @@ A page only reads. What it changes it sends to `/api/v1` as a script would, so t
 are served from here, and its policy lets a browser ask nobody else.
 """
 
-from __future__ import annotations
-
 from fastapi import FastAPI
 
 from service.show.pages import comparing, finding, measurements, start, updates

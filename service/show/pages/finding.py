@@ -1,7 +1,5 @@
 """The page of searches: one box, facets, columns to choose, what was found with units and digits, files, saved searches."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

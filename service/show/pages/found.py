@@ -1,7 +1,5 @@
 """What a result opens with: the few findings that change what one would do, each with where it is mended; the rest as notes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Pages of what is measured and watched: structure, campaign, the report on a file, a coupon batch, monitors."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """Numbers as a laboratory writes them: its units, and no more digits than the uncertainty leaves."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -3,8 +3,6 @@
 A page that deletes a project, a structure or a campaign says first what it will affect.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 from uuid import UUID
 

@@ -3,8 +3,6 @@
 Lists everywhere name update jobs by what they belong to.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime

@@ -4,8 +4,6 @@ Points are drawn to scale in an SVG of our own, and given as the picture in spac
 from, modes to mark, models and campaigns to lay over them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

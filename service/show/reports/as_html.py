@@ -1,7 +1,5 @@
 """A report as one HTML file: figures inline as SVG, no script, nothing from elsewhere."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 from collections.abc import Sequence

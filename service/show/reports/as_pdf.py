@@ -3,8 +3,6 @@
 The fonts are matplotlib's DejaVu, which have Greek letters and signs; they are embedded. The same report gives the same bytes.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from functools import cache

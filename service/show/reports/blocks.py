@@ -1,7 +1,5 @@
 """What a report is made of. A report is a list of blocks; `as_html` and `as_pdf` write the same list."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

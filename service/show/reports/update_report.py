@@ -1,7 +1,5 @@
 """The report of an update: two pages for who ordered the test, the rest as annex for who checks it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

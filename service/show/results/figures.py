@@ -1,7 +1,5 @@
 """The figures of an update by name: what each is called, and how it is drawn from the job's result."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic

@@ -1,7 +1,5 @@
 """Routes of what is shown of a result: predicted FRFs, the updated model's deck, figures and the report."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from hashlib import sha256
 from typing import IO, Annotated, Any, Literal

@@ -6,8 +6,6 @@ frequency take part, at most one for two measured values, so that what they miss
 and combinations of them that the points hardly see are left out of the pseudo-inverse.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Protocol
 

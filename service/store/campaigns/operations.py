@@ -1,7 +1,5 @@
 """Campaigns and their grid points: the tables, and what can be done with them."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Routes of campaigns and of their grid points."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any
 from uuid import UUID
 

@@ -1,7 +1,5 @@
 """What a client sends and gets about campaigns, grid points and imports."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self, TypeVar
 from uuid import UUID

@@ -3,8 +3,6 @@
 `POST …/coupons` takes results as JSON, or a raw curve as multipart with fields `coupon` (JSON) and `file`.
 """
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a client sends and gets about coupon batches, coupons and their raw curves. Moduli and strengths in Pa."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self
@@ -12,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from fecore.coupons.batch import check_failure_code
 from fecore.coupons.curves import Ends
 from fecore.errors import InputError
-from modalbase.formats.machine_csv.cells import factor
+from modalbase.formats.machine_csv import factor
 from service.web import Name, StrictModel, Text, example, wrong
 from service.web.quantities import COUPON_SIZE, MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength
 

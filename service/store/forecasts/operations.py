@@ -1,7 +1,5 @@
 """Forecasts: what a client may ask of a nominal model, and the job that solves it."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path

@@ -1,18 +1,13 @@
 """Routes of forecasts."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from uuid import UUID
 
 from pydantic import Field
-from sqlalchemy.orm import Session
 
-from service.jobs.resource import JobOut, job_state
+from service.jobs.resource import JobOut
 from service.jobs.routes import JobRoutes
-from service.jobs.tables import Job
-from service.store.forecasts.operations import FORECASTS, Forecast, ForecastIn, start_forecast
-from service.web import StrictModel, api_router, shown_as
+from service.store.forecasts.operations import FORECASTS, ForecastIn, start_forecast
+from service.web import StrictModel, api_router
 
 router = api_router(tags=["forecasts"])
 
@@ -67,11 +62,9 @@ class ForecastOut(JobOut):
     found: ForecastFoundOut | None = Field(description="null until it has succeeded")
 
 
-def _described(_session: Session, rows: Sequence[tuple[Forecast, Job]]) -> list[ForecastOut]:
-    return [shown_as(ForecastOut, row, **job_state(job), found=row.document) for row, job in rows]
-
-
-of_jobs = JobRoutes(router, FORECASTS, ForecastOut, _described, "forecast_id")
+of_jobs = JobRoutes(
+    router, FORECASTS, ForecastOut, "forecast_id", lambda _, rows: [{"found": row.document} for row in rows]
+)
 
 
 of_jobs.creating(

@@ -3,8 +3,6 @@
 Files are written row by row, so that memory does not grow with the number of FRFs.
 """
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

@@ -3,8 +3,6 @@
 This module imports no database, since the child imports it.
 """
 
-from __future__ import annotations
-
 import pickle
 from datetime import datetime
 from pathlib import Path

@@ -1,8 +1,6 @@
 """What a client gets about imports; the routes of imports, of the original files, and of purging for good."""
 
-from __future__ import annotations
-
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 from uuid import UUID
 
@@ -19,9 +17,8 @@ from service.access.lookup import projects
 from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
 from service.jobs.queue import cancel_purged
-from service.jobs.resource import JobOut, job_state
+from service.jobs.resource import JobOut
 from service.jobs.routes import JobRoutes
-from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.imports import operations
 from service.store.imports.operations import Import
@@ -31,7 +28,7 @@ from service.store.records.schemas import Proposal, StoredRecords
 from service.store.storage.originals import copy_original, forget_originals, original_sizes
 from service.store.structures.models import models_files
 from service.store.structures.operations import structure_for
-from service.web import Name, StrictModel, api_router, shown_as
+from service.web import Name, StrictModel, api_router
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
 from service.web.openapi import UPLOAD, reads
@@ -88,28 +85,19 @@ QuantityQuery = Annotated[Quantity | None, Query(description="what an FRF is who
 MappingQuery = Annotated[str | None, Query(description="which variable is what, as JSON", max_length=20_000)]
 
 
-def _described(session: Session, rows: Sequence[tuple[Import, Job]]) -> list[ImportOut]:
-    sizes = original_sizes(session, [row.sha256 for row, _ in rows])
-    return [
-        shown_as(
-            ImportOut,
-            row,
-            **job_state(job),
-            size=sizes[row.sha256],
-            sha256=row.sha256.hex(),
-            datasets=row.datasets or [],
-            warnings=row.warnings or [],
-        )
-        for row, job in rows
-    ]
+def _with_files(session: Session, rows: Sequence[Import]) -> Iterator[dict[str, Any]]:
+    sizes = original_sizes(session, [row.sha256 for row in rows])
+    for row in rows:
+        file = {"size": sizes[row.sha256], "sha256": row.sha256.hex()}
+        yield {**file, "datasets": row.datasets or [], "warnings": row.warnings or []}
 
 
 of_jobs = JobRoutes(
     router,
     operations.IMPORTS,
     ImportOut,
-    _described,
     "import_id",
+    _with_files,
     newest_first=False,
     weight=func.pg_column_size(Import.datasets),
 )

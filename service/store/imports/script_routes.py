@@ -4,8 +4,6 @@ JSON is stored in the request. A file goes the way of every file: its import is 
 without slot and transaction. What takes longer than `import_wait_seconds` is answered 202 with the import's address.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import AsyncIterator
 from dataclasses import dataclass

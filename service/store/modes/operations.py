@@ -2,8 +2,6 @@
 job that finds the modes of a campaign in its FRFs and keeps them as a mode set.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Routes of mode sets and of identifications; a mode set as a UFF file, and edited by hand: poles kept or dropped, and why."""
 
-from __future__ import annotations
-
 import bisect
 import itertools
 from collections.abc import Iterator, Sequence
@@ -22,9 +20,8 @@ from service.access import CurrentUser, SessionDep, User
 from service.access.nouns import NounRoutes
 from service.compute.identifying import up_to_date
 from service.errors import Conflict
-from service.jobs.resource import JobOut, job_state
+from service.jobs.resource import JobOut
 from service.jobs.routes import JobRoutes
-from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for, campaign_of, stored_points
 from service.store.modes import operations
 from service.store.modes.operations import (
@@ -41,7 +38,7 @@ from service.store.modes.operations import (
 )
 from service.store.modes.schemas import DecisionIn, EditIn, ModeSetIn, ModeSetOut
 from service.store.storage import book
-from service.web import api_router, shown_as
+from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
 
@@ -101,23 +98,14 @@ class IdentificationOut(JobOut):
     result: dict[str, Any] | None = Field(description="quality of the modes, what was left out, stabilisation diagram")
 
 
-def _described(session: Session, rows: Sequence[tuple[Identification, Job]]) -> list[IdentificationOut]:
-    """Identifications with their mode sets and results, where they have succeeded."""
-    keys = [row.id for row, _ in rows]
+def _with_modes(session: Session, rows: Sequence[Identification]) -> list[dict[str, Any]]:
+    """Their mode sets and results, where they have succeeded."""
+    keys = [row.id for row in rows]
     found = dict(session.execute(select(ModeSet.job_id, ModeSet.id).where(ModeSet.job_id.in_(keys))).all())
-    return [
-        shown_as(
-            IdentificationOut,
-            row,
-            **job_state(job),
-            mode_set=found.get(row.id),
-            result=row.document and up_to_date(row.document),
-        )
-        for row, job in rows
-    ]
+    return [{"mode_set": found.get(row.id), "result": row.document and up_to_date(row.document)} for row in rows]
 
 
-of_jobs = JobRoutes(identifications, IDENTIFICATIONS, IdentificationOut, _described, "identification_id")
+of_jobs = JobRoutes(identifications, IDENTIFICATIONS, IdentificationOut, "identification_id", _with_modes)
 
 
 of_jobs.creating(

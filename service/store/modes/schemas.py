@@ -1,7 +1,5 @@
 """What a client sends and gets about mode sets."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Annotated, Any, Literal
 from uuid import UUID

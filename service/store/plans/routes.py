@@ -1,7 +1,5 @@
 """Plans: where to hit next. What a client may ask, how it is made of stored rows, and its route."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Annotated
 from uuid import UUID

@@ -2,8 +2,6 @@
 stored as they are looked at; and by a processing, a job that keeps the FRFs of the good ones.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace

@@ -1,9 +1,6 @@
 """Routes of time blocks and of processings."""
 
-from __future__ import annotations
-
 import io
-from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Literal
 from uuid import UUID
@@ -11,26 +8,21 @@ from uuid import UUID
 import numpy as np
 from fastapi import Query, Response
 from fastapi.responses import JSONResponse
-from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
-from service.jobs.resource import job_state
 from service.jobs.routes import JobRoutes
-from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for
 from service.store.records import operations
-from service.store.records.processings import PROCESSINGS, Processing, decide, decisions_of, start_processing
+from service.store.records.processings import PROCESSINGS, decide, decisions_of, start_processing
 from service.store.records.schemas import UNITS, HitDecisionIn, HitDecisionOut, ProcessingIn, ProcessingOut, RecordOut
 from service.web import Cursor, Limit, Page, api_router, paged, shown_as
 
 router = api_router(tags=["records"])
 
 
-def _described(_: Session, rows: Sequence[tuple[Processing, Job]]) -> list[ProcessingOut]:
-    return [shown_as(ProcessingOut, row, **job_state(job), result=row.document) for row, job in rows]
-
-
-of_jobs = JobRoutes(router, PROCESSINGS, ProcessingOut, _described, "processing_id")
+of_jobs = JobRoutes(
+    router, PROCESSINGS, ProcessingOut, "processing_id", lambda _, rows: [{"result": row.document} for row in rows]
+)
 
 Whole = Annotated[int | None, Query(ge=0, le=9_999_999_999)]
 MEDIA_TYPES = {"json": "application/json", "npz": "application/x-npz", "csv": "text/csv"}

@@ -1,7 +1,5 @@
 """What a field and a noun of search are; a name of a filter to its field, or a message that names the nearest ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches

@@ -5,8 +5,6 @@ A thing has any number of tags, and `tag = 'winter'` is true where one of them i
 is compared as, or it is not known.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Callable, Sequence

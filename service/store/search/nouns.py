@@ -3,8 +3,6 @@
 Search only reads, and joins what other modules keep apart: it names tables and columns, and asks no other noun's operations.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, get_args
 

@@ -4,8 +4,6 @@ A search is one read-only transaction with a limit of time. It sees rows of the 
 whatever a filter names it reaches from such a row, within its project.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 from collections.abc import Iterator, Sequence

@@ -2,8 +2,6 @@
 and Arrow; and trends.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Searches that are kept under a name, for all members of a project: the table, and the routes."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from functools import partial
 from typing import Any

@@ -3,8 +3,6 @@
 Each structure has series of its own. A line is laid through each, with and without the covariates (`fecore.trend.line`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from itertools import groupby, islice

@@ -4,8 +4,6 @@ The calibration that counts is the last one before the campaign. `calibration_ex
 campaign was, or until when the instrument was calibrated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from datetime import date, datetime
 from uuid import UUID

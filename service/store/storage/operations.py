@@ -8,8 +8,6 @@ store at the same moment do not see each other's bytes then. So each compares ag
 within a project: what does not fit by then is rolled back. A project's account is held for the commit alone.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Literal, TypeVar
 from uuid import UUID

@@ -1,7 +1,5 @@
 """What a client gets about a project's storage, and its route."""
 
-from __future__ import annotations
-
 from uuid import UUID
 
 from pydantic import Field

@@ -2,9 +2,7 @@
 analysis.
 """
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import IO, Annotated, Any, Literal
 from uuid import UUID
 
@@ -17,15 +15,14 @@ from sqlalchemy.orm import Session
 from modalbase.formats.meshes import Cells, MeshFile, columns, uff_of, write_vtu
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
-from service.jobs.resource import JobOut, job_state
+from service.jobs.resource import JobOut
 from service.jobs.routes import JobRoutes
-from service.jobs.tables import Job
 from service.store.storage.originals import copy_original, original_sizes
 from service.store.structures import models
 from service.store.structures.models import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.store.structures.shapes import Section
-from service.web import Confirm, Name, StrictModel, api_router, require_usual, shown_as
+from service.web import Confirm, Name, StrictModel, api_router, require_usual
 from service.web.downloads import spooled
 from service.web.json_body import checked, parse_parameter
 from service.web.openapi import UPLOAD, reads
@@ -218,24 +215,15 @@ class MeshOut(StrictModel):
     masses: list[int] = Field(description="rows of `nodes` that carry masses, from 0")
 
 
-def _described(session: Session, rows: Sequence[tuple[StructureModel, Job]]) -> list[ModelOut]:
-    sizes = original_sizes(session, [row.sha256 for row, _ in rows])
-    versions = models.versions_of_models(session, [row.id for row, _ in rows])
-    return [
-        shown_as(
-            ModelOut,
-            row,
-            **job_state(job),
-            size=sizes[row.sha256],
-            sha256=row.sha256.hex(),
-            version=versions.get(row.id),
-            found=row.document,
-        )
-        for row, job in rows
-    ]
+def _with_files(session: Session, rows: Sequence[StructureModel]) -> Iterator[dict[str, Any]]:
+    sizes = original_sizes(session, [row.sha256 for row in rows])
+    versions = models.versions_of_models(session, [row.id for row in rows])
+    for row in rows:
+        file = {"size": sizes[row.sha256], "sha256": row.sha256.hex()}
+        yield {**file, "version": versions.get(row.id), "found": row.document}
 
 
-of_jobs = JobRoutes(router, models.MODELS, ModelOut, _described, "model_id")
+of_jobs = JobRoutes(router, models.MODELS, ModelOut, "model_id", _with_files)
 
 
 @router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=reads(UPLOAD))

@@ -1,7 +1,5 @@
 """Routes of structures."""
 
-from __future__ import annotations
-
 from uuid import UUID
 
 from sqlalchemy import select

@@ -3,8 +3,6 @@
 Units are part of the names: m, kg/m³, Pa, degrees.
 """
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Annotated, Any, Self
 from uuid import UUID

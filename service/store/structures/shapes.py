@@ -1,7 +1,5 @@
 """Bodies by their shape: profiles and panels of a few dimensions, with the materials or plies of their walls."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal, Self
 

@@ -1,7 +1,5 @@
 """The test over the model: how far each measured point of a campaign lies from the structure's walls."""
 
-from __future__ import annotations
-
 from uuid import UUID
 
 import numpy as np

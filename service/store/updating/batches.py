@@ -1,7 +1,5 @@
 """Many campaigns in one call: their updates are queued together or none of them is; or they are one joint update."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 

@@ -1,7 +1,5 @@
 """From a described structure to the core's body: a strip of one homogenised layer or of its plies, or a body in space."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

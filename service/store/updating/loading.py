@@ -1,7 +1,5 @@
 """From stored rows to what the core takes: one campaign, or several of one material."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ The worker makes a document of the core's dataclasses by these models (`fecore.u
 what is not finite null. A stored document is brought up to date when it is read (`service.store.updating.document`).
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 import numpy as np

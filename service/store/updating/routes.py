@@ -1,7 +1,5 @@
 """Routes of update jobs, and of joint updates, which `POST /update-jobs` begins with `joint`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Annotated, Any
@@ -13,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep, project_for, projects_of
 from service.errors import Invalid
-from service.jobs.resource import JobState, job_state
+from service.jobs.resource import JobState
 from service.jobs.routes import JobRoutes
 from service.jobs.tables import Job
 from service.store.campaigns.operations import campaign_for, campaigns_in, campaigns_of
@@ -23,7 +21,7 @@ from service.store.updating.batches import start_batch, start_joint
 from service.store.updating.document import LARGE_PARTS, slim
 from service.store.updating.result_schemas import JointResultOut, ResultOut
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
-from service.store.updating.tables import JointUpdate, UpdateJob
+from service.store.updating.tables import UpdateJob
 from service.web import (
     IF_MATCH,
     Confirm,
@@ -36,29 +34,19 @@ from service.web import (
     paged,
     require_match,
     require_usual,
-    shown_as,
 )
 from service.web.bodies import Labels
 
 router = api_router(tags=["update jobs"])
 
 
-def _described(session: Session, rows: Sequence[tuple[UpdateJob, Job]]) -> list[UpdateJobOut]:
-    campaigns = campaigns_of(session, {row.campaign_id for row, _ in rows})
-    return [
-        shown_as(
-            UpdateJobOut, row, **job_state(job), priority=job.priority, campaign_name=campaigns[row.campaign_id].name
-        )
-        for row, job in rows
-    ]
+def _with_campaigns(session: Session, rows: Sequence[UpdateJob]) -> list[dict[str, Any]]:
+    campaigns = campaigns_of(session, {row.campaign_id for row in rows})
+    return [{"campaign_name": campaigns[row.campaign_id].name} for row in rows]
 
 
-def _described_joint(_: Session, rows: Sequence[tuple[JointUpdate, Job]]) -> list[JointUpdateOut]:
-    return [shown_as(JointUpdateOut, row, **job_state(job), priority=job.priority) for row, job in rows]
-
-
-single = JobRoutes(router, operations.UPDATES, UpdateJobOut, _described, "job_id")
-joint = JobRoutes(router, operations.JOINT_UPDATES, JointUpdateOut, _described_joint, "joint_id")
+single = JobRoutes(router, operations.UPDATES, UpdateJobOut, "job_id", _with_campaigns)
+joint = JobRoutes(router, operations.JOINT_UPDATES, JointUpdateOut, "joint_id", lambda _, rows: [{} for _ in rows])
 
 IdempotencyKey = Annotated[
     Text | None, Header(max_length=255, description="one of your own: the same again gives the same, no second one")

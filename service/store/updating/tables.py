@@ -1,7 +1,5 @@
 """Tables of update jobs and their results."""
 
-from __future__ import annotations
-
 from datetime import datetime
 from typing import Any
 from uuid import UUID

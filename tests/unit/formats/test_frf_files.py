@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from scipy.io import savemat, wavfile
 
-from benchmarks.soak import bomb
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs import FrfRow, Frfs, read_csv, read_mat, read_npz, write_csv, write_npz
 from modalbase.formats.frfs.arrow import write_arrow
@@ -22,6 +21,7 @@ from modalbase.formats.frfs.mat import propose_frfs
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.recognise import recognise
 from modalbase.formats.records import read_variables
+from tests.support.bombs import bomb
 
 RNG = np.random.default_rng(8)
 HZ = np.cumsum(RNG.uniform(0.1, 1.0, 20))

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.structures import frequencies
 from fecore.arrays import FloatArray
 from fecore.body.structure import Structure
 from fecore.dynamics.eigen import normal_modes
@@ -22,6 +21,7 @@ from service.compute.models.keeping import kept, model_of
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_body
 from tests.support.profiles import ANGLE, deck
+from tests.support.stored_solids import frequencies
 from tests.unit.formats.models.decks import SQUARE
 
 STEEL = b"""*HEADING

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.structures import stated
 from fecore.arrays import FloatArray
 from fecore.body.align import by_closest, by_pairs
 from fecore.body.structure import Structure
@@ -17,6 +16,7 @@ from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_body
 from tests.support.places import shared_file
 from tests.support.profiles import ANGLE, points
+from tests.support.stored_solids import stated
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.structures import frequencies
 from fecore.body.beams import BeamSection
 from fecore.body.generators import profile, strip
 from fecore.body.laminate import OrthotropicMaterial, Ply
@@ -16,6 +15,7 @@ from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Link, NodeSpring, Spring, Support
 from fecore.dynamics.eigen import normal_modes
+from tests.support.stored_solids import frequencies
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 WALL = ShellSection((Ply(GFRP, 0.006),))

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.structures import OPEN, body, frequencies
+from tests.support.stored_solids import OPEN, body, frequencies
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hammer import Bench, campaign
 from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
 from fecore.signal import Hit, Processing, Strip, Windows, by_point, process
 from fecore.signal.heights import Heights
+from tests.support.hammer import Bench, campaign
 
 FIRST = {"clamped": 1.8751, "free": 4.7300}
 

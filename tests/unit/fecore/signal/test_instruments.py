@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from benchmarks.hammer import campaign
 from fecore.signal import Processing, by_point, process
 from fecore.signal.judgement import _usual_of_most
+from tests.support.habits import HabitBench
+from tests.support.hammer import campaign
 
 
 @pytest.mark.parametrize(
@@ -23,7 +26,7 @@ from fecore.signal.judgement import _usual_of_most
     ],
 )
 def test_a_habit_of_instruments_or_hands_makes_few_hits_bad_ones(habit: str, kind: str, seed: int) -> None:
-    _, places, simulated = campaign(np.random.default_rng(seed), kind, 4, 5, 0.0, habit=habit)
+    _, places, simulated = campaign(np.random.default_rng(seed), kind, 4, 5, 0.0, make=partial(HabitBench, habit=habit))
     found = process(by_point([s.hit for s in simulated]))
     refused = [[f.sentence for f in v.faults if f.criterion != "place"] for v in found.verdicts]
     assert len(refused) == 20
@@ -33,7 +36,9 @@ def test_a_habit_of_instruments_or_hands_makes_few_hits_bad_ones(habit: str, kin
 
 def test_a_body_that_rings_loudly_is_found_among_hits_that_follow_one_another() -> None:
     rng = np.random.default_rng(4)
-    bench, places, simulated = campaign(rng, "free", 4, 5, 0.0, habit="hits soon after one another")
+    bench, places, simulated = campaign(
+        rng, "free", 4, 5, 0.0, make=partial(HabitBench, habit="hits soon after one another")
+    )
     bench.habit = "as simulated"
     hits = [s.hit for s in simulated]
     hits[7] = bench.hit(2, places[2], 3, "early").hit

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hammer import Bench, Simulated, random_body, random_laboratory
 from fecore.frf import Dof
 from fecore.signal import Finding, Processing, by_point, process
 from fecore.signal.placing import locate
 from fecore.signal.slopes import plane, slopes
+from tests.support.hammer import Bench, Simulated, random_body, random_laboratory
 
 
 def test_slopes_of_a_wave_are_found_where_points_are_near_and_unknown_where_they_are_far() -> None:

@@ -7,8 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks import hammer
-from benchmarks.hammer import Bench, campaign, random_body, random_laboratory
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modal import identify
@@ -26,6 +24,8 @@ from fecore.signal import (
     process_in_parts,
     remove_window,
 )
+from tests.support import hammer
+from tests.support.hammer import Bench, campaign, random_body, random_laboratory
 
 
 def _bench(seed: int, kind: str = "free", rate: float = 0.0, **changes: object) -> Bench:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.hammer import Bench, random_body, random_laboratory
 from fecore.signal import Hit, Processing, Windows, by_point, process
 from fecore.signal.unstated import SeenRate, seen_rate
+from tests.support.hammer import Bench, random_body, random_laboratory
 
 NOT_SHOWN = SeenRate(0.0, None)
 

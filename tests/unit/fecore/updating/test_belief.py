@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import scipy
 
-from benchmarks.draws import BEAM, beam
 from fecore.modes import MeasuredModes
 from fecore.updating.belief import over_sets, stray_cost, weights_of
 from fecore.updating.measurement import Measurement, prepare
@@ -17,6 +16,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.posterior import LinearProblem, Mixture
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
+from tests.support.draws import BEAM, beam
 
 RANDOM = np.random.default_rng(8)
 COUNT, SIZE = 5, 2

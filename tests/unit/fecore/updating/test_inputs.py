@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.draws import BEAM, beam
 from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Spring, edges
@@ -26,6 +25,7 @@ from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
+from tests.support.draws import BEAM, beam
 from tests.support.fits import update_elastic
 
 # What is not about the mesh is updated on a coarse one.

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.draws import BEAM
 from examples import mechanisms
 from examples.paper.published import TABLE_4_UPDATED, cantilever, simulated
 from fecore.arrays import FloatArray
@@ -30,6 +29,7 @@ from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from tests.support.cantilever import grid, hammer_tour
+from tests.support.draws import BEAM
 
 LINES = np.arange(2.0, 1001.0, 2.0)
 COARSE = replace(BEAM, divisions=(20, 2))

@@ -11,7 +11,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from benchmarks import draws
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
@@ -24,6 +23,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import missed_cost, pair_in_order, pair_likest, pair_with, probability_seen
 from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
+from tests.support import draws
 
 SPRUCE = OrthotropicMaterial(Ex=12e9, Ey=0.9e9, Gxy=0.75e9, Gxz=0.7e9, Gyz=0.06e9, nu_xy=0.37, density=420.0)
 SEEN = 0.05  # of the largest amplitude at the FRF's point

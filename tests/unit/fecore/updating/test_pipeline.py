@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.draws import BEAM, beam
 from fecore.errors import InputError, UpdatingError
 from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
@@ -18,6 +17,7 @@ from fecore.updating.pipeline import update
 from fecore.updating.recipe import DEFAULT_LAWS, HoldOut, Recipe
 from fecore.updating.result import UpdateResult
 from fecore.updating.sampling import run_chain
+from tests.support.draws import BEAM, beam
 
 # What is not about the mesh is updated on a coarse one, whose bias is far below what the sets are drawn with.
 COARSE = replace(BEAM, divisions=(20, 2))

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.draws import LAW, NOMINAL, STATED, Truth, measured
 from fecore.body.supports import Boundary
 from fecore.frf import Quantity, along_z
 from fecore.modes import MeasuredModes
@@ -17,6 +16,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from tests.support.draws import LAW, NOMINAL, STATED, Truth, measured
 
 
 def test_a_plate_of_another_poissons_ratio_lies_within_its_intervals() -> None:

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.structures import frequencies
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile, uff_of, write_vtu
 from modalbase.formats.models.inp import read_inp
@@ -22,6 +21,7 @@ from service.compute.models.bodies import body_of_model
 from service.compute.models.meshes import MESHES, mesh_in_si
 from tests.support.places import ROOT
 from tests.support.profiles import ANGLE, deck
+from tests.support.stored_solids import frequencies
 from tests.support.uff import load
 
 FILES = {path.name: path.read_bytes() for path in sorted((ROOT / "tests/corpus/meshes").iterdir())}

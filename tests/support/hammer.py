@@ -6,6 +6,7 @@ rate, pass a linear-phase anti-alias filter and the 0.5 Hz high-pass of an ICP s
 the steps of a converter. So the truth of a hit is known: its fault, and the FRF between the two points.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -162,7 +163,15 @@ class Simulated:
 
 
 class Bench:
-    """A body in a laboratory: hits any point, one sensor at a fixed place."""
+    """A body in a laboratory: hits any point, one sensor at a fixed place.
+
+    Attributes:
+        faults: those that its hits may have.
+        places: of the points of its tour.
+    """
+
+    faults: Sequence[str] = FAULTS
+    places: dict[int, tuple[float, float]]
 
     def __init__(
         self, body: Body, laboratory: Laboratory, sensor: tuple[float, float], rng: np.random.Generator
@@ -215,6 +224,19 @@ class Bench:
             Block(sensor, "acceleration", response, window_rate_per_s=lab.window_rate_per_s),
         )
         return Simulated(Hit(blocks[0], blocks[1:], lab.sample_rate_hz, number), fault, real)
+
+    def tour(self, points: int, hits: int, faulty: float) -> list[Simulated]:
+        """So many hits of each of so many places, a share of them with a fault."""
+        body, rng, found = self.body, self.rng, list[Simulated]()
+        self.places = {
+            n + 1: (rng.uniform(0.1, 0.98) * body.length_m, rng.uniform(-0.48, 0.48) * body.width_m)
+            for n in range(points)
+        }
+        for label, place in self.places.items():
+            for number in range(1, hits + 1):
+                fault = str(rng.choice(self.faults)) if rng.random() < faulty else None
+                found.append(self.hit(label, place, number, fault))
+        return found
 
     def _gap(self) -> float:
         """Seconds to the hit before, so that 2 to 30 % of its slowest mode's amplitude is still there."""
@@ -303,7 +325,7 @@ def campaign(
     hits: int,
     faulty: float,
     window_rate_per_s: float | None = None,
-    habit: str = "",
+    make: Callable[..., Bench] = Bench,
 ) -> tuple[Bench, dict[int, tuple[float, float]], list[Simulated]]:
     """A whole campaign: the bench, the places of its points, and its hits in order.
 
@@ -314,22 +336,9 @@ def campaign(
         hits: of each point.
         faulty: share of the hits that have a fault.
         window_rate_per_s: of an exponential window; drawn by default.
-        habit: of the instruments or the hand (`benchmarks.habits`).
+        make: the bench of a body, a laboratory and the sensor's place.
     """
-    from benchmarks.habits import HabitBench, instruments
-
     body, lab = random_body(rng, kind), random_laboratory(rng, window_rate_per_s)
-    sensor = (0.96 * body.length_m, 0.45 * body.width_m)
-    bench = (
-        HabitBench(body, instruments(lab, habit, rng), sensor, rng, habit) if habit else Bench(body, lab, sensor, rng)
-    )
-    places = {
-        n + 1: (rng.uniform(0.1, 0.98) * body.length_m, rng.uniform(-0.48, 0.48) * body.width_m) for n in range(points)
-    }
-    faults = [fault for fault in FAULTS if not ("pretrigger" in habit and fault == "late")]
-    simulated = []
-    for label, place in places.items():
-        for number in range(1, hits + 1):
-            fault = str(rng.choice(faults)) if rng.random() < faulty else None
-            simulated.append(bench.hit(label, place, number, fault))
-    return bench, places, simulated
+    bench = make(body, lab, (0.96 * body.length_m, 0.45 * body.width_m), rng)
+    simulated = bench.tour(points, hits, faulty)
+    return bench, bench.places, simulated

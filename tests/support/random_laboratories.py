@@ -11,7 +11,6 @@ from typing import Any, get_args
 
 import numpy as np
 
-from benchmarks.draws import Dofs, Drawn, Points, noisy, solved
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Boundary
@@ -21,6 +20,7 @@ from fecore.frf import Dof, FrfSet, Quantity
 from fecore.updating.forward import ForwardModel, modes_to_cover
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import parametrise
+from tests.support.draws import Dofs, Drawn, Points, noisy, solved
 
 MATERIALS = {
     "glass": OrthotropicMaterial(33e9, 32e9, 5.7e9, 4.5e9, 4.5e9, 0.15, 2012.0),

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.hammer import PLACE_SD_M, Bench, Body, Laboratory, Pulse, Simulated
 from fecore.arrays import FloatArray
+from tests.support.hammer import PLACE_SD_M, Bench, Body, Laboratory, Pulse, Simulated
 
 HABITS = (
     *("as simulated", "hard tip", "soft tip", "half-band filter", "short pretrigger", "soft tip, short pretrigger"),
@@ -25,8 +25,9 @@ class HabitBench(Bench):
         self, body: Body, laboratory: Laboratory, sensor: tuple[float, float], rng: np.random.Generator, habit: str
     ) -> None:
         self.habit, self.saturates = "", False
-        super().__init__(body, laboratory, sensor, rng)
+        super().__init__(body, instruments(laboratory, habit, rng), sensor, rng)
         self.habit = habit
+        self.faults = [fault for fault in self.faults if not ("pretrigger" in habit and fault == "late")]
 
     def hit(self, label: int, place: tuple[float, float], number: int, fault: str | None = None) -> Simulated:
         """One hit, whose fault may be `saturated`, too; a hand that is steadier at some points lands 1 to 4 mm beside them, by

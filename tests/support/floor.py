@@ -1,7 +1,7 @@
-"""A shop floor for benchmarks and tests of jobs: a real PostgreSQL, a real API, real workers that can be killed.
+"""A shop floor for tests and benchmarks of jobs: a real PostgreSQL, a real API, real workers that can be killed.
 
-The workers here know the service's kind of job `update` with another computation: some steps of arithmetic, whose
-result is an audit event, so that a result stored twice can be seen.
+Its own workers know the tests' kinds of job, among them the service's `update` with another computation, whose result is an
+audit event, so that a result stored twice can be seen.
 """
 
 import os
@@ -9,68 +9,30 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 
 import httpx
 import psutil
-from sqlalchemy import select
-from sqlalchemy.orm import Session
+from sqlalchemy import func, select
 
-from benchmarks.jobs_floor_work import compute, empty, wait
-from benchmarks.service import client_at
 from service.access.keys import create_key, user_named
-from service.access.tables import AuditEvent, Project
+from service.access.tables import AuditEvent
 from service.app.supervisor import environment, listening_socket
 from service.db.engine import make_engine, make_sessions
 from service.db.opening import embedded_server
 from service.db.schema import upgrade
-from service.jobs.kinds import JobKind
-from service.jobs.queue import enqueue
 from service.jobs.tables import Job
 from service.settings import Settings
-
-ROOT = Path(__file__).parents[1]
-RESULT = "floor.result"
-PATIENCE_SECONDS = 600.0
-
-
-def load_second(_session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
-    """A job of a second."""
-    return {"job": str(job_id), "seconds": 1.0}
-
-
-def load(session: Session, job_id: UUID, _workspace: Path) -> dict[str, Any]:
-    """The job's own id and its recipe's seed, which says how long it takes."""
-    from service.store.updating.tables import UpdateJob
-
-    return {"job": str(job_id), "seconds": session.get_one(UpdateJob, job_id).recipe["seed"] / 1000}
-
-
-def store(session: Session, job_id: UUID, items: Iterator[dict[str, Any]]) -> None:
-    """Each result becomes a row."""
-    for item in items:
-        session.add(AuditEvent(action=RESULT, subject_type="job", subject_id=job_id, detail=item))
-
-
-# Where every second or so the worker of some job is killed on purpose, a job may well meet that a dozen times.
-UPDATE = JobKind("update", load=load, compute=compute, store=store, max_attempts=100)
-SECOND = JobKind("second", load=load_second, compute=compute, store=store, max_attempts=5)
-WAITING = JobKind("waiting", load=load_second, compute=wait, store=store, max_attempts=5)
-EMPTY = JobKind("empty", load=lambda *_: None, compute=empty, store=lambda *_: None)
-
-
-def work() -> None:
-    """Be a worker of the floor; settings from the environment."""
-    from service.jobs.worker import run_worker
-    from service.logs import configure_logs
-
-    configure_logs(Settings())
-    run_worker(Settings(), (UPDATE, SECOND, WAITING, EMPTY))
+from tests.support import working
+from tests.support.job_kinds import ITEM
+from tests.support.places import ROOT
+from tests.support.rest import client_at
+from tests.support.waiting import PATIENCE, until
 
 
 class Floor:
@@ -91,8 +53,8 @@ class Floor:
         self._servers = ExitStack()
 
     def worker(self, url: str | None = None, **settings: Any) -> subprocess.Popen[bytes]:
-        """Start a worker of the floor."""
-        command = [sys.executable, "-c", "from benchmarks.jobs_floor import work; work()"]
+        """Start a worker of the tests' kinds."""
+        command = [sys.executable, "-c", "from tests.support.job_kinds import work; work()"]
         return self._start(command, url, settings)
 
     def modalbase(self, *command: str, **settings: Any) -> subprocess.Popen[bytes]:
@@ -122,7 +84,7 @@ class Floor:
         self.api(port, **settings)
         with self.sessions.begin() as session:
             key = create_key(session, user_named(session, user), user)[1]
-        return client_at(f"http://127.0.0.1:{port}/api/v1/", key)
+        return client_at(f"http://127.0.0.1:{port}", key)
 
     def kill(self, process: subprocess.Popen[bytes]) -> None:
         """SIGKILL, without a word."""
@@ -130,22 +92,21 @@ class Floor:
         process.wait()
         self.processes.remove(process)
 
-    def crash_database(self) -> float:
-        """End PostgreSQL at once, as a crash would, start it again, and say how long it was away."""
+    def crash_database(self) -> None:
+        """End PostgreSQL at once, as a crash would, and start it again."""
         postmaster = psutil.Process(int((self.folder / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0]))
-        began = time.monotonic()
         postmaster.send_signal(signal.SIGQUIT)
-        postmaster.wait(PATIENCE_SECONDS)
+        postmaster.wait(PATIENCE)
         self._servers.enter_context(embedded_server(self.folder))
-        return time.monotonic() - began
 
-    def put(self, kind: JobKind, count: int) -> list[UUID]:
-        """Queue jobs of a new project."""
-        with self.sessions.begin() as session:
-            project = Project(name=kind.name)
-            session.add(project)
-            session.flush()
-            return [enqueue(session, kind=kind, project_id=project.id).id for _ in range(count)]
+    def put(self, kind: str, count: int) -> list[UUID]:
+        """Queue jobs of the tests' kinds in a new project."""
+        return working.put(self.sessions, kind, count)
+
+    def now(self) -> datetime:
+        """The database's clock."""
+        with self.sessions() as session:
+            return session.execute(select(func.clock_timestamp())).scalar_one()
 
     def jobs(self) -> list[Job]:
         """Every job's row."""
@@ -155,23 +116,15 @@ class Floor:
     def results(self) -> list[UUID | None]:
         """The job of every stored result."""
         with self.sessions() as session:
-            return list(session.scalars(select(AuditEvent.subject_id).where(AuditEvent.action == RESULT)))
+            return list(session.scalars(select(AuditEvent.subject_id).where(AuditEvent.action == ITEM)))
 
     def wait(self, count: int) -> None:
         """Until so many jobs have ended."""
         self.until(lambda: sum(job.finished_at is not None for job in self.jobs()) >= count, f"the end of {count} jobs")
 
     def until(self, condition: Callable[[], object], what: str) -> None:
-        """Look until it is so.
-
-        Raises:
-            TimeoutError: not within `PATIENCE_SECONDS`; says what was waited for, and what the processes wrote last.
-        """
-        end = time.monotonic() + PATIENCE_SECONDS
-        while not condition():
-            if time.monotonic() > end:
-                raise TimeoutError(f"not within {PATIENCE_SECONDS:g} s: {what}; {self.log.read_text()[-2000:]}")
-            time.sleep(0.05)
+        """Look often until it is so; the failure says what the processes wrote last."""
+        until(condition, what, lambda: self.log.read_text()[-2000:], seldom=0.05)
 
     def close(self) -> None:
         """End every process."""
@@ -188,7 +141,7 @@ class Floor:
 
     def _start(self, command: list[str], url: str | None, settings: dict[str, Any]) -> subprocess.Popen[bytes]:
         given = environment(Settings(database_url=url or self.url, log_level="warning", **settings))
-        given["PYTHONPATH"] = str(ROOT)  # this package too, whose folder is not taken from where a process is started
+        given["PYTHONPATH"] = str(ROOT)  # the tests too, whose folder is not taken from where a process is started
         with self.log.open("ab") as log:
             process = subprocess.Popen(command, cwd=ROOT, env=os.environ | given, stdout=log, stderr=log)
         self.processes.append(process)

@@ -9,7 +9,6 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from collections import Counter
 from dataclasses import dataclass, field
 from datetime import timedelta
@@ -21,15 +20,15 @@ import httpx
 import numpy as np
 from sqlalchemy import text
 
-from benchmarks.jobs_floor import ROOT, Floor, floor
-from benchmarks.service import RAW, post
 from modalbase.formats.uff import Frf, GridPoint, read_file
 from modalbase.formats.uff.write import encode
 from service.app.demo import paper
-from service.app.kinds import KINDS
 from service.db.opening import embedded_server
 from service.jobs.tables import Job
 from service.monitoring.scheduler import check
+from tests.support.floor import Floor, floor
+from tests.support.places import ROOT
+from tests.support.rest import RAW, posted
 
 POINTS = (14, 33)  # hit in the paper's file; so many of its FRFs are enough
 RECIPE = {
@@ -69,24 +68,11 @@ class Tally:
     # the same where all of them have ended after the restore
     after: Counter[tuple[str, str]] = field(default_factory=Counter)
     lost: list[str] = field(default_factory=list)  # what did not end as it should, in words
-    seconds: float = 0.0
-
-
-def soak_backup(rounds: int = 3) -> list[str]:
-    """A backup of jobs that wait and run, restored, round by round; gives what was lost."""
-    lost = []
-    for _ in range(rounds):
-        tally = soak()
-        print(f"  jobs in the backup: {_counts(tally.before)}")
-        print(f"  after the restore:  {_counts(tally.after)}; {tally.seconds:.0f} s", flush=True)
-        waiting = {kind for kind, state in tally.before if state == "queued"}
-        lost += [*tally.lost, *(f"no {kind.name} waited" for kind in KINDS if kind.name not in waiting)]
-    return lost
 
 
 def soak() -> Tally:
     """Back up a service with jobs of every kind, restore it elsewhere, and let them end there."""
-    tally, began = Tally(), time.monotonic()
+    tally = Tally()
     with tempfile.TemporaryDirectory(prefix="mb-", ignore_cleanup_errors=True) as name:
         folder = Path(name)
         folder.chmod(0o755)  # the server may run as a user of its own
@@ -102,7 +88,6 @@ def soak() -> Tally:
         tally.after[job.kind, after[job.id].state] += 1
         if after[job.id].state != expected:
             tally.lost.append(f"{job.kind} {job.id}, {state}, is {after[job.id].state}: {after[job.id].message}")
-    tally.seconds = time.monotonic() - began
     return tally
 
 
@@ -148,7 +133,7 @@ class Laboratory:
 
     def post(self, path: str, body: Any = None, **more: Any) -> Any:
         """What a POST answers."""
-        return post(self.client, path, body, **more)
+        return posted(self.client, path, body, **more)
 
     def new_campaign(self) -> str:
         """Another campaign of the beam."""
@@ -190,7 +175,7 @@ class Laboratory:
             {"campaign_id": self.campaign, "recipe": {"mode_set": self.recipe["mode_set"]}},
             {"campaign_id": imported, "recipe": {"mode_set": modes}},
         ]
-        self.post("update-jobs", {"joint": True, "jobs": jobs})
+        self.post("update-jobs", {"joint": True, "jobs": jobs, "recipe": {"parameters": RECIPE["parameters"]}})
         path = f"campaigns/{self.campaign}"
         etag = self.client.get(path).raise_for_status().headers["ETag"]
         self.client.patch(path, json={"temperature_c": 21.0}, headers={"If-Match": etag}).raise_for_status()
@@ -250,7 +235,3 @@ def run(*words: str, **env: str) -> None:
 def _judgements(here: Floor) -> int:
     with here.sessions() as session:
         return int(session.scalar(text("SELECT count(*) FROM jobs WHERE kind = 'judge' AND state = 'succeeded'")) or 0)
-
-
-def _counts(counter: Counter[tuple[str, str]]) -> str:
-    return ", ".join(f"{n} {kind} {state}" for (kind, state), n in sorted(counter.items()))

@@ -1,4 +1,4 @@
-"""Models that CalculiX solves (the `ccx` process, where it is installed): bodies of solid elements, and a peer of shells."""
+"""Models that CalculiX solves (the `ccx` process, where it is installed): bodies of solid elements."""
 
 import re
 import subprocess
@@ -9,11 +9,6 @@ from itertools import count, product
 from pathlib import Path
 
 import numpy as np
-
-from fecore.body.generators import strip
-from fecore.body.specimen import Specimen
-
-MODES = 10
 
 
 def ccx(lines: Sequence[str]) -> str:
@@ -138,41 +133,3 @@ def modes(
         deck += ["*NSET, NSET=ROOT", ",\n".join(map(str, root)), "*BOUNDARY", "ROOT,1,3"]
     table = ccx([*deck, "*STEP", "*FREQUENCY", str(most), "*NODE PRINT, NSET=SEEN", "U", "*END STEP"])
     return frequencies(table), displacements(table, seen)
-
-
-def shell(specimen: Specimen) -> np.ndarray:
-    """Ten frequencies of a cantilever of 40 × 4 S8R shells; it has in-plane modes too."""
-    return frequencies(ccx([*_shells(specimen), "*STEP", "*FREQUENCY", str(MODES), "*END STEP"]))
-
-
-def shell_frfs(specimen: Specimen, a0: float, a1: float, highest_hz: float, between: int) -> np.ndarray:
-    """(lines, 33) receptances by steady state dynamics, which places so many lines between two natural frequencies."""
-    nodes = strip(specimen.length, specimen.width, 40, 4).nodes[:, :2]
-    places = [(x, y) for x in np.linspace(0.05, specimen.length, 11) for y in (-0.02, 0.0, 0.02)]
-    seen = [int(np.argmin(np.linalg.norm(nodes - place, axis=1))) + 1 for place in places]
-    table = ccx(
-        [
-            *_shells(specimen),
-            *("*NSET, NSET=SEEN", ",\n".join(map(str, seen))),
-            *("*STEP", "*FREQUENCY, STORAGE=YES", str(MODES), "*CLOAD", f"{seen[-1]},3,0.", "*END STEP"),
-            *("*STEP", "*STEADY STATE DYNAMICS", f"0.3125,{highest_hz:g},{between},1."),
-            *("*MODAL DAMPING, RAYLEIGH", f",,{a0:g},{a1:g}", "*CLOAD", f"{seen[-1]},3,1."),
-            *("*NODE PRINT, NSET=SEEN", "U", "*END STEP"),
-        ]
-    )
-    w = displacements(table, seen)[..., 2]
-    return np.asarray(w[0::2] + 1j * w[1::2])  # for each line first the real parts, then the imaginary ones
-
-
-def _shells(specimen: Specimen) -> list[str]:
-    """Mesh, material and clamp."""
-    mesh, m = strip(specimen.length, specimen.width, 40, 4), specimen.material
-    lines = ["*NODE, NSET=ALL", *(f"{i + 1},{x:.12g},{y:.12g},0" for i, (x, y, _) in enumerate(mesh.nodes))]
-    lines.append("*ELEMENT, TYPE=S8R, ELSET=E")
-    lines += [",".join(map(str, [i + 1, *(e + 1)])) for i, e in enumerate(mesh.blocks[0].nodes)]
-    root = ",\n".join(str(node + 1) for node in mesh.node_sets["start"])
-    lines += ["*NSET, NSET=ROOT", root, "*MATERIAL, NAME=M", "*ELASTIC, TYPE=ENGINEERING CONSTANTS"]
-    nu = m.nu_xy
-    lines += [f"{m.Ex:g},{m.Ey:g},{m.Ey:g},{nu:g},{nu:g},{nu:g},{m.Gxy:g},{m.Gxz:g}", f"{m.Gyz:g}"]
-    lines += ["*DENSITY", f"{m.density:g}", "*SHELL SECTION, ELSET=E, MATERIAL=M", f"{specimen.thickness:g}"]
-    return [*lines, "*BOUNDARY", "ROOT,1,6"]

@@ -10,21 +10,20 @@ import json
 import random
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import httpx
-import numpy as np
 import psutil
 
-from benchmarks.service import RAW, api_of, campaigns_of, post, served
 from service.app.demo import paper
 from service.app.supervisor import LocalService
+from tests.support.rest import ONCE, RAW, campaigns_of, client_of, posted
 
 SHARES = {"list": 0.8, "FRF": 0.12, "upload": 0.06, "job": 0.02}
-ALONE, RATIO = 100, 20.0  # lists of one client alone, and how much longer they may take under load
-MIB, FILE = 2**20, paper.uff_file()
+ALONE = 100  # lists of one client alone
+SEED = 14  # of who asks what when
+FILE = paper.uff_file()
 
 
 @dataclass
@@ -40,59 +39,28 @@ class Load:
     health: float = 0.0  # longest answer of `/healthz`, in s
     memory: list[int] = field(default_factory=lambda: [0, 0, 0])  # bytes of the API before, at most and after
 
-    @property
-    def ratio(self) -> float:
-        """95th percentile of the lists under load over that of one client alone."""
-        return float(np.percentile(self.seconds["list"], 95) / np.percentile(self.alone, 95))
-
-    def lines(self) -> Iterator[str]:
-        """The table."""
-        for kind, counts in sorted(self.statuses.items()):
-            times = ""
-            if self.seconds[kind]:
-                p50, p95, p99 = np.percentile(self.seconds[kind], [50, 95, 99]) * 1000
-                times = f"; {p50:.0f} / {p95:.0f} / {p99:.0f} ms (median / 95 % / 99 %)"
-            yield f"{kind:<8} " + ", ".join(f"{n} × {s}" for s, n in sorted(counts.items())) + times
-        yield f"list of one client alone: {np.percentile(self.alone, 95) * 1000:.1f} ms (95 %); ratio {self.ratio:.1f}"
-        yield f"{self.streams} streams open at the same time, {self.events} events"
-        yield f"/healthz took {self.health * 1000:.0f} ms at most"
-        yield "memory of the API: " + " / ".join(f"{m / MIB:.0f}" for m in self.memory) + " MiB before / most / after"
-        yield f"{len(self.bare_errors)} × 5xx but 503 with Retry-After"
-
-
-def soak_load(seconds: int = 60) -> list[str]:
-    """500 clients and 400 streams of events; gives what was too much."""
-    found = load(seconds)
-    print("\n".join(found.lines()))
-    slow = [f"ratio {found.ratio:.1f} or /healthz too slow"] * (found.ratio > RATIO or found.health > 1)
-    return found.bare_errors[:10] + slow
-
 
 def load(
+    service: LocalService,
     seconds: float = 60.0,
     clients: int = 500,
     streams: int = 400,
     keys: int = 50,
-    seed: int = 14,
     pause: float = 10.0,
-    database_url: str | None = None,
 ) -> Load:
-    """Put the service under load.
+    """Put a service under load.
 
     Args:
+        service: that keeps no log of what is asked.
         seconds: how long.
         clients: that ask at the same time.
         streams: of events that are open meanwhile.
         keys: among which clients and streams are shared out.
-        seed: of who asks what when.
         pause: seconds between two requests of a client, on average.
-        database_url: a migrated database; a temporary embedded one by default.
     """
     found = Load()
-    with served(database_url=database_url, access_log=False) as service:
-        places = [_furnished(service, number) for number in range(keys)]
-        crowd = _Crowd(service, places, found, pause)
-        asyncio.run(crowd.run(clients, streams, seconds, seed))
+    crowd = _Crowd(service, [_furnished(service, number) for number in range(keys)], found, pause)
+    asyncio.run(crowd.run(clients, streams, seconds, SEED))
     return found
 
 
@@ -123,11 +91,11 @@ def _furnished(service: LocalService, number: int) -> _Place:
     lines = [float(n) for n in range(1, 1601)]
     one = {"response_point": 2, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
     frfs = {"quantity": "accelerance", "frequency_hz": lines, "frfs": [one | {"real": lines, "imag": lines}]}
-    with api_of(service, f"client {number}") as api:
+    with client_of(service, f"client {number}") as api:
         campaign, typed = campaigns_of(api, "load", 2)
-        frf = post(api, f"campaigns/{campaign}/frfs", frfs)["items"][0]["id"]
-        modes = post(api, f"campaigns/{typed}/mode-sets", {"name": "m", "modes": paper.MODES[:2]})["id"]
-        waiting = post(api, f"campaigns/{typed}/update-jobs?priority=-100", {"mode_set": modes})["id"]
+        frf = posted(api, f"campaigns/{campaign}/frfs", frfs)["items"][0]["id"]
+        modes = posted(api, f"campaigns/{typed}/mode-sets", {"name": "m", "modes": paper.MODES[:2]})["id"]
+        waiting = posted(api, f"campaigns/{typed}/update-jobs?priority=-100", {"mode_set": modes})["id"]
         return _Place(str(api.headers["Authorization"]).split()[1], campaign, frf, typed, modes, waiting)
 
 
@@ -140,8 +108,7 @@ class _Crowd:
 
     async def run(self, clients: int, streams: int, seconds: float, seed: int) -> None:
         """One client alone, then all at once. No connection is used twice: the service may close an idle one at that moment."""
-        once = httpx.Limits(max_connections=None, max_keepalive_connections=0)
-        async with httpx.AsyncClient(base_url=self.url, limits=once, timeout=600, trust_env=False) as self.http:
+        async with httpx.AsyncClient(base_url=self.url, limits=ONCE, timeout=600, trust_env=False) as self.http:
             for _ in range(ALONE):
                 await self._ask("list", self.places[0], self.load.alone)
             self.load.memory[0] = self.api.memory_info().rss
@@ -212,9 +179,7 @@ class _Crowd:
                 async for line in answer.aiter_lines():
                     if line.startswith("data:"):
                         self.load.events += 1
-                        if (
-                            json.loads(line[5:])["status"] == "failed"
-                        ):  # else the load would be of jobs that end at once
+                        if json.loads(line[5:])["status"] == "failed":  # the load would be of jobs that end at once
                             self.load.bare_errors.append(f"a job failed: {job}")
             finally:
                 self.open -= 1

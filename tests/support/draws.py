@@ -12,7 +12,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks import calculix
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass, Spring
@@ -23,6 +22,7 @@ from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.inputs import TOLERANCES, UNSTATED_SENSOR, UNSTATED_WINDOW, Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import parametrise
+from tests.support import calculix
 from tests.support.beams import add_noise
 
 Points = dict[int, tuple[float, float, float]]

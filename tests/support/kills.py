@@ -22,10 +22,12 @@ import httpx
 import psutil
 from sqlalchemy import text
 
-from benchmarks.jobs_floor import PATIENCE_SECONDS, Floor, floor
-from benchmarks.service import RAW, campaigns_of, client_at
 from service.app.demo import paper
+from tests.support.backups import RECIPE
+from tests.support.floor import Floor, floor
 from tests.support.receivers import receiver
+from tests.support.rest import RAW, campaigns_of, ok, plain_client
+from tests.support.waiting import until
 
 SETTINGS: dict[str, Any] = {
     "job_lease_seconds": 3.0,
@@ -59,28 +61,6 @@ class Tally:
         return sum(map(len, self.acknowledged.values()))
 
 
-def soak_kills(kills: int = 100) -> list[str]:
-    """Kills under imports, updates and messages; gives what was lost."""
-    began, tally = time.monotonic(), soak(kills)
-    several = sum(n > 1 for n in Counter(tally.received).values())
-    for name, value in {
-        "killed": _counts(tally.killed),
-        "acknowledged": ", ".join(f"{len(ids)} {kind}s" for kind, ids in tally.acknowledged.items()),
-        "of these lost": "; ".join(tally.lost) or "none",
-        "jobs ended as": _counts(tally.states),
-        "reasons of failed jobs": _counts(tally.reasons) or "none",
-        "attempts begun / lost and recovered": f"{tally.attempts} / {tally.losses}",
-        "messages received / of these more than once": f"{len(tally.received)} / {several}",
-        "seconds": f"{time.monotonic() - began:.0f}",
-    }.items():
-        print(f"  {name:<44} {value}")
-    return [*tally.lost, *tally.reasons]
-
-
-def _counts(counter: Counter[str]) -> str:
-    return ", ".join(f"{n} {what}" for what, n in sorted(counter.items()))
-
-
 def soak(kills: int, seed: int = 11, workers: int = 2) -> Tally:
     """Kill so often, and count what came of it.
 
@@ -92,8 +72,7 @@ def soak(kills: int, seed: int = 11, workers: int = 2) -> Tally:
     tally, rng = Tally(), random.Random(seed)
     with floor() as here, receiver() as hook, ExitStack() as lines:
         first = lines.enter_context(here.client("soak", **SETTINGS))
-        address, key = str(first.base_url), first.headers["Authorization"].split()[1]
-        others = [lines.enter_context(client_at(address, key)) for _ in range(2)]
+        others = [lines.enter_context(plain_client(first.base_url, dict(first.headers))) for _ in range(2)]
         clients, house = [_Client(http) for http in (first, *others)], _House(here, first.base_url.port or 0, workers)
         with _at_work(clients, tally, hook.url) as check:
             for number in range(kills):
@@ -121,24 +100,23 @@ class _Client:
 
     def ask(self, method: str, path: str, **arguments: Any) -> Any:
         """The body of the answer."""
-        end = time.monotonic() + PATIENCE_SECONDS
-        while time.monotonic() < end:
+
+        def answer() -> httpx.Response | None:
             try:
-                answer = self.http.request(method, path, **arguments)
+                found = self.http.request(method, path, **arguments)
             except httpx.TransportError:
-                answer = None
-            if answer is not None and answer.status_code < 500 and answer.status_code != 429:
-                if answer.is_error:
-                    raise RuntimeError(f"{method} {path}: {answer.status_code} {answer.text}")
-                return answer.json()
-            time.sleep(0.2)
-        raise TimeoutError(f"{method} {path} was not answered in {PATIENCE_SECONDS:g} s")
+                return None
+            return None if found.status_code >= 500 or found.status_code == 429 else found
+
+        (found,) = until(lambda: [one] if (one := answer()) is not None else [], f"an answer to {method} {path}")
+        return ok(found)
 
     def to_its_end(self, path: str, kind: str, **arguments: Any) -> str:
         """Begin a job, and wait until it has ended: its id."""
         key = str(self.ask("POST", path, **arguments)["id"])
-        while self.ask("GET", f"{kind}/{key}")["status"] in ("queued", "running"):
-            time.sleep(0.1)
+        until(
+            lambda: self.ask("GET", f"{kind}/{key}")["status"] not in ("queued", "running"), f"the end of {kind}/{key}"
+        )
         return key
 
     def send_file(self, campaign: str) -> str:
@@ -161,7 +139,7 @@ def _updates(client: _Client) -> Work:
     client.send_file(campaign)
     modes = client.ask("POST", f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES})
     for number in count():
-        once, recipe = {"Idempotency-Key": f"soak {number}"}, {"mode_set": modes["id"]}
+        once, recipe = {"Idempotency-Key": f"soak {number}"}, {**RECIPE, "mode_set": modes["id"]}
         yield client.to_its_end(f"campaigns/{campaign}/update-jobs", "update-jobs", json=recipe, headers=once)
 
 

@@ -1,0 +1,61 @@
+"""Campaigns of few FRFs, whose arrays are smaller than the blocks that they are read in: each figure, and the report."""
+
+import os
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+from uuid import uuid4
+
+import httpx
+import pytest
+
+from modalbase.client.connection import Connection
+from modalbase.objects.campaigns import Campaign
+from modalbase.objects.frfs import Frfs
+from modalbase.objects.laboratory import Laboratory
+from modalbase.objects.projects import Structure
+from service.app.demo import paper
+from service.app.supervisor import LocalService
+from tests.support.rest import ok, plain_client
+
+LONG = "MODALBASE_TEST_LONG" in os.environ
+SIZES = tuple(product((1, 2, 3, 5, 12), (1, 2, 4, 8))) if LONG else ((1, 1),)
+FORMATS = ("plotly", "svg", "png", "pdf") if LONG else ("plotly",)
+
+
+@pytest.fixture(scope="module")
+def client(service: LocalService) -> Iterator[httpx.Client]:
+    with plain_client(service.url, {"Authorization": f"Bearer {service.new_key(f'few {uuid4()}')}"}) as client:
+        yield client
+
+
+@pytest.fixture(scope="module")
+def structure(client: httpx.Client) -> Structure:
+    return Laboratory(Connection.over(client)).new_project("few").new_structure(**paper.STRUCTURE)
+
+
+@pytest.fixture(scope="module")
+def whole(structure: Structure, tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    """The demonstration's campaign."""
+    file = Path(tmp_path_factory.mktemp("few"), "paper_beam.uff")
+    file.write_bytes(paper.uff_file())
+    campaign = structure.new_campaign(**paper.CAMPAIGN)
+    campaign.import_file(file)
+    return campaign
+
+
+@pytest.mark.parametrize(("count", "stride"), SIZES)
+def test_every_figure_and_the_report(
+    client: httpx.Client, structure: Structure, whole: Campaign, count: int, stride: int
+) -> None:
+    """Of the first FRFs, every so many of their 1,000 lines; the report prints each figure."""
+    frfs, rest = whole.frfs(), whole.lab.rest
+    few = structure.new_campaign(**paper.CAMPAIGN | {"name": f"{count} FRFs, every line of {stride}"})
+    rest.put_grid_points(few.fields["id"], body=rest.get_grid_points(whole.fields["id"]))
+    few.add_frfs(Frfs(frfs.frequency_hz[::stride], frfs.values[:count, ::stride], frfs.frfs[:count]))
+    job = few.update(mode_set=few.new_mode_set("Table 3", paper.MODES)).wait().check()
+    path = f"/api/v1/update-jobs/{job.fields['id']}"
+    names = [one["name"] for one in ok(client.get(f"{path}/figures"))["items"] if one["available"]]
+    asked = [*(f"figures/{name}?format={kind}" for name in names for kind in FORMATS), "report", "report?format=pdf"]
+    assert {"frf", "shapes"} <= set(names)
+    assert {one: client.get(f"{path}/{one}").status_code for one in asked} == dict.fromkeys(asked, 200)
