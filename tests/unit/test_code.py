@@ -9,7 +9,7 @@ import shutil
 import subprocess
 import sys
 import tomllib
-from functools import cache
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -27,9 +27,8 @@ MOST_BY_PLACE = 6
 PACKAGES = ("fecore", "modalbase", "service")
 
 
-@cache
-def parsed(package: str) -> dict[Path, ast.Module]:
-    return {path: ast.parse(path.read_text()) for path in sorted((ROOT / package).rglob("*.py"))}
+def parsed(package: str) -> Iterator[tuple[Path, ast.Module]]:
+    return ((path, ast.parse(path.read_text())) for path in sorted((ROOT / package).rglob("*.py")))
 
 
 def test_many_arguments_go_by_name() -> None:
@@ -37,7 +36,7 @@ def test_many_arguments_go_by_name() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node.func)} with {len(node.args)} arguments by place"
         for package in PACKAGES
-        for path, tree in parsed(package).items()
+        for path, tree in parsed(package)
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and len(node.args) > MOST_BY_PLACE
         if not any(isinstance(value, ast.Starred) for value in node.args) and not isinstance(node.args[0], ast.Constant)
@@ -160,7 +159,7 @@ def of_numbers(value: ast.expr) -> bool:
 def test_every_number_that_the_core_decides_by_has_its_meaning_beside_it() -> None:
     """In a comment or docstring."""
     stated: dict[str, bool] = {}
-    for path, tree in parsed("fecore").items():
+    for path, tree in parsed("fecore"):
         lines = path.read_text().splitlines()
         for node, after in itertools.zip_longest(tree.body, tree.body[1:]):
             target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
