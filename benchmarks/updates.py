@@ -12,15 +12,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks.tables import Off, Table, beside, print_coverage
+from fecore.body.laminate import OrthotropicMaterial
+from fecore.body.specimen import OrientedSpecimen
 from fecore.errors import FecoreError
 from fecore.updating.campaigns import Campaign, update_campaigns
 from fecore.updating.pipeline import update
-from fecore.updating.plans import plan_tests
+from fecore.updating.plans import PlannedTest, plan_tests
 from tests.support import calculix, draws
 from tests.support import random_laboratories as drawing
 from tests.support.draws import Drawn, Truth, modes_at
-from tests.support.strips import PLATE, STRIP, TRUTH, measured, panel
-from tests.unit.fecore.updating.test_plans import random_beam
+from tests.support.strips import PLATE, STRIP, TRUTH, measured, panel, tour
 
 
 @dataclass
@@ -215,6 +216,31 @@ def _of_solids(random: np.random.Generator, name: str, size: tuple[float, float,
     hz, shapes = hz[kept] * (1 + NOISE * random.standard_normal(MODES)), motion[kept, :, 2]
     points = {label: tuple(map(float, place)) for label, place in enumerate(shares * (*size[:2], 0.0), start=1)}
     return replace(stated, modes=modes_at(points, hz, shapes, NOISE), points=points)
+
+
+def random_beam(random: np.random.Generator) -> PlannedTest:
+    """A beam of any laminate and boundary, loudly disturbed so that it matters where it is hit."""
+    length, thickness = random.uniform(0.3, 0.8), random.uniform(0.004, 0.012)
+    width = random.uniform(0.05, 0.2) * length
+    E, G = random.uniform(10e9, 120e9), random.uniform(3e9, 8e9)
+    material = OrthotropicMaterial(E, random.uniform(8e9, 12e9), G, G, 0.8 * G, 0.28, 1800.0)
+    boundary = random.choice(["cantilever", "free"])
+    body = OrientedSpecimen(length, width, thickness, material, boundary, divisions=(14, 2))  # type: ignore[arg-type]
+    first = np.sqrt(E / 1800.0) * thickness / length**2
+    return PlannedTest("beam", body, 12 * first, tour(length, width), 32, noise=0.3, damping_ratio=0.02)
+
+
+def effective_independence(shapes: np.ndarray, count: int) -> tuple[int, ...]:
+    """The points that effective independence would keep (Kammer, J. Guid. Control Dyn. 14, 1991), to compare a plan with.
+
+    Of (n, p) shapes the point that adds least to the independence of the modes is left out, one after the other.
+    """
+    kept = list(range(shapes.shape[1]))
+    while len(kept) > count:
+        phi = shapes[:, kept].T
+        share = np.einsum("pn,nm,pm->p", phi, np.linalg.pinv(phi.T @ phi), phi)
+        kept.pop(int(np.argmin(share)))
+    return tuple(kept)
 
 
 def _plans(beams: int, seed: int) -> None:

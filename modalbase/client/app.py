@@ -4,8 +4,6 @@ This much is imported by every process that starts as `modalbase`, a job's child
 command when it runs.
 """
 
-from __future__ import annotations
-
 from typing import Annotated
 
 import typer

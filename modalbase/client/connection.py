@@ -1,7 +1,5 @@
 """HTTP to the service: pages, uploads and downloads of any size, and problem documents as one line."""
 
-from __future__ import annotations
-
 import os
 import ssl
 import sys

@@ -1,7 +1,5 @@
 """What stops a call or a command, in one line, and the exit code that a script sees."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any

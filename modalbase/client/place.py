@@ -1,7 +1,5 @@
 """Which service, and with which key: what is stated, the environment, a saved profile, the service that runs here."""
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass

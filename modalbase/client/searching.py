@@ -1,7 +1,5 @@
 """`modalbase find`: rows of one noun over all projects, by a filter and by words."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import floor, log10
 from pathlib import Path

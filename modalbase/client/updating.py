@@ -1,7 +1,5 @@
 """`modalbase update`, `result`, `jobs`, `monitors` and `alarms`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

@@ -3,8 +3,6 @@
 Files of testing machines, which have preambles, units and restarts, are read by `modalbase.formats.machine_csv`.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 from collections.abc import Iterable, Iterator

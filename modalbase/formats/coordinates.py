@@ -1,7 +1,5 @@
 """Coordinates of points along curved axes."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

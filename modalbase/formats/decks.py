@@ -6,8 +6,6 @@ shell, whose shear strain is the same over the thickness (κ = 1); there the tra
 material's. Decks of Nastran have CQUAD8 shells with a MAT8, for SOL 103.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 

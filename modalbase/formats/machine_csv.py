@@ -10,8 +10,6 @@ What machines do and what becomes of it:
 - an empty cell is NaN; a cell that is no number is refused with its line and column.
 """
 
-from __future__ import annotations
-
 import csv
 import itertools
 import re

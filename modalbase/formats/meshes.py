@@ -4,8 +4,6 @@ VTU is VTK's unstructured grid in XML (Kitware, The VTK User's Guide, 11th ed., 
 sides are ordered as ours; set 2412 goes around an element instead, a middle between two corners.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr

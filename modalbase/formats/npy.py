@@ -1,7 +1,5 @@
 """The arrays of an npz archive, each read no further than its entry says."""
 
-from __future__ import annotations
-
 import zipfile
 import zlib
 from collections import Counter

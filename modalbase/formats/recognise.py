@@ -1,7 +1,5 @@
 """Which format a file has: by its first bytes, and where text could be either by its name."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path, PurePosixPath
 from typing import Literal, get_args

@@ -1,7 +1,5 @@
 """FRFs as numpy arrays, and as pyuff, sdypy and xarray have them."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

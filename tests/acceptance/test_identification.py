@@ -11,6 +11,7 @@ import pytest
 
 import modalbase
 from modalbase.objects.jobs import ModeSet
+from tests.golden.inputs import imported, new_campaign
 from tests.support.command import modalbase_here
 from tests.support.places import shared_file
 from tests.support.rest import finished, ok, posted, session_client
@@ -19,14 +20,10 @@ from tests.support.waiting import until
 
 def campaign_of(api: httpx.Client, file: Path) -> str:
     """A campaign of a structure of which nothing is known but its name, with the FRFs of a file."""
-    project = posted(api, "projects", {"name": f"identification of {file.stem}"})
-    structure = posted(api, f"projects/{project['id']}/structures", {"name": file.stem})
-    campaign = posted(api, f"structures/{structure['id']}/campaigns", {"name": "tour", "boundary": "free"})
-    answer = api.post(f"campaigns/{campaign['id']}/imports?filename={file.name}", content=file.read_bytes())
-    ok(answer)
-    state = finished(api, answer.headers["Location"])
+    campaign = new_campaign(api, {"name": file.stem}, boundary="free")
+    state = imported(api, campaign, file)
     assert state["status"] == "succeeded", state
-    return str(campaign["id"])
+    return campaign
 
 
 def started(api: httpx.Client, campaign: str, body: dict[str, Any]) -> str:

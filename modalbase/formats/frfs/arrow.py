@@ -1,7 +1,5 @@
 """Tables of FRFs as an Arrow IPC stream: the columns of the CSV, one record batch an FRF."""
 
-from __future__ import annotations
-
 from typing import IO, Any
 
 import nanoarrow as na

@@ -1,7 +1,5 @@
 """FRFs as CSV: one line a frequency line and FRF."""
 
-from __future__ import annotations
-
 import csv
 import io
 import itertools

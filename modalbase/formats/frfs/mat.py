@@ -11,8 +11,6 @@
 The FRFs lie in a vector or a table one of whose sides is as long as the frequencies.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """FRFs as npz: `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`, `label`, `averages`, `coherence`."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Iterable
 from pathlib import Path

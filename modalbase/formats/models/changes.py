@@ -3,8 +3,6 @@
 Fields change in their places, comments and copies of cards stand between lines. Every other byte stays.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from codecs import BOM_UTF8
 from collections import defaultdict

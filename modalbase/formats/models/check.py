@@ -1,7 +1,5 @@
 """What a model must satisfy before it is solved: elements that have a shape, and parts that hang together."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 

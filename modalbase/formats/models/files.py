@@ -1,7 +1,5 @@
 """A deck and the files that it includes, as lines."""
 
-from __future__ import annotations
-
 from codecs import BOM_UTF8
 from collections.abc import Iterable
 from pathlib import PureWindowsPath

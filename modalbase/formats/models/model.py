@@ -4,8 +4,6 @@ Readers make it from any deck; nothing after them asks which. Nodes are known by
 number to the user.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field

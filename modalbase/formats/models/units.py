@@ -3,8 +3,6 @@
 They are guessed and checked by what materials there are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Each changes where it stands, with a comment above its line. Where sets shared a
 appended, and the sections name those. Every other byte stays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 from modalbase.formats.models.bdf.write import BdfWriting

@@ -1,7 +1,5 @@
 """Named arrays with the sampling rate among them, and time blocks: what one channel recorded of one hit."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass

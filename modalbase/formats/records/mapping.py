@@ -14,8 +14,6 @@ for each block. An archive's mapping says `"archived": true`: blocks are as a se
 `sensitivity` that made them so, with the `label` and, of a recording, the `start_sample` of each.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import MISSING, dataclass, fields

@@ -6,8 +6,6 @@ The order is that in which the points were hit. `"order": "filename"` takes the 
 without an order all hits are at the point of the force channel.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ Readers for it exist for many recorders (Dewesoft, FBGS, TDMS, ...). The unit sa
 hit it is, no series says, so both are stated here. https://sdypy.readthedocs.io/en/latest/seps/sep-0005.html
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ A channel is named `group/channel`. npTDMS says where the samples of each channe
 that the recorder wrote at a stroke, which may be the whole file, so the samples are read here.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -3,8 +3,6 @@
 Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping's to say.
 """
 
-from __future__ import annotations
-
 import codecs
 import io
 import warnings

@@ -1,7 +1,5 @@
 """A wav of any length, chunk by chunk."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

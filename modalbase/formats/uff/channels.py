@@ -9,8 +9,6 @@ say. A body cannot move before it is hit: of the two readings only one has its i
 period, and that one is taken. Where neither stands out, the spectra are left alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Literal

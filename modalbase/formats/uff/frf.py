@@ -1,7 +1,5 @@
 """From a function as the file states it to an FRF in SI: what it is, in which units, along which axes."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import get_args

@@ -1,7 +1,5 @@
 """Sets 58 and 58b: a function at nodal degrees of freedom, read by its columns or its bytes and held to its header."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ the file nothing is guessed, except that label 1 stands for the global system in
 write it mean it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

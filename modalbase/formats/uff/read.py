@@ -10,8 +10,6 @@ and our reader state consistently and that others understand otherwise. A file c
 each type show that, and the rest need not be read twice.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path

@@ -9,8 +9,6 @@ A delimiter that is lost, added or moved shifts the roles of all that follow, so
 what its place demands, and the whole file is refused.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path

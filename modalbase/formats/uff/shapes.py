@@ -1,7 +1,5 @@
 """Sets 55 and 2414: mode shapes. Their values are in global axes and of any scale, so no units apply to them."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

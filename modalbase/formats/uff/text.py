@@ -4,8 +4,6 @@ A real may have an exponent with E or D, or (three digits) with neither, as in `
 for a column ends where its width ends. Blanks inside a number, asterisks, NaN and infinities are refused.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

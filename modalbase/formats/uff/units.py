@@ -4,8 +4,6 @@ A label is read as an expression: `m/s2`, `mm/s^2`, `(1/N)*(m/s²)`, `g/N`, `in/
 dimension in powers of length, mass and time, so that N is (1, 1, -2) and 1/kg is an accelerance.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import lru_cache

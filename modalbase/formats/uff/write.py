@@ -9,8 +9,6 @@ Everything is written in SI units under a set 164 that says so. What survives th
 - mode shapes (55): 6 digits or more, whatever the format's columns of 13 hold.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Iterator
 from itertools import groupby

@@ -1,7 +1,5 @@
 """Bars, beams and rods, and their properties."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from inspect import signature

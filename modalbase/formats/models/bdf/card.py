@@ -1,7 +1,5 @@
 """A deck and its INCLUDE files to lines, and these to cards, whose fields are numbers with their places."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What a structure carries: masses and springs at grids, and mass that is spread over properties."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ with the cards that none of them took.
 Names are those of the comments that pre-processors write, safe as names of parameters.
 """
 
-from __future__ import annotations
-
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Coordinate systems and grids."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from graphlib import CycleError, TopologicalSorter

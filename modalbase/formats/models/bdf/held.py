@@ -1,7 +1,5 @@
 """Rigid elements and constraints."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 

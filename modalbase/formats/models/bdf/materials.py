@@ -1,7 +1,5 @@
 """Materials of shells and beams: MAT1, MAT2, MAT8."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from modalbase.formats.models.bdf.card import Card

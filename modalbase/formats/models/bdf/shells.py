@@ -1,7 +1,5 @@
 """Plates and laminates: their properties and elements."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -4,8 +4,6 @@ A field changes in place and in its own width, with a comment before its card. C
 before ENDDATA, and the properties of the sets point to them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from textwrap import wrap
 

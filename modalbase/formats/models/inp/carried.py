@@ -1,7 +1,5 @@
 """What a structure carries: masses at points, rotary inertia, springs, and mass that is spread."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 *BOUNDARY counts of the initial state and of steps up to that of the modes.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy
 

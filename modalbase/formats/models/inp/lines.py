@@ -1,7 +1,5 @@
 """Cards of a deck and their data lines, with the files that it includes put in their place; and what is lost without them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping

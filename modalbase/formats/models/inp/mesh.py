@@ -4,8 +4,6 @@ Names and numbers belong to a scope: that of an instance, or the deck's own, whi
 `Bolt-1.Edge` name what lies in an instance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple

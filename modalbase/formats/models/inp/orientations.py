@@ -1,7 +1,5 @@
 """Local axes of elements and nodes: *ORIENTATION and *TRANSFORM."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A deck to the neutral model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Sections of a deck, and the elements that have them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

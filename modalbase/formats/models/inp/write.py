@@ -3,8 +3,6 @@
 Copies of a material's cards follow it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 

@@ -4,8 +4,6 @@ npz has `nodes` (n, 4) with numbers first, `dofs` (d, 2), and `K_0` … dense, o
 or what CalculiX and Abaqus write. DMIG is what Nastran punches, with the grids where the punch has them.
 """
 
-from __future__ import annotations
-
 import io
 import warnings
 import zipfile

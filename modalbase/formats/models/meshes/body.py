@@ -1,7 +1,5 @@
 """A mesh and what the user states of its sets, to the neutral model in SI."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 

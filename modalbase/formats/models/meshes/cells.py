@@ -1,7 +1,5 @@
 """Elements as readers meet them, gathered by kind and set; and the lines of a text file."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import defaultdict

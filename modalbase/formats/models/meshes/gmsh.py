@@ -3,8 +3,6 @@
 Physical groups are sets. Lines and points in none of them are left out: they are of the geometry.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from modalbase.formats.meshes import MeshFile

@@ -1,7 +1,5 @@
 """Sets 15 or 2411 and 2412 of a Universal File: grid points in the global system, elements by their property table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

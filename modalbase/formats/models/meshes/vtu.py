@@ -1,7 +1,5 @@
 """VTK's unstructured grids in XML, `.vtu`: text, base64 or appended, plain or packed by zlib (Kitware, VTK File Formats)."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 import re

@@ -13,7 +13,7 @@ from fecore.body.supports import Support
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.shapes import NASTRAN
-from tests.support.shells import matrices
+from tests.support.bodies import pencil
 from tests.unit.formats.models.decks import ENDS
 
 
@@ -44,7 +44,7 @@ def test_plane_1_is_that_of_the_orientation_vector() -> None:
         {block.set: beam},
         supports=(Support("root"),),
     )
-    K, M = matrices(structure)
+    K, M = pencil(structure)
     values, shapes = scipy.sparse.linalg.eigsh(K, 2, M, sigma=0, v0=np.ones(K.shape[0]))
     moved = np.abs(shapes[-6:]) / np.abs(shapes[-6:-3]).max(axis=0)  # the last node is the tip
     for omega, tip, second, axis in zip(np.sqrt(values), moved.T, (2e-8, 4.5e-8), (0, 2), strict=True):
