@@ -12,14 +12,8 @@ from tests.support.laboratory import BEAM
 from tests.support.rest import client_of, finished, ok, posted
 
 Ids = dict[str, str]
-
-
 SHAPE = {"point": 1, "direction": 3, "real": 1.0, "imag": 0.0}
-
-
 FRF = {"response_point": 1, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
-
-
 FRFS = {"quantity": "accelerance", "frequency_hz": [1.0, 2.0, 3.0]}
 
 
@@ -74,4 +68,5 @@ def stored(api: httpx.Client, ids: Ids) -> list[Any]:
         *(f"{campaign}/{name}" for name in ("mode-sets", "identifications", "frfs", "records")),
         *(f"{project}/structures", f"coupon-batches/{ids['batch']}/coupons", f"monitors/{ids['monitor']}/runs"),
     ]
-    return [ok(api.get(path)) for path in (project, structure, campaign, *lists, "update-jobs", "api-keys")]
+    keys = [{**key, "last_used_at": None} for key in ok(api.get("api-keys"))["items"]]  # noted once a minute
+    return [ok(api.get(path)) for path in (project, structure, campaign, *lists, "update-jobs")] + keys

@@ -16,7 +16,7 @@ from fecore.body.sections import ShellSection, section
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, Spring, edges, of_boundary
-from fecore.correlation import csac, csf, frac, frequency_error, mac, pair_modes, sac
+from fecore.correlation import csf, frac, frequency_error, mac, pair_modes, sac
 from fecore.dynamics.damping_laws import (
     RAYLEIGH,
     CaugheySeries,
@@ -91,7 +91,6 @@ def parameters(*given: Parameter) -> object:
 # fmt: off
 BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: material(Ex=0.0), "material.Ex: is 0, expected a positive number"),
-    (lambda: material(Gyz=-1.0), "material.Gyz: is -1, expected a positive number"),
     (lambda: material(density=np.nan), "material.density: is nan, expected a finite number"),
     (lambda: material(nu_xy=1.2), "material.nu_xy: nu_xy² Ey/Ex is 1.44, expected below 1: the material would"),
     (lambda: Ply(PAPER, 0.0), "ply.thickness: is 0.0, expected a positive number of metres"),
@@ -105,7 +104,6 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: parametrise(BAR, [Parameter("Ex")]), "parameters.0.name: is 'Ex', expected one of E, nu, density, width,"),
     (lambda: parametrise(BAR, [Parameter("E"), Parameter("nu", prior_mean=0.7)]),
      "parameters: the prior means are not those of a positive definite material; look at"),
-    (lambda: parametrise(BAR, [Parameter("E", prior_mean=-1.0)]), "parameters.0.prior_mean: is -1.0, expected a positive"),
     (lambda: Specimen(0.5, 0.04, 0.0, PAPER), "geometry.thickness_m: is 0.0, expected a positive number of metres"),
     (lambda: Specimen(0.5, -1.0, 0.01, PAPER).model, "geometry.width_m: is -1.0, expected a positive number of metres"),
     (lambda: plate((1, 1), (0, 2)), "mesh.nx: is 0, expected at least one element"),
@@ -131,8 +129,6 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: replace(BODY, pieces=(Piece(0.0, 0.6, 0.01, 0.01),)).model, "pieces: end at 0.6 m, beyond the length of 0.5 m"),
     (lambda: Piece(0.0, 0.1, 0.0, 0.01), "piece.thickness: is 0.0, expected a positive number of metres"),
     (lambda: replace(BODY, zones=(0.3, 0.2)), "zones_m: are at [0.3, 0.2], expected rising places between 0 and 0.5 m"),
-    (lambda: replace(BODY, zones=(0.0,)), "zones_m: are at [0.0], expected rising places between 0 and 0.5 m"),
-    (lambda: replace(BODY, zones=(0.6,)), "zones_m: are at [0.6], expected rising places between 0 and 0.5 m"),
     (lambda: OrientedSpecimen(*STRIP, NOMINAL, "free", clamp_compliance=0.01), "clamp_compliance: belongs to a clamp; the"),
     (lambda: OrientedSpecimen(*STRIP, NOMINAL, clamp_compliance=-1.0), "clamp_compliance: is -1.0, expected EI/kL, not"),
     (lambda: discretise(replace(BODY, length=500.0, width=40.0, thickness=10.0), 1500.0),
@@ -158,28 +154,21 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: foreseen(places=np.array([[0.2, 0, 3]])), "grid_points: point 7 at (0.2, 0, 3) m lies 3e+03 mm off the"),
     (lambda: foreseen(places=np.array([[0.2, 0, 0]]), axes=np.array([1])),
      "points: 7 has direction 1, along which this model does not move"),
-    (lambda: mac([[1, 2]], [[1, 2, 3]]), "shapes: have 2 and 3 dofs, expected the same dofs"),
     (lambda: mac([[1, np.nan]], [[1, 2]]), "a: holds NaN or infinite values"),
-    (lambda: mac([[1]], [[np.nan]]), "b: holds NaN or infinite values"),
     (lambda: mac(ONE, np.ones((1, 2))), "shapes: have 3 and 2 dofs, expected the same dofs"),
-    (lambda: mac(np.ones((1, 2, 3)), ONE), "a: has shape (1, 2, 3), expected rows of vectors"),
     (lambda: frac(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
     (lambda: sac(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
-    (lambda: csac(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
     (lambda: csf(ONE, TWO), "frfs: have shapes (1, 3) and (2, 3), expected the same"),
     (lambda: frequency_error([0.0], [1.0]), "measured_hz: must be positive"),
     (lambda: frequency_error([1.0], [1.0, 2.0]), "predicted_hz: has shape (2,), expected (1,)"),
     (lambda: pair_modes(None, None, [], [1.0]), "measured_hz: and model_hz have shapes (0,) and (1,), expected two lists"),
     (lambda: pair_modes(None, None, [0.0], [1.0]), "measured_hz: must be positive and finite, model_hz finite"),
-    (lambda: pair_modes(None, None, [-1.0], [1.0]), "measured_hz: must be positive and finite, model_hz finite"),
     (lambda: pair_modes(None, None, [np.nan], [1.0]), "measured_hz: must be positive and finite, model_hz finite"),
     (lambda: pair_modes(None, None, [1.0], [np.inf]), "measured_hz: must be positive and finite, model_hz finite"),
     (lambda: pair_modes(None, None, [[1.0]], [1.0]), "measured_hz: and model_hz have shapes (1, 1) and (1,), expected two"),
-    (lambda: pair_modes(None, None, [1.0], [[1.0]]), "measured_hz: and model_hz have shapes (1,) and (1, 1), expected two"),
     (lambda: pair_modes(ONE, TWO, [1, 2], [1]), "measured_shapes: and model_shapes give (1, 2) pairs, frequencies (2, 1)"),
     (lambda: pair_modes(TWO, TWO, [1.0], [1.0, 2.0]), "measured_shapes: and model_shapes give (2, 2) pairs, frequencies (1,"),
     (lambda: CaugheySeries("none", ()), "damping.exponents: are (), expected one or more different integers"),
-    (lambda: CaugheySeries("twice", (1, 1)), "damping.exponents: are (1, 1), expected one or more different integers"),
     (lambda: GeneralisedProportional(("cubic",), 100.0), "damping.functions: are ('cubic',), expected one or more different"),
     (lambda: GeneralisedProportional(("root",), 0.0), "damping.reference: is 0.0, expected a positive circular frequency"),
     (lambda: fit_ratios(RAYLEIGH, np.array([160.0]), np.array([0.1])), "damping_ratio: 1 modes cannot fix the rayleigh law's"),
@@ -188,7 +177,6 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: laws("structural"), "damping_models.1: is 'structural', expected one of rayleigh, caughey3,"),
     (lambda: parameters(Parameter("E")), "parameters.0.name: is 'E', expected one of Ex, Ey, Gxy, Gxz, Gyz, nu_xy,"),
     (lambda: parameters(Parameter("Ex"), Parameter("Ex")), "parameters.1.name: Ex is named twice"),
-    (lambda: parameters(Parameter("Ex", prior_mean=-1.0)), "parameters.0.prior_mean: is -1.0, expected a positive number"),
     (lambda: parameters(Parameter("Ex", prior_mean=0.0)), "parameters.0.prior_mean: is 0.0, expected a positive number"),
     (lambda: parameters(Parameter("Ex", prior_sd=0.0)), "parameters.0.prior_sd: is 0.0, expected a positive number; to fix"),
     (lambda: parameters(Parameter("Ex", prior_sd=1e9, fixed=True)), "parameters.0.prior_sd: Ex is fixed, so it cannot"),

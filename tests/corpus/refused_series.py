@@ -71,7 +71,6 @@ SERIES_AND_COUPONS: list[tuple[Callable[[], object], str]] = [
     (lambda: reduced(width=()), "width_m: has no reading"),
     (lambda: reduced(width=(25e-3, -1.0)), "width_m: has a reading that is not a positive number"),
     (lambda: reduced(width=(25e-3, 25.0)), "width_m: has readings from 0.025 to 25 m; is one in another unit?"),
-    (lambda: reduced(width=(np.nan,)), "width_m: has a reading that is not a positive number"),
     (lambda: sheared(Curve(SHEAR.force_n, SHEAR.strain)), "transverse_strain: is missing; γ = ε_x − ε_y needs it"),
     (lambda: sheared(chord_start=0.001), "chord_start: is 1000 µε, expected 1500 to 2500"),
     (lambda: sheared(SHEAR.part(0, 6)), "shear_strain: reaches 5000 µε only, the range is 2000–6000 µε"),

@@ -1,8 +1,10 @@
 """What the UFF tests share: reading to the end, and datasets made line by line as other programs write them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from modalbase.formats.uff import DatasetReport, Limits, read_file
 
@@ -26,6 +28,10 @@ class Reading:
     @property
     def reasons(self) -> str:
         return "; ".join(report.reason or "" for report in self.reports)
+
+
+Read = Callable[..., Reading]
+"""Reads bytes as a file: the fixture `read`."""
 
 
 def load(path: Path, limits: Limits | None = None) -> Reading:
@@ -88,3 +94,23 @@ def set_164(length: float = 1.0, force: float = 1.0, code: int = 9) -> bytes:
     """Units."""
     factors = "".join(f"{x:25.16e}".replace("e", "D") for x in (length, force, 1.0))
     return dataset("164", f"{code:10d}{'USER_DEFINED':<20}{2:10d}", factors, f"{273.15:25.16e}")
+
+
+def rows(values: np.ndarray) -> list[str]:
+    """Lines of 4E20.12."""
+    flat = np.ravel(np.column_stack((values.real, values.imag)) if np.iscomplexobj(values) else values)
+    return ["".join(f"{v:20.12e}" for v in flat[i : i + 4]) for i in range(0, flat.size, 4)]
+
+
+def function(number: int, values: np.ndarray, **header: object) -> bytes:
+    """A set 58 of a type of function, with doubles as text."""
+    kind = 6 if np.iscomplexobj(values) else 4
+    return set_58(*rows(values), kind=kind, points=values.size, function=number, **header)
+
+
+PLAIN = "   1.00000000000e+00   2.00000000000e+00   3.00000000000e+00   4.00000000000e+00"
+FRF = set_58(PLAIN)
+"""Of 1 + 2i and 3 + 4i."""
+
+POINT = "         1         0         0         1  1.00000E+00  2.00000E+00  3.00000E+00"
+POINTS = dataset("15", POINT)

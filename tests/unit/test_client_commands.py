@@ -18,7 +18,6 @@ import modalbase
 from modalbase.client.connection import Connection
 from modalbase.client.display import print_table
 from modalbase.client.errors import ClientError, Exit
-from modalbase.client.jobs import wait_for
 from modalbase.client.place import NO_SERVICE, checked_key, find_place
 from modalbase.objects.campaigns import Campaign
 from modalbase.objects.jobs import Import, ModeSet
@@ -106,9 +105,6 @@ def lab(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Lab:
             f"GET mode-sets/{ID}": {"id": ID, "name": "first", "origin": "typed", "modes": [], "details": {}},
             f"POST monitors/{ID}/runs": items(),
             f"POST alarms/{ID}/acknowledge": ALARM,
-            f"POST structures/{ID}/coupon-batches": {"id": ID},
-            f"GET coupon-batches/{ID}/coupons": items(),
-            f"GET coupon-batches/{ID}/summary": {"constants": {}, "warnings": ["nothing was tested"]},
         }
     )
     client = partial(httpx.Client, transport=httpx.MockTransport(there))
@@ -226,20 +222,6 @@ def test_an_import_says_what_was_refused_and_what_failed(lab: Lab) -> None:
     assert "a.uff: is no UFF file\n" in err
     assert "1 of 1 imports did not succeed: a.uff" in err
     assert "next:" not in err
-
-
-def test_a_batch_is_made_of_a_structure(lab: Lab) -> None:
-    assert "nothing was tested" in run(f"coupons tension --new {ID} --constants Ex,nu_xy")[1]
-    (made,) = (json.loads(request.content) for request in lab.asked if request.method == "POST")
-    assert made == {"name": "tension", "constants": ["Ex", "nu_xy"]}
-
-
-@pytest.mark.usefixtures("lab")
-def test_a_job_that_is_waited_for_is_watched() -> None:
-    seen: list[tuple[str, float]] = []
-    with Connection("http://lab:8000", "mb_1_2") as service:
-        assert wait_for(service, f"imports/{ID}", "import", lambda *step: seen.append(step)) == READ
-    assert seen == [("succeeded", 1.0)]
 
 
 def test_the_library_sends_what_it_is_given(lab: Lab) -> None:

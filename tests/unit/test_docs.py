@@ -30,18 +30,13 @@ def name(page: Path) -> str:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
-def test_links_lead_somewhere(page: Path) -> None:
-    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", page.read_text()):
-        assert (page.parent / target).exists(), target
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name)
-def test_files_and_modules_that_a_page_names_exist(page: Path) -> None:
+def test_what_a_page_links_to_or_names_exists(page: Path) -> None:
     text = page.read_text()
-    for path in re.findall(rf"`((?:{'|'.join(CODE)})/[\w/.-]*)`", text):
-        assert (ROOT / path).exists(), path
-    for dotted in re.findall(r"`((?:fecore|modalbase|service)(?:\.\w+)+)`", text):
-        assert found(dotted), dotted
+    links = [page.parent / target for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text)]
+    files = [ROOT / path for path in re.findall(rf"`((?:{'|'.join(CODE)})/[\w/.-]*)`", text)]
+    assert [path for path in (*links, *files) if not path.exists()] == []
+    modules = re.findall(r"`((?:fecore|modalbase|service)(?:\.\w+)+)`", text)
+    assert [dotted for dotted in modules if not found(dotted)] == []
 
 
 def found(dotted: str) -> bool:
@@ -64,21 +59,14 @@ def test_a_benchmark_that_a_page_names_is_a_case() -> None:
         assert set(named) <= {*cases, *TABLES}, page
 
 
-def test_the_index_names_every_page() -> None:
-    index = (ROOT / "docs/index.md").read_text()
-    decisions = (ROOT / "docs/decisions/README.md").read_text()
+def test_an_index_names_every_page_and_a_decision_says_why_and_what_enforces_it() -> None:
+    index, decisions = ((ROOT / "docs" / page).read_text() for page in ("index.md", "decisions/README.md"))
     for page in DOCS:
         if page.parent.name == "decisions" and page.name != "README.md":
             assert f"({page.name})" in decisions, page
+            assert all(f"**{part}.**" in page.read_text() for part in ("Decision", "Why", "Enforced by")), page
         elif page.name != "index.md":
             assert f"({page.relative_to(ROOT / 'docs')})" in index, page
-
-
-def test_every_decision_says_why_and_what_enforces_it() -> None:
-    for page in DOCS:
-        if page.parent.name == "decisions" and page.name != "README.md":
-            text = page.read_text()
-            assert all(f"**{part}.**" in text for part in ("Decision", "Why", "Enforced by")), page
 
 
 @pytest.mark.parametrize("folder", CODE)
@@ -116,15 +104,9 @@ def written(name: str, default: object) -> str:
     return f"{default:g}" if isinstance(default, float) else str(default)
 
 
-@pytest.mark.parametrize("name", list(Settings.model_fields))
-def test_every_setting_is_described(name: str) -> None:
-    expected = row(name, Settings.model_fields[name])
-    assert expected in PAGE.splitlines(), f"docs/operating.md wants the line\n{expected}"
-
-
-def test_no_other_setting_is_named() -> None:
+def test_every_setting_is_described_and_no_other() -> None:
     lines = [line for line in PAGE.splitlines() if line.startswith("| `MODALBASE_")]
-    assert len(lines) == len(Settings.model_fields)
+    assert sorted(lines) == sorted(row(name, field) for name, field in Settings.model_fields.items())
 
 
 # --- docs/search.md names every field that can be searched ---------------------------------------------------------------
@@ -149,22 +131,12 @@ def named(name: str) -> bool:
     return re.search(rf"`[^`\n]*\b{name}\b[^`\n]*`", GUIDE) is not None
 
 
-@pytest.mark.parametrize("name", [*RecipeIn.model_fields, *ParameterIn.model_fields, *HoldOutIn.model_fields])
-def test_every_field_of_a_recipe_is_explained(name: str) -> None:
-    assert named(name)
-
-
 @pytest.mark.parametrize(
-    "name",
-    [
-        *ResultOut.model_fields,
-        *(field.name for field in fields(ParameterEstimate)),
-        *(field.name for field in fields(ModeComparison)),
-        *(field.name for field in fields(HeldOut) if field.name != "agreement"),
-    ],
+    "document", [RecipeIn, ParameterIn, HoldOutIn, ResultOut, ParameterEstimate, ModeComparison, HeldOut]
 )
-def test_every_field_of_a_result_is_explained(name: str) -> None:
-    assert named(name)
+def test_every_field_of_a_recipe_and_of_a_result_is_explained(document: Any) -> None:
+    names = getattr(document, "model_fields", None) or [field.name for field in fields(document)]
+    assert [name for name in names if name != "agreement" and not named(name)] == []
 
 
 def test_defaults_are_as_stated() -> None:
@@ -267,10 +239,13 @@ def test_each_part_lists_pages_and_marks_the_one_that_is_open(pages: dict[Path, 
 
 
 def test_html_in_a_page_is_shown_and_links_out_of_the_guide_are_text() -> None:
-    links = "[code](../setup.py), [other](sub/b.md#two-words), <https://example.org>"
+    links = "[code](../setup.py), [other](sub/b.md#two-words), [drawn](c.svg), <https://example.org>"
     text = f"# A <b>b</b>\n\n{links}\n\n| a | b |\n|---|---:|\n| 1 | 2 |\n"
-    page = render(text, "a.md", {"a.md", "sub/b.md"})
+    page = render(text, "a.md", {"a.md", "sub/b.md", "c.svg"})
     assert page.title == "A <b>b</b>"
     assert "<b>" not in page.body
-    assert '<span class="source">code</span>, <a href="sub/b.html#two-words">other</a>' in page.body
+    assert (
+        '<span class="source">code</span>, <a href="sub/b.html#two-words">other</a>, <a href="c.svg">drawn</a>'
+        in page.body
+    )
     assert '<td class="num">2</td>' in page.body

@@ -27,7 +27,6 @@ from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.recipe import Recipe
 from modalbase.formats.uff import DatasetReport, Function, GridPoint
 from service.compute import reading
-from service.compute.frame import make_frame
 from service.compute.hits import BlockRow
 from service.compute.processing import PointFile, ProcessingInputs, process_records
 from service.compute.spectra import Spectrum, decode, encode, encode_axis
@@ -42,16 +41,7 @@ from service.store.records.schemas import OverruleIn
 from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_specimen
 from tests.corpus.updates import BEAM, measured
-from tests.support.uff import axis, dataset, set_58
-
-
-def test_a_frame_turns_points_and_directions_alike() -> None:
-    rng = np.random.default_rng(1)
-    q, _ = np.linalg.qr(rng.standard_normal((3, 3)))
-    q[:, 2] = np.cross(q[:, 0], q[:, 1])
-    frame = make_frame(tuple(rng.standard_normal(3)), tuple(q[:, 0]), tuple(q[:, 1]))
-    specimen = rng.standard_normal((5, 3))
-    np.testing.assert_allclose(frame.points(specimen @ q.T + frame.origin_m), specimen, atol=1e-14)
+from tests.support.uff import axis, dataset, function
 
 
 @settings(max_examples=50, deadline=None, derandomize=True)
@@ -118,6 +108,8 @@ def test_a_sandwich_has_the_shear_stiffness_and_the_frequency_of_the_published_s
     body = nominal_specimen(structure([ply(FACE, T), ply(CORE, H), ply(FACE, T)]), "simply_supported")
     shear, bending = 4e7 * (H + T) ** 2 / H, 70e9 * T * (H + T) ** 2 / 2
     assert body.material.Gxz * SHEAR_CORRECTION * body.thickness == pytest.approx(shear, rel=0.01)
+    alike = nominal_specimen(structure([ply(FACE, 0.002)] * 4), "free")
+    assert alike.material.Gxz == pytest.approx(26e9, rel=1e-9)  # the shear of one layer
     prior = parametrise(body, [Parameter("Ex")])
     forward = ForwardModel(body, prior, (), np.zeros((0, 2)), 4, reduced=False)
     mass = 2 * T * 2700.0 + H * 100.0
@@ -126,24 +118,11 @@ def test_a_sandwich_has_the_shear_stiffness_and_the_frequency_of_the_published_s
     assert forward.solve(prior.prior_mean).frequency_hz[0] == pytest.approx(expected, rel=0.01)
 
 
-def test_plies_alike_have_the_shear_of_one_layer() -> None:
-    body = nominal_specimen(structure([ply(FACE, 0.002)] * 4), "free")
-    assert body.material.Gxz == pytest.approx(26e9, rel=1e-9)
-
-
 # --- files and forms as the service reads them, in the process itself ---------------------------------------------------
 
 
-def rows(values: np.ndarray) -> list[str]:
-    """Lines of 4E20.12."""
-    flat = np.ravel(np.column_stack((values.real, values.imag)) if np.iscomplexobj(values) else values)
-    return ["".join(f"{v:20.12e}" for v in flat[i : i + 4]) for i in range(0, flat.size, 4)]
-
-
-def spectrum(function: int, values: np.ndarray, response: int, reference: int, ordinate: bytes) -> bytes:
-    kind = 6 if np.iscomplexobj(values) else 4
-    ends = {"response": (response, 3), "reference": (reference, 3)}
-    return set_58(*rows(values), kind=kind, points=values.size, function=function, ordinate=ordinate, **ends)
+def spectrum(number: int, values: np.ndarray, response: int, reference: int, ordinate: bytes) -> bytes:
+    return function(number, values, ordinate=ordinate, response=(response, 3), reference=(reference, 3))
 
 
 def test_spectra_of_a_file_become_an_frf_and_points_come_in_blocks(
@@ -326,16 +305,12 @@ def test_without_a_direction_the_one_is_meant_in_which_the_point_was_hit() -> No
     ("wrong", "text"),
     [
         (OverruleIn(point=2, hit=1, use=True), r"direction: is missing: there is hit 1 of point 2 in directions -3, 3"),
-        (
-            OverruleIn(point=1, direction=3, hit=1, use=True),
-            r"direction -3: hits 1 to 2; point 2, direction -3: hits 1 to 1",
-        ),
-        (
-            OverruleIn(point=1, direction=-3, hit=2, use=True),
-            r"overrules.1: contradicts another about hit 2 of point 1",
-        ),
+        (OverruleIn(point=1, direction=3, hit=1, use=True),
+         r"direction -3: hits 1 to 2; point 2, direction -3: hits 1 to 1"),
+        (OverruleIn(point=1, direction=-3, hit=2, use=True),
+         r"overrules.1: contradicts another about hit 2 of point 1"),
     ],
-)
+)  # fmt: skip
 def test_what_means_no_hit_or_several_is_refused(wrong: OverruleIn, text: str) -> None:
     with pytest.raises(InputError, match=text):
         decisions([OverruleIn(point=1, hit=2, use=False), wrong], HITS)

@@ -1,5 +1,7 @@
-"""What is asked of small parts of the service at the edges of what they take."""
+"""Small parts of the service at the edges of what they take, and at starts and ends that a test does not have."""
 
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -10,7 +12,8 @@ import numpy as np
 import pytest
 
 from service.app.application import create_app
-from service.compute.spectra import decode, encode, encode_axis
+from service.app.supervisor import LocalService, Part
+from service.compute.spectra import decode, encode
 from service.db.engine import DatabaseUrlError, sqlalchemy_url
 from service.errors import MOST_FAULTS, Damaged, Invalid
 from service.jobs.child import CHECKPOINT_BYTES, _Reporter
@@ -46,23 +49,15 @@ def test_numbers_that_are_missing_tiny_or_huge(shown: str, expected: str) -> Non
 
 
 WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
-    "more broken lines than are listed": (
-        Invalid,
-        "line 2, label: .*; and 1 more faults",
-        lambda: from_csv(b"label,x_m,y_m\n" + b"x,0,0\n" * (MOST_FAULTS + 10)),
-    ),
-    "a spectrum cut to another count": (
-        Damaged,
+    "more broken lines than are listed": (Invalid, "line 2, label: .*; and 1 more faults",
+        lambda: from_csv(b"label,x_m,y_m\n" + b"x,0,0\n" * (MOST_FAULTS + 10))),
+    "a spectrum cut to another count": (Damaged,
         "the stored spectrum [0-9a-f]{64} fails its checksum; restore it from a backup",
-        lambda: decode(replace(encode(np.ones(4)), count=5)),
-    ),
-    "an URL with two @": (
-        DatabaseUrlError,
-        "has more than one @; write one in the user or password as %40",
-        lambda: sqlalchemy_url("postgresql://ada:se@cret@host/lab"),
-    ),
+        lambda: decode(replace(encode(np.ones(4)), count=5))),
+    "an URL with two @": (DatabaseUrlError, "has more than one @; write one in the user or password as %40",
+        lambda: sqlalchemy_url("postgresql://ada:se@cret@host/lab")),
     "a service without a database": (ValueError, "settings.database_url is not set", lambda: create_app(Settings())),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", WRONG)
@@ -103,6 +98,72 @@ def test_nothing_is_drawn_of_nothing() -> None:
     assert (measured.size, updated.tolist()) == (0, [0.0, -1.0])
 
 
-def test_an_axis_of_one_line_keeps_it() -> None:
-    axis = encode_axis(np.array([12.5]))
-    assert (axis.step_hz, axis.count, axis.frequency_hz().tolist(), axis.columns()["end_hz"]) == (None, 1, [12.5], 12.5)
+def test_nothing_is_tended_while_the_database_is_down() -> None:
+    service = LocalService(Settings())
+    tended: list[str] = []
+    for name, ended in (("PostgreSQL", "ended by itself"), ("the API", None)):
+        part = Part(name, lambda: None, lambda name=name, ended=ended: tended.append(name) or ended, (60.0,))
+        service._parts.append(part)
+    (line,) = service.tend()
+    assert line.startswith("PostgreSQL ended by itself")
+    assert set(tended) == {"PostgreSQL"}
+
+
+# --- ctrl-C and SIGTERM while a process is still being loaded -----------------------------------------------------------
+
+INTERRUPTED = """
+import sys
+
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "typer":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Interrupting())
+from service.app.cli import main
+main()
+"""
+
+
+def test_it_ends_without_a_trace() -> None:
+    ended = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
+
+
+# Where Python 3.11 wraps an error as `RuntimeError`: a class of the library that is loaded is just being made.
+STOPPED = """
+import os, signal, sys
+
+class Stopping:
+    def __set_name__(self, *_):
+        os.kill(os.getpid(), signal.{signal})
+
+class Finder:
+    def find_spec(self, name, *_):
+        if name == "{library}":
+            type("Loaded", (), dict(stopping=Stopping()))
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell has its jobs in the background ignore it
+sys.meta_path.insert(0, Finder())
+sys.argv[1:] = {command}
+{start}
+"""
+COMMAND = "from service.app.cli import main; main()"
+ATTACHED = "import runpy; runpy.run_module('service.app.attached', run_name='__main__')"
+
+
+@pytest.mark.parametrize(
+    ("signal", "code", "library", "start", "command"),
+    [
+        ("SIGTERM", 0, "fastapi", ATTACHED, ["serve", "0"]),
+        ("SIGTERM", 0, "service.jobs.worker", ATTACHED, ["worker", "0"]),
+        ("SIGTERM", 0, "service.app.supervisor", COMMAND, ["up"]),
+        ("SIGINT", 130, "service.app.supervisor", COMMAND, ["up"]),
+    ],
+)
+def test_a_signal_that_a_library_would_disguise_ends_it_without_a_trace(
+    signal: str, code: int, library: str, start: str, command: list[str]
+) -> None:
+    program = STOPPED.format(signal=signal, library=library, start=start, command=command)
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (code, "", "")

@@ -22,6 +22,7 @@ from service.store.structures.schemas import StructureIn
 from service.store.updating.bodies import nominal_body
 from tests.support.profiles import ANGLE, deck
 from tests.support.stored_solids import frequencies
+from tests.unit.formats.models.decks import SQUARE
 
 STEEL = b"""*HEADING
 plate of steel with a stiffener
@@ -52,20 +53,6 @@ plate of steel with a stiffener
 *FREQUENCY
 6
 *END STEP
-"""
-
-
-def nastran() -> bytes:
-    """The plate of steel for Nastran."""
-    return b"""BEGIN BULK
-GRID,1,,0.,0.,0.
-GRID,2,,1.,0.,0.
-GRID,3,,1.,0.2,0.
-GRID,4,,0.,0.2,0.
-CQUAD4,1,7,1,2,3,4
-PSHELL,7,3,.01,3,,3
-MAT1,3,2.1+11,,.3,7850.
-ENDDATA
 """
 
 
@@ -159,7 +146,9 @@ def solved(body: Structure) -> FloatArray:
     return normal_modes(K, model.mass.at(body.mass_coefficients(q)), 6).frequency_hz
 
 
-@pytest.mark.parametrize(("content", "name"), [(STEEL, "plate.inp"), (nastran(), "plate.bdf")])
+@pytest.mark.parametrize(
+    ("content", "name"), [(STEEL, "plate.inp"), (f"BEGIN BULK\n{SQUARE}ENDDATA\n".encode(), "plate.bdf")]
+)
 def test_a_deck_of_one_isotropic_material_is_written_by_its_modulus(content: bytes, name: str) -> None:
     read = read_inp if name.endswith("inp") else read_bdf
     (plate, *_) = read(content).sets

@@ -9,7 +9,7 @@ from scipy.io import savemat, wavfile
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from service.compute.recordings import Channels, channels_of
-from tests.support.uff import axis, set_58
+from tests.support.uff import axis, function
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
 
@@ -38,35 +38,29 @@ def blocks_of_channels(own: Channels) -> list[np.ndarray]:
 WHOLE = recording([1.0, 4.0], [1.0, 0.6], 7.0)[::-1]
 
 
-def test_a_channel_that_carried_nothing_is_named_as_the_file_names_it(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"channel_1 is 0\.25 throughout"):
-        channels(tmp_path, np.array([np.full(WHOLE.shape[1], 0.25), WHOLE[1]])).survey()
-    with pytest.raises(InputError, match="channel_2 is 0 throughout"):
-        channels(tmp_path, np.array([WHOLE[0], 0 * WHOLE[1]])).survey()
+ENDLESS = np.where(np.arange(WHOLE.shape[1]) == 3000, np.inf, WHOLE[0])
+FAULTS = [
+    (np.array([np.full(WHOLE.shape[1], 0.25), WHOLE[1]]), 1.0, r"channel_1 is 0\.25 throughout"),
+    (np.array([WHOLE[0], 0 * WHOLE[1]]), 1.0, "channel_2 is 0 throughout"),
+    (np.array([WHOLE[1], WHOLE[1]]), 1.0, "channel_1 holds the same samples as channel_2"),
+    (np.array([0.37 * WHOLE[1], WHOLE[1]]), 1.0, "channel_1 holds the same samples as channel_2"),
+    (np.array([ENDLESS, WHOLE[1]]), 1.0, "NaN or infinity in channel_1 behind sample 3001"),
+    (WHOLE, 1e-16, r"reaches .* in SI, more than any sensor gives"),
+    (WHOLE, 1e-310, r"reaches .* in SI, more than any sensor gives"),
+]
 
 
-@pytest.mark.parametrize("times", [1.0, 0.37])
-def test_a_channel_that_was_written_twice_is_named(tmp_path: Path, times: float) -> None:
-    with pytest.raises(InputError, match="channel_1 holds the same samples as channel_2"):
-        channels(tmp_path, np.array([times * WHOLE[1], WHOLE[1]])).survey()
+@pytest.mark.parametrize(("table", "sensitivity", "fault"), FAULTS)
+def test_what_a_channel_did_is_said_by_the_name_that_the_file_gives_it(
+    tmp_path: Path, table: np.ndarray, sensitivity: float, fault: str
+) -> None:
+    with pytest.raises((InputError, FormatError), match=fault):
+        channels(tmp_path, table, sensitivity).survey()
 
 
 def test_two_sensors_that_see_nearly_the_same_are_no_copies(tmp_path: Path) -> None:
     beside = WHOLE[0] + 1e-4 * np.random.default_rng(3).standard_normal(WHOLE.shape[1])
     assert len(channels(tmp_path, np.array([*WHOLE, beside])).survey().hits) == 2
-
-
-@pytest.mark.parametrize("sensitivity", [1e-16, 1e-30, 1e-310])
-def test_values_that_no_sensor_gives_are_named(tmp_path: Path, sensitivity: float) -> None:
-    with pytest.raises(FormatError, match=r"reaches .* in SI, more than any sensor gives"):
-        channels(tmp_path, WHOLE, sensitivity).survey()
-
-
-def test_a_sample_that_is_not_finite_is_named_as_the_file_names_its_channel(tmp_path: Path) -> None:
-    broken = WHOLE.copy()
-    broken[0, 3000] = np.inf
-    with pytest.raises(InputError, match="NaN or infinity in channel_1 behind sample 3001"):
-        channels(tmp_path, broken).survey()
 
 
 def test_a_recording_that_declares_no_length_says_that_it_may_be_cut_off(tmp_path: Path) -> None:
@@ -75,6 +69,13 @@ def test_a_recording_that_declares_no_length_says_that_it_may_be_cut_off(tmp_pat
 
 
 AXIS = np.arange(WHOLE.shape[1]) / RATE
+
+
+def two_channels(response: str, force: str, **more: object) -> list[dict[str, object]]:
+    return [
+        {"variable": response, "quantity": "acceleration", "point": 33, **more},
+        {"variable": force, "quantity": "force", "point": 4},
+    ]
 
 
 def written(folder: Path, suffix: str) -> Path:
@@ -89,10 +90,8 @@ def written(folder: Path, suffix: str) -> Path:
     else:
         content = b""
         for kind, unit, point, samples in ((12, "m/s^2", 33, acc), (13, "N", 4, force)):
-            rows = ["".join(f"{x:20.11E}" for x in samples[k : k + 4]) for k in range(0, samples.size, 4)]
-            header = {"kind": 4, "points": samples.size, "function": 1, "step": f"{1 / RATE:13.5e}"}
-            place = {"response": (point, 3), "reference": (0, 0)}
-            content += set_58(*rows, abscissa=axis(17, "s"), ordinate=axis(kind, unit), **header, **place)
+            said = {"abscissa": axis(17, "s"), "ordinate": axis(kind, unit), "step": f"{1 / RATE:13.5e}"}
+            content += function(1, samples, response=(point, 3), reference=(0, 0), **said)
         path.write_bytes(content)
     return path
 
@@ -101,10 +100,7 @@ def written(folder: Path, suffix: str) -> Path:
 def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, suffix: str) -> None:
     own = blocks_of_channels(channels(tmp_path, WHOLE))
     names = ("acceleration_33_3", "force_4_3") if suffix == ".uff" else ("acc", "force")
-    mapped = [
-        {"variable": names[0], "quantity": "acceleration", "point": 33},
-        {"variable": names[1], "quantity": "force", "point": 4},
-    ]
+    mapped = two_channels(*names)
     said = {} if suffix == ".uff" else {"sample_rate_hz": {"variable": "fs"}}
     path = written(tmp_path, suffix)
     seen = channels_of(path, {"recording": {}, "channels": mapped, **said}, path.name)
@@ -118,10 +114,7 @@ def test_arrays_that_go_on_over_many_hits_are_cut_as_a_wav_is(tmp_path: Path, su
 
 def test_arrays_of_unlike_length_and_single_hits_of_a_uff_are_no_recording(tmp_path: Path) -> None:
     np.savez(path := tmp_path / "long.npz", acc=WHOLE[0][:-1], force=WHOLE[1])
-    mapped = [
-        {"variable": "acc", "quantity": "acceleration", "point": 33},
-        {"variable": "force", "quantity": "force", "point": 4},
-    ]
+    mapped = two_channels("acc", "force")
     with pytest.raises(FormatError, match=r"acc: is float64 .*, expected 14336 real numbers as force"):
         channels_of(path, {"recording": {}, "channels": mapped, "sample_rate_hz": RATE}, path.name)
     twice = written(tmp_path, ".uff")
@@ -143,9 +136,6 @@ def test_arrays_of_unlike_length_and_single_hits_of_a_uff_are_no_recording(tmp_p
 )
 def test_what_a_channel_cannot_be_is_named(tmp_path: Path, channel: dict[str, object], fault: str) -> None:
     own = channels(tmp_path, WHOLE)
-    mapped = [
-        {"variable": "channel_1", "quantity": "acceleration", "point": 33, **channel},
-        {"variable": "channel_2", "quantity": "force", "point": 4},
-    ]
+    mapped = two_channels("channel_1", "channel_2", **channel)
     with pytest.raises(FormatError, match=fault):
         channels_of(own.file.path, {"recording": {}, "channels": mapped}, "long.wav")

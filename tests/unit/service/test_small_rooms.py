@@ -3,13 +3,12 @@
 import asyncio
 import io
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from markdown_it.token import Token
 from matplotlib.image import imsave
 from pydantic import ValidationError
 from pypdf import PdfReader
@@ -23,7 +22,6 @@ from service.errors import Invalid, NotFound, UnsupportedMediaType
 from service.jobs.worker import _clear_if_dead, run_to_end
 from service.monitoring.schemas import WatchedIn
 from service.settings import Settings
-from service.show.guide.contents import _lead
 from service.show.reports.as_html import as_html
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Bullets, Heading, Letterhead, PageBreak, Paragraph, Report, Table
@@ -57,13 +55,11 @@ def test_faults_of_a_batch_are_placed_in_its_job() -> None:
         ([("acceleration", 2, 0)], {0: "names no force and comes before any force block"}),
         ([("force", 1, 0)], {0: "is the force of hit 1 at point 1, of which the file has no response"}),
         ([("acceleration", 2, 1)], {0: "is a response to hit 1 at point 1, of which the file has no force block"}),
-        (
-            [("force", 1, 0), ("acceleration", 2, 0, 5)],
-            {1: "has 5 samples at 100 Hz, the force of its hit 4 at 100 Hz", 0: "is the force of hit 1 at point 1"},
-        ),
+        ([("force", 1, 0), ("acceleration", 2, 0, 5)],
+         {1: "has 5 samples at 100 Hz, the force of its hit 4 at 100 Hz", 0: "is the force of hit 1 at point 1"}),
         ([("force", 1, 0), ("acceleration", 2, 0)], {}),
     ],
-)
+)  # fmt: skip
 def test_time_blocks_of_a_file_that_make_no_whole_hit(given: list[tuple[Any, ...]], why: dict[int, str]) -> None:
     with RecordIntake() as intake:
         refused: dict[int, str] = {}
@@ -119,15 +115,9 @@ def test_an_unexpected_error_is_a_problem_unless_half_an_answer_is_out(begun: bo
     async def send(message: Any) -> None:
         sent.append(message)
 
-    async def ask() -> None:
-        scope = {"type": "http", "method": "GET", "path": "/", "headers": [], "app": None}
-        await RequestMiddleware(app)(scope, None, send)
-
-    if begun:
-        with pytest.raises(ZeroDivisionError):
-            asyncio.run(ask())
-    else:
-        asyncio.run(ask())
+    scope = {"type": "http", "method": "GET", "path": "/", "headers": [], "app": None}
+    with pytest.raises(ZeroDivisionError) if begun else nullcontext():
+        asyncio.run(RequestMiddleware(app)(scope, None, send))
     assert sent[0]["status"] == (200 if begun else 500)
 
 
@@ -177,52 +167,17 @@ def test_the_password_of_a_file_goes_into_the_url() -> None:
     assert found == [url, "postgresql://ada:a%2Fb@host/lab", None, "no url"]
 
 
-def test_links_of_the_guide() -> None:
-    def lead(href: str) -> tuple[str, dict[str, Any]]:
-        token = Token("link_open", "a", 1, attrs={"href": href})
-        _lead(token, "docs/a.md", {"docs/b.md", "docs/c.svg"})
-        return token.tag, token.attrs
+@pytest.mark.parametrize("status", [people.FORBIDDEN, 500])
+def test_who_may_not_list_users_lists_keys_alone(status: int) -> None:
+    class Answers:
+        def pages(self, path: str) -> Iterator[Any]:
+            if path == "users":
+                raise ClientError("no", Exit.REFUSED, status=status)
+            yield {"id": 1}
 
-    assert lead("b.md#x") == ("a", {"href": "b.html#x"})
-    assert lead("c.svg") == ("a", {"href": "c.svg"})
-    assert lead("d.md") == ("span", {"class": "source"})
-    assert lead("https://e.f") == ("a", {"href": "https://e.f"})
-
-
-class Answers:
-    """A connection that answers from a list."""
-
-    def __init__(self, **lists: Any) -> None:
-        self.lists, self.sent = lists, []
-
-    def pages(self, path: str) -> Iterator[Any]:
-        found = self.lists[path.replace("-", "_").rpartition("/")[2]]
-        if isinstance(found, Exception):
-            raise found
-        yield from found
-
-    def post(self, path: str, body: Any) -> Any:
-        self.sent.append((path, body))
-        return {"key": "mb_1_2"}
-
-
-def test_keys_by_rest() -> None:
     service: Any = Answers()
-    assert people.new_key_at(service, "n", None, None) == "mb_1_2"
-    people.new_key_at(service, "n", ["read"], datetime(2030, 1, 1, tzinfo=UTC))
-    assert service.sent == [
-        ("api-keys", {"name": "n"}),
-        ("api-keys", {"name": "n", "scopes": ["read"], "expires_at": "2030-01-01T00:00:00+00:00"}),
-    ]
-    key, user = {"id": 1}, {"id": 2}
-    assert list(people.keys_at(Answers(users=[user], api_keys=[key]))) == [(key, user)]
-    for status, outcome in ((people.FORBIDDEN, [(key, None)]), (500, None)):
-        refused: Any = Answers(users=ClientError("no", Exit.REFUSED, status=status), api_keys=[key])
-        if outcome is None:
-            with pytest.raises(ClientError):
-                list(people.keys_at(refused))
-        else:
-            assert list(people.keys_at(refused)) == outcome
+    with pytest.raises(ClientError) if status == 500 else nullcontext():
+        assert list(people.keys_at(service)) == [({"id": 1}, None)]
 
 
 def a_mode(number: int) -> dict[str, Any]:
@@ -266,13 +221,8 @@ def test_a_report_of_little_and_of_much() -> None:
     assert rows["instruments"] == "sensor of 2 g"
     verdict = {"sentence": "Good.", "level": "usable", "reasons": ["It fits."]}
     plies = {"plies": [{"angle_deg": 45}] * 17}
-    much = a_report(
-        MOST_MODES + 2,
-        {"laminate": plies},
-        verdict=verdict,
-        warnings=["Look."],
-        outcomes=[{"stage": "damping", "message": "too short"}],
-    )
+    more = {"warnings": ["Look."], "outcomes": [{"stage": "damping", "message": "too short"}]}
+    much = a_report(MOST_MODES + 2, {"laminate": plies}, verdict=verdict, **more)
     assert f"The annex lists all {MOST_MODES + 2} modes." in texts(much, Paragraph)
     assert {"Warnings", "All modes"} <= set(texts(much, Heading))
     assert "No FRF is predicted, as the damping was not fitted: too short." in texts(much, Paragraph)

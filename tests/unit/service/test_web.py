@@ -12,10 +12,9 @@ import pytest
 from fastapi import APIRouter, FastAPI
 from fastapi.routing import APIRoute
 from pydantic import BaseModel
-from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
-from service.errors import Invalid, NotAcceptable, PayloadTooLarge, TooManyRequests, TooSlow, Unavailable
+from service.errors import Invalid, NotAcceptable, TooManyRequests, TooSlow, Unavailable
 from service.web import uploads
 from service.web.gate import SLOT, Buckets, Gate, Slot, without_slot
 from service.web.negotiation import choose_format
@@ -218,30 +217,14 @@ def test_a_body_comes_as_it_was_sent(size: int) -> None:
     assert on_disk == (size > uploads.MEMORY_BYTES)
 
 
-def test_more_than_the_limit_is_refused() -> None:
-    with pytest.raises(PayloadTooLarge):
-        received(client([b"x" * uploads.MEMORY_BYTES] * 5))
-
-
-def test_silence_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_silence_or_a_trickle_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(uploads, "IDLE_SECONDS", 0.05)
     with pytest.raises(TooSlow, match="nothing of the body came"):
         received(client([b"x"], ends=False))
-
-
-def test_a_trickle_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(uploads, "GRACE_SECONDS", 0.0)
     monkeypatch.setattr(uploads, "SLOWEST", 1e12)
     with pytest.raises(TooSlow, match="comes too slowly"):
         received(client([b"x"] * 1000))
-
-
-def test_a_client_that_breaks_off_is_no_body() -> None:
-    async def gone() -> dict[str, Any]:
-        return {"type": "http.disconnect"}
-
-    with pytest.raises(ClientDisconnect):
-        received(gone)
 
 
 # --- routes that are put together when they are first asked for ---------------------------------------------------------

@@ -1,5 +1,6 @@
 """Small decks that tests read: as CalculiX users write them, and as Abaqus/CAE does."""
 
+from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection
 from tests.support.places import shared_file
 
 OPEN = ("angle-1", "box-1", "channel-1", "i-1", "panel-1")
@@ -8,6 +9,18 @@ OPEN = ("angle-1", "box-1", "channel-1", "i-1", "panel-1")
 def open_deck(name: str) -> bytes:
     """A deck of the open bodies."""
     return shared_file("BLIND_OPEN", "blind-open", f"structures/{name}.inp").read_bytes()
+
+
+def shell(model: FiniteElementModel, name: str = "pshell_1") -> ShellSection:
+    section = model.sections[name]
+    assert isinstance(section, ShellSection)
+    return section
+
+
+def beam(model: FiniteElementModel, name: str) -> BeamSection:
+    section = model.sections[name]
+    assert isinstance(section, BeamSection)
+    return section
 
 
 def grid(nx: int, ny: int, first: int = 1, size: float = 0.1) -> str:
@@ -160,3 +173,8 @@ Rib-2.Edge, ENCASTRE
 *Output, field, variable=PRESELECT
 *End Step
 """
+
+GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\n"
+SQUARE = GRIDS + "CQUAD4,1,1,1,2,3,4\nPSHELL,1,1,.01,1,,1\nMAT1,1,7.+10,,.3,2700.\n"
+ENDS = "GRID,1,,0.,0.,0.\nGRID,2,,2.,0.,0.\nMAT1,1,2.1+11,,.3,7850.\n"
+"""For Nastran: a shell of one element, and what a bar stands between."""

@@ -7,27 +7,14 @@ import pytest
 
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.bdf.card import number
-from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection
+from modalbase.formats.models.model import FiniteElementModel
+from tests.unit.formats.models.decks import ENDS, GRIDS, SQUARE, beam, shell
 
-GRIDS = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\n"
-PLATE = GRIDS + "CQUAD4,1,1,1,2,3,4\nPSHELL,1,1,.01,1,,1\nMAT1,1,7.+10,,.3,2700.\n"
-BAR = "GRID,1,,0.,0.,0.\nGRID,2,,2.,0.,0.\nCBAR,1,1,1,2,0.,0.,1.\nMAT1,1,2.1+11,,.3,7850.\n"
+BAR = ENDS + "CBAR,1,1,1,2,0.,0.,1.\n"
 
 
 def read(text: str, **included: str) -> FiniteElementModel:
     return read_bdf(text.encode(), {name.replace("_", "."): value.encode() for name, value in included.items()})
-
-
-def shell(model: FiniteElementModel, name: str = "pshell_1") -> ShellSection:
-    section = model.sections[name]
-    assert isinstance(section, ShellSection)
-    return section
-
-
-def beam(model: FiniteElementModel, name: str) -> BeamSection:
-    section = model.sections[name]
-    assert isinstance(section, BeamSection)
-    return section
 
 
 def lost(model: FiniteElementModel) -> dict[str, bool]:
@@ -68,7 +55,7 @@ PSHELL* 1               1               .010            1
 MAT1*   1               70000000000.                    .3
 *       2.7+3
 """
-    free = PLATE.replace("PSHELL,1,1,.01,1,,1", "PSHELL,1,1,.01,1,,1,,.5")
+    free = SQUARE.replace("PSHELL,1,1,.01,1,,1", "PSHELL,1,1,.01,1,,1,,.5")
     one, two, three = read(small), read(large), read(free)
     for other in (two, three):
         assert np.array_equal(one.nodes, other.nodes)
@@ -94,7 +81,7 @@ def test_continuations_automatic_named_and_apart() -> None:
 
 def test_control_selects_what_holds() -> None:
     holds = "SPC1,1,123456,1\nSPC1,2,3,2,THRU,9\nSPC,3,4,12,0.\nSPCADD,9,1,3\n"
-    deck = "SOL 103\nCEND\nTITLE = A plate\n{}  $ remark\nBEGIN,BULK\n" + PLATE + holds + "ENDDATA\nnothing,counts\n"
+    deck = "SOL 103\nCEND\nTITLE = A plate\n{}  $ remark\nBEGIN,BULK\n" + SQUARE + holds + "ENDDATA\nnothing,counts\n"
     model = read(deck.format("SPC = 2"))
     assert model.title == "A plate"
     assert [(one.nodes.tolist(), one.dofs) for one in model.supports] == [([1, 2, 3], (2,))]
@@ -106,25 +93,25 @@ def test_control_selects_what_holds() -> None:
     assert lost(read(deck.replace("9,1,3", "9,1,8").format("SPC = 9")))[
         "SPC"
     ]  # a set that SPCADD joins, and is not there
-    assert [one.dofs for one in read(PLATE + "SPC1,1,12,3").supports] == [(0, 1)]
-    assert lost(read(PLATE + "SPC1,1,12,3\nSPC1,2,12,4"))["SPC"]
+    assert [one.dofs for one in read(SQUARE + "SPC1,1,12,3").supports] == [(0, 1)]
+    assert lost(read(SQUARE + "SPC1,1,12,3\nSPC1,2,12,4"))["SPC"]
 
 
 def test_permanent_constraints_and_defaults_of_grids() -> None:
-    model = read("GRDSET,,,,,,,345\n" + PLATE.replace("GRID,4,,0.,1.,0.", "GRID,4,,0.,1.,0.,,6"))
+    model = read("GRDSET,,,,,,,345\n" + SQUARE.replace("GRID,4,,0.,1.,0.", "GRID,4,,0.,1.,0.,,6"))
     assert {one.dofs: one.nodes.tolist() for one in model.supports} == {(2, 3, 4): [0, 1, 2], (5,): [3]}
 
 
 def test_a_mark_of_byte_order_and_names_in_utf_8() -> None:
-    model = read_bdf(b"\xef\xbb\xbf" + PLATE.encode())
+    model = read_bdf(b"\xef\xbb\xbf" + SQUARE.encode())
     assert model.numbers.tolist() == [1, 2, 3, 4]
-    assert read("TITLE = Träger\nBEGIN BULK\n" + PLATE + "ENDDATA\n").title == "Träger"
-    latin = "TITLE = Träger\nBEGIN BULK\n" + PLATE + "ENDDATA\n"
+    assert read("TITLE = Träger\nBEGIN BULK\n" + SQUARE + "ENDDATA\n").title == "Träger"
+    latin = "TITLE = Träger\nBEGIN BULK\n" + SQUARE + "ENDDATA\n"
     assert read_bdf(latin.encode("latin-1")).title == "Träger"
 
 
 def test_include_and_its_places() -> None:
-    head, mat = PLATE.rsplit("MAT1", 1)
+    head, mat = SQUARE.rsplit("MAT1", 1)
     model = read(
         "SOL 103\nCEND\nBEGIN BULK\ninclude 'C:\\decks\\\n  mat.inc'\n" + head + "ENDDATA", mat_inc="$\nMAT1" + mat
     )
@@ -166,7 +153,7 @@ MAT1,1,7.+10,,.3
 
 
 def test_supports_and_springs_in_the_systems_of_their_grids() -> None:
-    deck = PLATE.replace("GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.,7") + "CORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
+    deck = SQUARE.replace("GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.,7") + "CORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"
     model = read(deck + "SPC1,1,1,1,3\nCELAS2,9,1000.,3,1\n")
     (skew,) = [one for one in model.supports if one.axes is not None]
     assert skew.nodes.tolist() == [2]
@@ -177,41 +164,40 @@ def test_supports_and_springs_in_the_systems_of_their_grids() -> None:
 
 def test_wtmass_makes_masses_of_weights() -> None:
     more = "CONM2,7,3,0,2.,.1,0.,0.\n,5.,,6.,,,7.\n"
-    weights = read(PLATE.replace(".01,1,,1", ".01,1,,1,,4.") + more + "PARAM,WTMASS,.5")
+    weights = read(SQUARE.replace(".01,1,,1", ".01,1,,1,,4.") + more + "PARAM,WTMASS,.5")
     assert weights.materials["1"].constants["density"] == 1350
     assert shell(weights).extra_mass == 2
     assert (weights.masses[0].mass, weights.masses[0].inertia[2][2]) == (1, 3.5)
-    control = read("SOL 103\nCEND\nPARAM,WTMASS,.25\nBEGIN BULK\n" + PLATE + "ENDDATA")
+    control = read("SOL 103\nCEND\nPARAM,WTMASS,.25\nBEGIN BULK\n" + SQUARE + "ENDDATA")
     assert control.materials["1"].constants["density"] == 675
 
 
 def test_material_axes_of_shells() -> None:
-    turned = read(PLATE.replace("1,2,3,4\nPSHELL", "1,2,3,4,30.\nPSHELL"))
+    turned = read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4,30.\nPSHELL"))
     assert turned.elements[0].axes[0] == pytest.approx([np.cos(np.pi / 6), 0.5, 0])
-    backwards = read(PLATE.replace("1,2,3,4\nPSHELL", "4,3,2,1,30.\nPSHELL"))  # the normal is −z
+    backwards = read(SQUARE.replace("1,2,3,4\nPSHELL", "4,3,2,1,30.\nPSHELL"))  # the normal is −z
     assert backwards.elements[0].axes[0] == pytest.approx([np.cos(np.pi / 6), -0.5, 0])
     system = "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,1.,1.,.5\n"
-    projected = read(PLATE.replace("1,2,3,4\nPSHELL", "1,2,3,4,5\nPSHELL") + system)
+    projected = read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4,5\nPSHELL") + system)
     assert projected.elements[0].axes[0] == pytest.approx(np.array([1, 1, 0]) / np.sqrt(2))
     upright = "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,0.,1.\n"
-    assert read(PLATE.replace("1,2,3,4\nPSHELL", "1,2,3,4,5\nPSHELL") + upright).elements[0].axes[0] == pytest.approx(
+    assert read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4,5\nPSHELL") + upright).elements[0].axes[0] == pytest.approx(
         [1, 0, 0]
     )
 
 
 def test_offsets_and_thicknesses_of_elements() -> None:
-    quad = PLATE.replace("1,2,3,4\nPSHELL", "1,2,3,4,0.,.2\n,,,.01,.02,,.04\nPSHELL")
+    quad = SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4,0.,.2\n,,,.01,.02,,.04\nPSHELL")
     model = read(quad)
     assert model.elements[0].offsets[0] == pytest.approx(np.tile([0, 0, 0.2], (4, 1)))
     assert model.elements[0].thickness[0].tolist() == [0.01, 0.02, 0.01, 0.04]
-    relative = read(PLATE.replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,1,2.,,,\nPSHELL"))
+    relative = read(SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,1,2.,,,\nPSHELL"))
     assert relative.elements[0].thickness[0].tolist() == [0.02, 0.01, 0.01, 0.01]
-    own = read(PLATE.replace(".01,1,,1", ",1,,1").replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,.01,.01,.03,.03\nPSHELL"))
+    own = read(SQUARE.replace(".01,1,,1", ",1,,1").replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,.01,.01,.03,.03\nPSHELL"))
     assert shell(own).plies[0].thickness == pytest.approx(0.02)
-
-
-def test_an_edge_may_taper_to_nothing() -> None:
-    sharp = read(PLATE.replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,0.,0.,.01,.01\nPSHELL"))
+    sharp = read(
+        SQUARE.replace("1,2,3,4\nPSHELL", "1,2,3,4\n,,,0.,0.,.01,.01\nPSHELL")
+    )  # an edge that tapers to nothing
     assert sharp.elements[0].thickness[0].tolist() == [0, 0, 0.01, 0.01]
 
 
@@ -233,7 +219,7 @@ def test_quadratic_elements_and_triangles() -> None:
 
 def test_laminates() -> None:
     fibre = "MAT8,2,1.4+11,9.+9,.3,5.+9,,3.+9,1600.\n"
-    base = PLATE.split("PSHELL")[0] + fibre
+    base = SQUARE.split("PSHELL")[0] + fibre
     deck = base + "PCOMP,1,-.002,3.,,,,,{}\n,2,.001,45.,YES,,,-45.\n,2,.002,90.\n"
     model = read(deck.format(""))
     section = shell(model, "pcomp_1")
@@ -256,10 +242,10 @@ def test_a_mat2_of_an_orthotropic_plate() -> None:
     rest = 1 - nu**2 * E2 / E1
     values = (E1 / rest, nu * E2 / rest, 0, E2 / rest, 0, G)
     card = "MAT2,1," + ",".join(f"{value:.6E}" for value in values) + ",1900.\n"
-    found = read(PLATE.split("MAT1")[0] + card).materials["1"].constants
+    found = read(SQUARE.split("MAT1")[0] + card).materials["1"].constants
     assert [found[name] for name in ("E1", "E2", "nu12", "G12")] == pytest.approx([E1, E2, nu, G], rel=1e-5)
     coupled = card.replace("0.000000E+00", "1.000000E+09", 1)
-    assert lost(read(PLATE.split("MAT1")[0] + coupled))["MAT2 with G13, G23"]
+    assert lost(read(SQUARE.split("MAT1")[0] + coupled))["MAT2 with G13, G23"]
 
 
 @pytest.mark.parametrize(
@@ -268,13 +254,13 @@ def test_a_mat2_of_an_orthotropic_plate() -> None:
      ("MAT1,1,,2.8+10,.25", (7e10, 0.25, 2.8e10)), ("MAT1,1,7.+10,2.+10,.25", (7e10, 0.25, 2e10))],
 )  # fmt: skip
 def test_an_isotropic_material_by_two_constants(card, constants) -> None:
-    found = read(PLATE.split("MAT1")[0] + card).materials["1"].constants
+    found = read(SQUARE.split("MAT1")[0] + card).materials["1"].constants
     assert tuple(found[name] for name in ("E", "nu", "G")) == pytest.approx(constants)
 
 
 def test_nonstructural_mass_of_the_set_that_is_selected() -> None:
     cards = "NSM,1,PSHELL,1,2.\nNSM1,1,PSHELL,3.,ALL\nNSM1,2,PSHELL,5.,1,THRU,4\nNSML,1,PSHELL,1,9.\n"
-    deck = "CEND\n{}\nBEGIN BULK\n" + PLATE + cards + "ENDDATA\n"
+    deck = "CEND\n{}\nBEGIN BULK\n" + SQUARE + cards + "ENDDATA\n"
     model = read(deck.format("NSM = 1"))
     assert shell(model).extra_mass == 5
     assert lost(model)["NSML"]
@@ -294,23 +280,17 @@ def test_nonstructural_mass_of_the_set_that_is_selected() -> None:
      ("$ nothing of note: here", "pshell_1")],
 )  # fmt: skip
 def test_sets_are_named_as_the_pre_processor_does(comment, name) -> None:
-    assert read(PLATE.replace("PSHELL", f"{comment}\nPSHELL")).sets == (name,)
-
-
-def test_a_name_in_an_old_encoding() -> None:
-    assert read_bdf(PLATE.replace("PSHELL", "$ Femap Property 1 : Träger\nPSHELL").encode("latin-1")).sets == (
-        "Träger",
-    )
+    assert read(SQUARE.replace("PSHELL", f"{comment}\nPSHELL")).sets == (name,)
 
 
 def test_two_properties_of_one_name_stay_two_sets() -> None:
-    two = PLATE + "CQUAD4,2,2,1,2,3,4\n$ Femap Property 2 : skin\nPSHELL,2,1,.02,1,,1\n$ Femap Property 1 : skin\n"
+    two = SQUARE + "CQUAD4,2,2,1,2,3,4\n$ Femap Property 2 : skin\nPSHELL,2,1,.02,1,,1\n$ Femap Property 1 : skin\n"
     assert read(two).sets == ("skin", "skin_2")
 
 
 def test_masses_off_their_grids() -> None:
     system = "CORD2R,5,,0.,0.,0.,0.,0.,1.\n,0.,1.,0.\n"  # x along the model's y
-    model = read(PLATE + system + "CONM2,7,3,5,2.,.1,0.,0.\n,5.,1.,6.,0.,0.,7.\nCONM2,8,3,-1,2.,1.5,1.,0.\n")
+    model = read(SQUARE + system + "CONM2,7,3,5,2.,.1,0.,0.\n,5.,1.,6.,0.,0.,7.\nCONM2,8,3,-1,2.,1.5,1.,0.\n")
     first, second = model.masses
     assert first.offset == pytest.approx((0, 0.1, 0))
     assert np.array(first.inertia) == pytest.approx(np.array([[6, 1, 0], [1, 5, 0], [0, 0, 7]]))
@@ -319,7 +299,7 @@ def test_masses_off_their_grids() -> None:
 
 def test_springs_between_grids_and_to_the_ground() -> None:
     bushes = "CBUSH,21,5,1,3,0.,0.,1.\nPBUSH,5,K,100.,,,200.\nCBUSH,22,6,1,,,,,0\nPBUSH,6,GE,.1\n,,K,,,300.\n"
-    model = read(PLATE + "PELAS,3,50.,,,4,60.\nCELAS1,11,3,1,3,2,3\nCELAS1,12,4,2,1\n" + bushes)
+    model = read(SQUARE + "PELAS,3,50.,,,4,60.\nCELAS1,11,3,1,3,2,3\nCELAS1,12,4,2,1\n" + bushes)
     between, ground, along, turn, lifted = model.springs
     assert (between.node, between.dof, between.stiffness, between.second, between.second_dof) == (0, 2, 50, 1, 2)
     assert (ground.stiffness, ground.second) == (60, None)
@@ -331,7 +311,9 @@ def test_springs_between_grids_and_to_the_ground() -> None:
 
 def test_rigid_elements() -> None:
     far = "GRID,11,,0.,0.,1.\nGRID,12,,0.,1.,1.\nGRID,13,,1.,0.,1.\n"
-    model = read(PLATE + far + "RBE2,31,1,123,11,.001\nRBE3,32,,12,123456,1.,123,1,2\n,2.,123,4\nRBAR,33,2,13,123456\n")
+    model = read(
+        SQUARE + far + "RBE2,31,1,123,11,.001\nRBE3,32,,12,123456,1.,123,1,2\n,2.,123,4\nRBAR,33,2,13,123456\n"
+    )
     rigid, mean, bar = model.links
     assert (rigid.node, rigid.leaders, rigid.dofs) == (4, (0,), (0, 1, 2))
     assert (mean.node, mean.leaders, mean.weights) == (5, (0, 1, 3), (1, 1, 2))
@@ -342,14 +324,14 @@ def test_what_is_lost_is_named_and_stops_where_modes_change() -> None:
     harmless = (
         "CAERO1,1\nSPLINE1,2\nFLFACT,3\nPLOAD4,1,1,5.\nEIGRL,1\nCVISC,5,1,1,2\nPARAM,K6ROT,100.\nSUPORT,1,123456\n"
     )
-    assert set(lost(read(PLATE + harmless)).values()) == {False}
+    assert set(lost(read(SQUARE + harmless)).values()) == {False}
     changing = "MPC,1,2,3,1.\nCGAP,9\nCFAST,8\nMATT1,1\nCSHEAR,7\nASET1,3,1\nPARAM,K6ROT,1.+5\nNEWCARD,1\n"
-    assert set(lost(read(PLATE + changing)).values()) == {True}
-    unselected = read("CEND\nMETHOD=1\nBEGIN BULK\n" + PLATE + "MPC,1,2,3,1.\nENDDATA")
+    assert set(lost(read(SQUARE + changing)).values()) == {True}
+    unselected = read("CEND\nMETHOD=1\nBEGIN BULK\n" + SQUARE + "MPC,1,2,3,1.\nENDDATA")
     assert "MPC" not in lost(unselected)
-    (note,) = read(PLATE + "NEWCARD,1\nNEWCARD,2\n").ignored
+    (note,) = read(SQUARE + "NEWCARD,1\nNEWCARD,2\n").ignored
     assert (note.card, note.lines) == ("NEWCARD", (8, 9))
-    integers = read(PLATE.replace(",.01,", ",1,"))
+    integers = read(SQUARE.replace(",.01,", ",1,"))
     assert shell(integers).plies[0].thickness == 1
     assert "integers for reals" in lost(integers)
 
@@ -361,4 +343,4 @@ def test_what_is_lost_is_named_and_stops_where_modes_change() -> None:
      ("PSHELL,1,,.01,1,,1", "PSHELL without MID1", True), ("PSHELL,1,1,.01,-1", "PSHELL with MID2 = -1", True)],
 )  # fmt: skip
 def test_plates_of_another_kind(plate, note, changes) -> None:
-    assert lost(read(PLATE.replace("PSHELL,1,1,.01,1,,1", plate)))[note] is changes
+    assert lost(read(SQUARE.replace("PSHELL,1,1,.01,1,,1", plate)))[note] is changes

@@ -14,8 +14,7 @@ from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.shapes import NASTRAN
 from tests.support.bodies import pencil
-
-BAR = "GRID,1,,0.,0.,0.\nGRID,2,,2.,0.,0.\nMAT1,1,2.1+11,,.3,7850.\n"
+from tests.unit.formats.models.decks import ENDS
 
 
 def read(text: str) -> FiniteElementModel:
@@ -55,7 +54,7 @@ def test_plane_1_is_that_of_the_orientation_vector() -> None:
 
 
 def test_a_bar_states_its_section() -> None:
-    model = read(BAR + "CBAR,1,1,1,2,0.,0.,1.\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8,.7\n,,,,,,,,\n,.8,.7,1.-9")
+    model = read(ENDS + "CBAR,1,1,1,2,0.,0.,1.\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8,.7\n,,,,,,,,\n,.8,.7,1.-9")
     found = section(model)
     assert found.inertia == (2e-8, 4.5e-8, 1e-9)
     assert (found.area, found.torsion, found.extra_mass, found.shear) == (6e-4, 3e-8, 0.7, (0.8, 0.7))
@@ -64,22 +63,22 @@ def test_a_bar_states_its_section() -> None:
 
 def test_orientation_by_a_grid_or_a_default_and_offsets() -> None:
     far = "GRID,3,,0.,5.,0.\n"
-    by_grid = read(BAR + far + "CBAR,1,1,1,2,3\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8\n")
+    by_grid = read(ENDS + far + "CBAR,1,1,1,2,3\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8\n")
     assert by_grid.elements[0].axes[0] == pytest.approx([0, 5, 0])
-    default = read(BAR + "BAROR,,1,,,0.,1.,0.\nCBAR,1,,1,2\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8\n")
+    default = read(ENDS + "BAROR,,1,,,0.,1.,0.\nCBAR,1,,1,2\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8\n")
     assert default.elements[0].axes[0] == pytest.approx([0, 1, 0])
-    off = read(BAR + "CBEAM,1,1,1,2,0.,0.,1.\n,,,.0,.0,.1,.0,.0,.2\nPBEAML,1,1,,BAR\n,.02,.03\n")
+    off = read(ENDS + "CBEAM,1,1,1,2,0.,0.,1.\n,,,.0,.0,.1,.0,.0,.2\nPBEAML,1,1,,BAR\n,.02,.03\n")
     assert off.elements[0].offsets[0].tolist() == [[0, 0, 0.1], [0, 0, 0.2]]
-    own = read(BAR + "CBEAM,1,1,1,2,0.,0.,1.,GOO\n,,,.0,.1,.0,.0,.1,.0\nPBEAML,1,1,,BAR\n,.02,.03\n")
+    own = read(ENDS + "CBEAM,1,1,1,2,0.,0.,1.,GOO\n,,,.0,.1,.0,.0,.1,.0\nPBEAML,1,1,,BAR\n,.02,.03\n")
     assert own.elements[0].offsets[0] == pytest.approx(np.array([[0, 0, 0.1], [0, 0, 0.1]]))
-    turned = BAR.replace("0.,0.,0.", "0.,0.,0.,5", 1) + "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"  # x is y, y is z
+    turned = ENDS.replace("0.,0.,0.", "0.,0.,0.,5", 1) + "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"  # x is y, y is z
     skew = read(turned + "CBAR,1,1,1,2,1.,0.,0.\n,,,.0,.1,.0,.0,.1,.0\nPBAR,1,1,6.-4,4.5-8,2.-8,3.-8\n")
     assert skew.elements[0].axes[0] == pytest.approx([0, 1, 0])
     assert skew.elements[0].offsets[0] == pytest.approx(np.array([[0, 0, 0.1], [0, 0.1, 0]]))
 
 
 def test_rods_bend_with_next_to_nothing() -> None:
-    model = read(BAR + "CONROD,1,1,2,1,2.-4,1.-9\nCROD,2,5,1,2\nPROD,5,1,3.-4\nCTUBE,3,6,1,2\nPTUBE,6,1,.02,.001\n")
+    model = read(ENDS + "CONROD,1,1,2,1,2.-4,1.-9\nCROD,2,5,1,2\nPROD,5,1,3.-4\nCTUBE,3,6,1,2\nPTUBE,6,1,.02,.001\n")
     assert [block.set for block in model.elements] == ["conrod_1", "prod_5", "ptube_6"]
     areas = [model.sections[block.set].area for block in model.elements]
     assert areas == pytest.approx([2e-4, 3e-4, np.pi * (0.01**2 - 0.009**2)])
@@ -92,7 +91,7 @@ def test_rods_bend_with_next_to_nothing() -> None:
 
 
 def test_a_beam_with_stations() -> None:
-    beam = BAR + "CBEAM,1,1,1,2,0.,0.,1.\nPBEAM,1,1,{}"
+    beam = ENDS + "CBEAM,1,1,1,2,0.,0.,1.\nPBEAM,1,1,{}"
     start = "1.-4,1.-8,2.-8,,3.-8,.5\n,.1,.1,.2,.2,.3,.3,.4,.4\n"
     even = section(read(beam.format(start + ",YES,1.\n,,,,,,,,\n,.8,.9,,,,,,\n,,,,,.01,.02\n")))
     assert (even.inertia, even.torsion, even.shear) == ((2e-8, 1e-8, 0.0), 3e-8, (0.8, 0.9))

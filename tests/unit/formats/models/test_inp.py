@@ -3,55 +3,13 @@
 import numpy as np
 import pytest
 
-from modalbase.formats.errors import FormatError
 from modalbase.formats.models.inp import read_inp
-from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection
-from tests.unit.formats.models.decks import CAE, MATERIAL, OPEN, PLATE, grid, open_deck, quads
+from modalbase.formats.models.model import FiniteElementModel
+from tests.unit.formats.models.decks import CAE, MATERIAL, PLATE, beam, grid, shell
 
 
 def read(text: str, **included: str) -> FiniteElementModel:
     return read_inp(text.encode(), {name.replace("_", "."): each.encode() for name, each in included.items()})
-
-
-def shell(model: FiniteElementModel, name: str) -> ShellSection:
-    section = model.sections[name]
-    assert isinstance(section, ShellSection)
-    return section
-
-
-def beam(model: FiniteElementModel, name: str) -> BeamSection:
-    section = model.sections[name]
-    assert isinstance(section, BeamSection)
-    return section
-
-
-@pytest.mark.parametrize("name", OPEN)
-def test_open_decks(name: str) -> None:
-    model = read_inp(open_deck(name))
-    assert model.sets == ("flange", "web")
-    assert model.title.startswith(name.partition("-")[0])
-    assert {block.kind for block in model.elements} == {"quad8"}
-    assert not model.links
-    assert not model.supports
-    assert not [each for each in model.ignored if each.changes]
-    gfrp = model.materials["GFRP"]
-    assert (gfrp.constants["E1"], gfrp.constants["G23"], gfrp.constants["density"]) == (2.3e10, 2.4e9, 1850)
-    for block in model.elements:
-        np.testing.assert_array_equal(block.axes, np.tile([1.0, 0, 0], (len(block.numbers), 1)))
-        assert shell(model, block.set).plies[0].thickness in (0.004, 0.005, 0.006, 0.008, 0.01)
-    line = open_deck(name).splitlines()[gfrp.places["E1"].line - 1]
-    assert line[gfrp.places["E1"].start : gfrp.places["E1"].end] == b"2.3e+10"
-
-
-def test_a_plate() -> None:
-    model = read(PLATE)
-    (block,) = model.elements
-    assert (model.title, block.set, block.kind) == ("A plate", "plate", "quad4")
-    np.testing.assert_array_equal(block.nodes, [[0, 1, 4, 3], [1, 2, 5, 4]])
-    np.testing.assert_array_equal(model.numbers, np.arange(1, 7))
-    np.testing.assert_array_equal(block.lines, [11, 12])
-    np.testing.assert_array_equal(model.node_sets["nall"], np.arange(6))
-    assert [(each.card, each.lines, each.changes) for each in model.ignored] == []
 
 
 def test_assembly_of_abaqus_cae() -> None:
@@ -69,7 +27,7 @@ def test_assembly_of_abaqus_cae() -> None:
     np.testing.assert_allclose(block.axes[:2], [[c, 0, s]] * 2, atol=1e-15)  # turned with its instance
     np.testing.assert_allclose(block.axes[2:], [[c, s, 0]] * 2, atol=1e-15)
     place = dict(zip(model.numbers.tolist(), model.nodes.tolist(), strict=True))
-    assert len(place) == 9 + 6 + 6 + 1
+    assert len(place) == len(model.numbers) == 9 + 6 + 6 + 1
     np.testing.assert_allclose(place[1_000_004], [0, 0.1, 0.1], atol=1e-15)  # node 4 of Rib-1, turned up
     np.testing.assert_allclose(place[2_000_004], [0, 0.3, 0], atol=1e-15)
     assert [mass.mass for mass in model.masses] == [0.25]
@@ -99,6 +57,7 @@ def test_include_continuation_and_fortran_numbers() -> None:
     model = read(text.replace("\n", "\r\n"), m_inp=MATERIAL)
     np.testing.assert_array_equal(model.nodes, read(PLATE).nodes)
     np.testing.assert_array_equal(model.elements[0].nodes, read(PLATE).elements[0].nodes)
+    assert (model.title, model.sets, model.elements[0].lines.tolist()) == ("A plate", ("plate",), [11, 13])
     place = model.materials["GFRP"].places["G12"]
     assert (place.file, place.line) == ("m.inp", 3)
     assert MATERIAL.splitlines()[2][place.start : place.end] == " 3.0e9"
@@ -131,12 +90,9 @@ def test_nested_and_generated_sets() -> None:
         ("SYSTEM=RECTANGULAR\n0.,0.,1.,1.,0.,0.\n1, 90.", [[0, 1, 0], [0, 1, 0]]),  # axis 1 is the normal, 2 projected
         ("SYSTEM=Z RECTANGULAR\n0.,0.,1.,0.,1.,0.\n3, 0.", [[0, 1, 0], [0, 1, 0]]),
         ("SYSTEM=RECTANGULAR\n3.,1.,0.,2.,2.,0.,2.,1.,0.", [[1, 0, 0], [1, 0, 0]]),  # with an origin of its own
-        (
-            "SYSTEM=CYLINDRICAL\n0.,0.,0.,0.,0.,1.",
-            [[2**-0.5, 2**-0.5, 0], [3 / 10**0.5, 1 / 10**0.5, 0]],
-        ),
+        ("SYSTEM=CYLINDRICAL\n0.,0.,0.,0.,0.,1.", [[2**-0.5, 2**-0.5, 0], [3 / 10**0.5, 1 / 10**0.5, 0]]),
     ],
-)
+)  # fmt: skip
 def test_orientations(orientation: str, expected: list[list[float]]) -> None:
     text = PLATE.replace(
         "*SHELL SECTION, ELSET=PLATE,",
@@ -314,17 +270,3 @@ def test_unknown_cards_are_named_and_stop() -> None:
     assert found["*FLUX CAPACITOR"].changes
     assert found["*CONTACT PAIR"].changes
     assert not found["*PLASTIC"].changes
-
-
-def test_every_nodes_number_is_its_own() -> None:
-    model = read(CAE)
-    assert len(np.unique(model.numbers)) == len(model.numbers)
-    with pytest.raises(FormatError, match=r"^line \d+: \*Tie names the node set 'nosurface'"):
-        read(CAE.replace("FootSurface, LineSurface", "NoSurface, LineSurface"))
-
-
-def test_a_mesh_of_eight_thousand_elements() -> None:
-    text = PLATE.replace(grid(2, 1), grid(100, 80)).replace(quads(2, 1), quads(100, 80))
-    model = read(text)
-    assert len(model.elements[0].numbers) == 8000
-    np.testing.assert_array_equal(model.elements[0].nodes[-1], [7978 + 100, 8079, 8180, 8179])

@@ -5,8 +5,8 @@ import pytest
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.model import FiniteElementModel
-from tests.unit.formats.models.decks import CAE, PLATE, grid
-from tests.unit.formats.models.test_inp import beams, read, shell
+from tests.unit.formats.models.decks import CAE, PLATE, grid, shell
+from tests.unit.formats.models.test_inp import beams, read
 
 
 def with_cards(cards: str) -> FiniteElementModel:
@@ -148,23 +148,17 @@ def test_round_sections_state_a_radius_or_a_diameter() -> None:
 
 
 BAD_BEAMS = {
-    "too thick walls": (
-        "MATERIAL=GFRP, SECTION=PIPE\n0.01, 0.02",
-        r"\*BEAM SECTION expected radius, wall: 2 lengths above 0",
-    ),
+    "too thick walls": ("MATERIAL=GFRP, SECTION=PIPE\n0.01, 0.02",
+        r"\*BEAM SECTION expected radius, wall: 2 lengths above 0"),
     "a flat rectangle": ("MATERIAL=GFRP, SECTION=RECT\n0.01, 0.", r"expected a, b: 2 lengths above 0"),
     "too few sizes": ("MATERIAL=GFRP, SECTION=I\n0.01, 0.02", r"expected l, h, b1, b2, t1, t2, t3: 7 lengths"),
     "an unknown profile": ("MATERIAL=GFRP, SECTION=HEX\n0.01", r"SECTION=HEX is unknown, expected CIRC, RECT"),
-    "a section by numbers": (
-        "MATERIAL=GFRP, SECTION=GENERAL\n1., 1., 0., 1., 1.",
-        r"\*BEAM GENERAL SECTION states a beam",
-    ),
-    "a direction along the beam": (
-        "MATERIAL=GFRP, SECTION=RECT\n.1, .1\n1., 0., 0.",
-        r"along which its direction n1 lies",
-    ),
+    "a section by numbers": ("MATERIAL=GFRP, SECTION=GENERAL\n1., 1., 0., 1., 1.",
+        r"\*BEAM GENERAL SECTION states a beam"),
+    "a direction along the beam": ("MATERIAL=GFRP, SECTION=RECT\n.1, .1\n1., 0., 0.",
+        r"along which its direction n1 lies"),
     "no direction": ("MATERIAL=GFRP, SECTION=RECT\n.1, .1\n0., 0., 0.", r"the direction n1 is zero"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD_BEAMS)

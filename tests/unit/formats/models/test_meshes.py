@@ -1,5 +1,7 @@
 """Meshes without properties: files that gmsh and VTK wrote, what is wrong with others, and what is stated of their sets."""
 
+import io
+import xml.etree.ElementTree as ET
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -13,12 +15,14 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import Cells, MeshFile, uff_of, write_vtu
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.meshes import read_vtk
-from modalbase.formats.uff.write import encode
+from modalbase.formats.uff import Element, GridPoint, ModeShape
+from modalbase.formats.uff.write import encode, write_file
 from service.compute.models.bodies import body_of_model
 from service.compute.models.meshes import MESHES, mesh_in_si
 from tests.support.places import ROOT
 from tests.support.profiles import ANGLE, deck
 from tests.support.stored_solids import frequencies
+from tests.support.uff import load
 
 FILES = {path.name: path.read_bytes() for path in sorted((ROOT / "tests/corpus/meshes").iterdir())}
 """By gmsh 4.15 and VTK 9.7: a flange of two quadrilaterals with a web of four triangles, clamped at x = 0, in mm."""
@@ -50,11 +54,6 @@ def test_files_of_other_programs(name: str) -> None:
 def test_a_grid_without_cells_has_no_element() -> None:
     head = b"# vtk DataFile Version 3.0\nnothing\nASCII\nDATASET UNSTRUCTURED_GRID\n"
     assert not read_vtk(head + b"POINTS 0 float\nCELLS 0 0\nCELL_TYPES 0\n").cells
-
-
-def test_names_of_groups_are_those_of_sets() -> None:
-    for name in ("gmsh-2.2.msh", "gmsh-4.1.msh"):
-        assert {cells.set for cells in read(name, FILES[name]).cells} == {"flange", "the_web", "clamp"}
 
 
 def sections(**more: Any) -> dict[str, Any]:
@@ -157,21 +156,13 @@ BAD: dict[str, tuple[str, bytes, dict[str, Any], str]] = {
     "point": ("a.vtk", vtk(cells="4 0 1 2 4"), {}, "connectivity: names points that are not among the 4"),
     "section": ("a.vtk", vtk(more="WHAT 3\n"), {}, "line 11: is 'WHAT', which begins no section"),
     "vtk cut": ("a.vtk", FILES["vtk-binary.vtk"][:300], {}, r"byte \d+: .*cut"),
-    "which set": (
-        "a.vtk",
-        TWO + b"CELL_DATA 2\nFIELD f 2\na 1 2 int\n1 1\nb 1 2 int\n2 2\n",
-        {},
-        "cell data: a, b part the cells: call the array",
-    ),
+    "which set": ("a.vtk", TWO + b"CELL_DATA 2\nFIELD f 2\na 1 2 int\n1 1\nb 1 2 int\n2 2\n", {},
+        "cell data: a, b part the cells: call the array"),
     "xml": ("a.vtu", VTU[:600], {}, "is no XML that can be read: .*line"),
     "doctype": ("a.vtu", VTU.replace(b"<VTKFile", b"<!DOCTYPE a><VTKFile"), {}, "has a DOCTYPE"),
     "pieces": ("a.vtu", VTU.replace(b"Piece", b"Peace"), {}, "has 0 pieces, expected one"),
-    "points": (
-        "a.vtu",
-        VTU.replace(b'NumberOfPoints="23"', b'NumberOfPoints="24"'),
-        {},
-        "NumberOfPoints: says 24, but Points has 23",
-    ),
+    "points": ("a.vtu", VTU.replace(b'NumberOfPoints="23"', b'NumberOfPoints="24"'), {},
+        "NumberOfPoints: says 24, but Points has 23"),
     "types": ("a.vtu", VTU.replace(b'NumberOfCells="8"', b'NumberOfCells="7"'), {}, "says 7, but types has 8"),
     "words": ("a.vtu", VTU.replace(b"40 20 0", b"40 x 0"), {}, "Points: holds what is no number: .*'x'"),
     "packed": ("a.vtu", FILES["vtk-base64-zlib.vtu"].replace(b"ZLib", b"LZ4"), {}, "packed by vtkLZ4.*save it by zlib"),
@@ -231,3 +222,56 @@ def test_other_numbers(name: str, share: float, number: int) -> None:
     content = FILES[name]
     at = content.find(b" ", int(share * len(content))) + 1
     harmless(name, content[:at] + str(number).encode() + content[max(content.find(b" ", at), at) :])
+
+
+# --- meshes with shapes as files that others read ---------------------------------------------------------------------
+
+
+PLACES = np.array(
+    [[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0], [1, 0, 0], [2, 0.5, 0], [1, 1, 0], [0, 0.5, 0], [3, 0, 0.25]]
+)
+NUMBERS = np.array([11, 12, 13, 14, 15, 16, 17, 18, 30])
+MESH = MeshFile(
+    NUMBERS,
+    PLACES.astype(float),
+    [
+        Cells("quad8", "skin", np.array([1]), np.arange(8)[None]),
+        Cells("tri6", "skin", np.array([2]), np.array([[0, 1, 2, 4, 5, 7]])),
+        Cells("beam2", "rib <a>", np.array([7]), np.array([[1, 8]])),
+    ],
+    [
+        ModeShape(0, "model mode 1, 12 Hz", 1, 12.0, 0.01, NUMBERS, np.arange(27.0).reshape(9, 3) + 0j, "normal"),
+        ModeShape(0, "measured mode 1, 13 Hz", 1, 13.0, 0.02, NUMBERS, np.full((9, 3), 1 - 2j), "complex"),
+    ],
+)
+
+
+def test_a_vtu_has_nodes_cells_sets_and_shapes() -> None:
+    root = ET.parse(io.BytesIO(write_vtu(MESH))).getroot()
+    arrays = {each.get("Name"): np.array((each.text or "").split(), float) for each in root.iter("DataArray")}
+    np.testing.assert_allclose(arrays["Points"].reshape(-1, 3), PLACES)
+    assert arrays["connectivity"].tolist() == [*range(8), 0, 1, 2, 4, 5, 7, 1, 8]
+    assert (arrays["offsets"].tolist(), arrays["types"].tolist()) == ([8, 14, 16], [23, 22, 3])
+    assert arrays["set"].tolist() == [0, 0, 1]
+    assert arrays["model mode 1, 12 Hz"].tolist() == list(range(27))
+    assert set(arrays["measured mode 1, 13 Hz, imaginary"]) == {-2.0}
+    assert b"set 1: rib <a>" in write_vtu(MESH)
+
+
+def test_a_uff_reads_back(tmp_path: Path) -> None:
+    write_file(tmp_path / "mesh.uff", uff_of(MESH))
+    found = load(tmp_path / "mesh.uff")
+    assert set(found.outcomes) == {"read"}, found.reasons
+    points = [each for each in found.contents if isinstance(each, GridPoint)]
+    assert [(each.number, each.xyz_m) for each in points] == [
+        (number, tuple(xyz)) for number, xyz in zip(NUMBERS.tolist(), MESH.nodes.tolist(), strict=True)
+    ]
+    assert [each for each in found.contents if isinstance(each, Element)] == [
+        Element(1, 45, (11, 15, 12, 16, 13, 17, 14, 18)),
+        Element(2, 42, (11, 15, 12, 16, 13, 18)),
+        Element(7, 21, (12, 30), 2),
+    ]
+    normal, complex_ = (each for each in found.contents if isinstance(each, ModeShape))
+    np.testing.assert_allclose(normal.values, MESH.shapes[0].values)
+    np.testing.assert_allclose(complex_.values, MESH.shapes[1].values)
+    assert complex_.frequency_hz == pytest.approx(13.0, rel=1e-9)  # of an eigenvalue in 12 characters

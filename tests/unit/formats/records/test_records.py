@@ -2,7 +2,7 @@
 is named.
 """
 
-import json
+import io
 import sys
 import zipfile
 from collections.abc import Callable
@@ -86,27 +86,6 @@ def test_csv_with_a_time_axis(separator: str, point: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(blocks[1].samples, RESPONSE[0], rtol=1e-8)
 
 
-def _wav(path: Path) -> None:
-    wavfile.write(path, 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
-
-
-def test_a_csv_in_utf_16_is_named(tmp_path: Path) -> None:
-    path = tmp_path / "hit.csv"
-    path.write_text("time_s,force\n0,1\n", encoding="utf-16")
-    with pytest.raises(FormatError, match=r"CSV in UTF-16.* save it as UTF-8"):
-        read_variables(path)
-
-
-def test_a_proposal_names_what_it_recognises_and_needs_little_more() -> None:
-    proposed = propose(ARRAYS)
-    assert proposed["sample_rate_hz"] == {"variable": "fs"}
-    assert [(c["variable"], c["quantity"]) for c in proposed["channels"]] == [
-        ("force", "force"),
-        ("acc", "acceleration"),
-    ]
-    assert blocks_of(ARRAYS, read_mapping(json.loads(json.dumps(proposed))))
-
-
 def test_a_proposal_takes_the_hits_and_the_time_axis_and_states_no_rate_that_is_not_there() -> None:
     arrays = {"force": FORCE, "acc": RESPONSE, "hit": np.array([1, 2, 3])}
     assert "sample_rate_hz" not in propose(arrays)
@@ -157,12 +136,8 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (ARRAYS, {**MAPPING, "sample_rate_hz": {"variable": "rate"}}, "^rate: is not in the file; it has acc, force"),
         (ARRAYS, {k: v for k, v in MAPPING.items() if k != "sample_rate_hz"}, r"^mapping\.sample_rate_hz: is missing"),
         (_named(fs=0.0), MAPPING, r"^mapping\.sample_rate_hz: .*expected a positive number"),
-        (
-            _named(acc=RESPONSE[:, :200]),
-            MAPPING,
-            "^mapping.channels: .*force 3 blocks of 256 samples, acc 3 blocks of 200",
-        ),
-        (_named(acc=RESPONSE[:2]), MAPPING, "^mapping.channels: .*acc 2 blocks"),
+        (_named(acc=RESPONSE[:, :200]), MAPPING,
+         "^mapping.channels: .*force 3 blocks of 256 samples, acc 3 blocks of 200"),
         (_named(force=_with_nan(1, 7)), MAPPING, "^force: .*NaN or infinity, first at sample 8 of block 2"),
         (_named(acc=np.zeros((3, 256))), MAPPING, "^acc: .*carried nothing"),
         (_named(point=[1, 2]), MAPPING, "^point: .*one for each of the 3 blocks"),
@@ -171,8 +146,6 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][1:]}, r"^mapping\.channels: .*exactly one channel"),
         (ARRAYS, {**MAPPING, "channels": MAPPING["channels"][:1]}, r"^mapping\.channels: .*has no response"),
         (ARRAYS, _channel(0, sensitivity=0), r"^mapping\.channels\.0\.sensitivity: .*more than 0"),
-        (_named(fs=np.inf), MAPPING, "expected a positive number of samples"),
-        (_named(fs=1e300), MAPPING, "up to 1e"),
         (_named(fs=2048j), MAPPING, "fs: holds complex numbers"),
         (_named(fs=np.where(np.arange(256) == 9, np.nan, np.arange(256))), MAPPING, "not an evenly rising time axis"),
         (_named(hit=[1, np.nan, 2]), {**MAPPING, "hit": {"variable": "hit"}}, "hit: is no hit: expected whole numbers"),
@@ -185,11 +158,8 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (ARRAYS, "force", "mapping: is not an object"),
         (ARRAYS, {**MAPPING, "channels": ["force", "acc"]}, "mapping.channels: is missing, expected a list"),
         (ARRAYS, _channel(1, place=7), "mapping.channels.1.place: is unknown"),
-        (
-            ARRAYS,
-            {**MAPPING, "channels": [{"variable": "force"}]},
-            "channels.0.quantity: is missing, .*0.point: is missing",
-        ),
+        (ARRAYS, {**MAPPING, "channels": [{"variable": "force"}]},
+         "channels.0.quantity: is missing, .*0.point: is missing"),
         (ARRAYS, _channel(1, variable=7), "mapping.channels.1.variable: is 7, expected a name"),
         (ARRAYS, _channel(0, sensitivity="2 mV/N"), "channels.0.sensitivity: is '2 mV/N', expected a number"),
         (
@@ -203,7 +173,7 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (_named(acc=RESPONSE[:, :63]), MAPPING, "acc: has 63 samples a block, expected 64 or more"),
         (_named(fs=np.arange(100)), MAPPING, "fs: has 100 values, expected the rate or a time axis of 256"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_right_is_refused_by_its_place(variables: Variables, mapping: Any, text: str) -> None:
     with pytest.raises(FormatError, match=text) as refused:
         blocks_of(variables, read_mapping(mapping))
@@ -217,21 +187,22 @@ def _damaged_npz(path: Path) -> None:
     path.write_bytes(data)
 
 
-def _wav_without_channels(path: Path) -> None:
-    _wav(path)
-    data = path.read_bytes()
-    path.write_bytes(data[:22] + b"\0\0" + data[24:])
-
-
 def _bytes(content: bytes) -> Callable[[Path], object]:
     return lambda path: path.write_bytes(content)
+
+
+def _wav() -> bytes:
+    """One of no channels."""
+    wavfile.write(stream := io.BytesIO(), 2048, np.stack([FORCE[0], RESPONSE[0]], axis=1))
+    return stream.getvalue()[:22] + b"\0\0" + stream.getvalue()[24:]
 
 
 NO_FILES = (b"", b"\x00" * 600, b"PK\x03\x04 not really", b"a,b\n1,2\n3\n", b"RIFF\x10\x00\x00\x00WAVE")
 DAMAGED = [(suffix, _bytes(content), None) for suffix in (".npz", ".mat", ".csv", ".wav") for content in NO_FILES]
 DAMAGED += [
     (".npz", _damaged_npz, r"cannot be read(:| as \.npz)"),
-    (".wav", _wav_without_channels, r"cannot be read(:| as \.wav)"),
+    (".wav", _bytes(_wav()), r"cannot be read(:| as \.wav)"),
+    (".csv", _bytes("time_s,force\n0,1\n".encode("utf-16")), r"CSV in UTF-16.* save it as UTF-8"),
     (".wav", _bytes(b"RIFF" + b"\xff" * 30), r"cannot be read(:| as \.wav)"),
 ]
 
@@ -258,23 +229,15 @@ def test_truncated_files_are_clear_errors(write: Callable[[Path], None], tmp_pat
             blocks_of(read_variables(cut), read_mapping(MAPPING))
 
 
-def test_an_array_that_is_in_a_file_twice_is_named(tmp_path: Path) -> None:
+def test_of_an_npz_nothing_twice_no_pickle_and_no_more_than_allowed_is_taken(tmp_path: Path) -> None:
     _npz(path := tmp_path / "hits.npz")
     with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
         archive.writestr("force.npy", archive.read("force.npy"))
     with pytest.raises(FormatError, match="force: is in the file twice"):
         read_variables(path)
-
-
-def test_pickles_are_not_opened(tmp_path: Path) -> None:
-    path = tmp_path / "hits.npz"
     np.savez(path, force=np.array([{}], dtype=object))
     with pytest.raises(FormatError):
         read_variables(path)
-
-
-def test_an_array_may_not_be_larger_than_allowed(tmp_path: Path) -> None:
-    path = tmp_path / "hits.npz"
     np.savez_compressed(path, force=np.zeros(1_000_000))
     with pytest.raises(FormatError, match="more than the 1000"):
         read_variables(path, limit_bytes=1000)

@@ -6,32 +6,76 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modalbase.formats.uff import Frf, Function, PowerSpectrum, TimeResponse, TraceLine, UffError, read_file
+from modalbase.formats.uff import (
+    Frf,
+    Function,
+    GridPoint,
+    Limits,
+    PowerSpectrum,
+    TimeResponse,
+    TraceLine,
+    UffError,
+    read_file,
+)
 from modalbase.formats.uff.channels import Spectra
-from tests.support.uff import Reading, axis, dataset, header_58, set_58, set_164
+from tests.support.uff import FRF, PLAIN, POINTS, Read, Reading, axis, dataset, function, header_58, set_58, set_164
 
-POINTS = dataset("15", "         1         0         0         1  1.00000E+00  2.00000E+00  3.00000E+00")
-FRF = set_58("   1.00000000000e+00   2.00000000000e+00   3.00000000000e+00   4.00000000000e+00")
-Read = Callable[..., Reading]
 SECONDS = axis(17, "s")
+VALUES = [1 + 2j, 3 + 4j]
 
 
-def rows(values: np.ndarray) -> list[str]:
-    """Lines of 4E20.12."""
-    flat = np.ravel(np.column_stack((values.real, values.imag)) if np.iscomplexobj(values) else values)
-    return ["".join(f"{v:20.12e}" for v in flat[i : i + 4]) for i in range(0, flat.size, 4)]
+def of_frf(found: Reading) -> list[complex]:
+    (frf,) = found.of(Frf)
+    return frf.values.tolist()
 
 
-def function(number: int, values: np.ndarray, **header: object) -> bytes:
-    kind = 6 if np.iscomplexobj(values) else 4
-    return set_58(*rows(values), kind=kind, points=values.size, function=number, **header)
+def frequencies(found: Reading) -> list[float]:
+    return found.of(Frf)[0].frequency.points().tolist()
 
 
-def test_words_between_datasets_are_passed_over(read: Read) -> None:
-    found = read(POINTS + b"Workpiece\n" + FRF)
-    assert found.outcomes == ["read", "read"]
-    assert "the text 'Workpiece', which is no dataset" in found.notes
-    assert len(found.of(Frf)) == 1
+ONE = "   1.00000000000e+00   0.00000000000e+00"
+TRACE = dataset("82", f"{1:10d}{3:10d}{0:10d}", "line", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0)))
+RUN_TOGETHER = f"{1:10d}{0:10d}{0:10d}{1:10d}-1.00000E-101-2.00000E+000-3.000000E-01"
+UNSTATED = set_58(ONE, points=1, ordinate=axis(0), denominator=axis(0))
+TAKEN: dict[str, tuple[bytes, Callable[[Reading], object], object, str]] = {
+    "words between datasets": (POINTS + b"Workpiece\n" + FRF, of_frf, VALUES, "the text 'Workpiece', which is no dataset"),
+    "a trace line that is longer": (
+        TRACE, lambda found: found.of(TraceLine)[0].points, (1, 2, 0, 3, 4), "declares 3 points and holds 5"),
+    "a reference of -1": (
+        set_58(PLAIN, reference=(-1, 0)), lambda found: found.of(Frf)[0].reference_point, 0, "-1, read as 0"),
+    "rows of other widths": (set_58(" 1.0e+00 2.0e+00", " 3.0e+00 4.0e+00"), of_frf, VALUES, "separated by blanks"),
+    "rows that together fill the columns": (  # the second is a column short and the third one long: none is cut up
+        set_58(PLAIN, PLAIN[1:], " " + PLAIN, points=6), of_frf, VALUES * 3, "separated by blanks"),
+    "singles beyond their range": (set_58("  1.00000e-42  2.00000e+00  3.00000e+00  4.00000e+00", kind=5), of_frf,
+        [1e-42 + 2j, 3 + 4j], "kept as doubles"),
+    "coordinates that run together": (
+        dataset("15", RUN_TOGETHER), lambda found: found.of(GridPoint)[0].xyz_m, (-1e-101, -2.0, -0.3), "pyuff"),
+    "coordinates without units": (
+        POINTS, lambda found: found.of(GridPoint)[0].xyz_m, (1.0, 2.0, 3.0), "no set 164: coordinates taken as metres"),
+    "an abscissa of an unknown unit": (set_58(ONE, points=1, start="5.00000e+00", abscissa=axis(18, "bins")),
+        frequencies, [5.0], "the unit of the abscissa is 'bins'; Hz assumed"),
+    "an ordinate of an unknown unit": (set_164(1000.0) + set_58(ONE, points=1, ordinate=axis(12, "EU")), of_frf,
+        [1e-3], "has the unknown unit label 'EU'; units of set 164 (USER_DEFINED) assumed"),
+    "labels that contradict the units": (set_164(1000.0) + set_58(ONE, points=1), of_frf, [1.0],
+        "contradict set 164, by which the factor is 0.001; the labels are used"),
+    "exponents that do not fit": (set_58(ONE, points=1, ordinate=axis(12, "m/s2", (2, 0, 0))), of_frf, [1.0],
+        "the unit exponents (2, 0, 0) of its ordinate do not fit its data type 12"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", TAKEN)
+def test_what_is_taken_is_noted(read: Read, name: str) -> None:
+    file, taken, value, note = TAKEN[name]
+    found = read(file)
+    assert set(found.outcomes) == {"read"}, found.reasons
+    assert taken(found) == pytest.approx(value, rel=1e-15)
+    assert note in found.notes
+
+
+def test_an_frf_that_states_nothing_is_what_the_user_states(read: Read) -> None:
+    found = read(UNSTATED, Limits(quantity="mobility"))
+    assert found.of(Frf)[0].quantity == "mobility"
+    assert "mobility as stated for the import" in found.notes
 
 
 @pytest.mark.parametrize("text", [b"Workpiece 1", b"  1.0 2.0", b"a\nb\nc\nd\ne", b"    15"])
@@ -51,21 +95,6 @@ def test_a_binary_count_may_hold_the_line_ends(read: Read, counted: int, ends: b
     assert found.outcomes == ["read", "read"]
     np.testing.assert_array_equal(found.of(Frf)[0].values, [1 + 2j, 3 + 4j])
     assert ("line ends included" in found.notes) == (counted != 32)
-
-
-def test_a_trace_line_may_hold_more_than_it_declares(read: Read) -> None:
-    found = read(dataset("82", f"{1:10d}{3:10d}{0:10d}", "line", "".join(f"{p:10d}" for p in (1, 2, 0, 3, 4, 0, 0, 0))))
-    assert found.of(TraceLine)[0].points == (1, 2, 0, 3, 4)
-    assert "declares 3 points and holds 5" in found.notes
-
-
-def test_a_reference_of_minus_one_is_none(read: Read) -> None:
-    found = read(
-        set_58("   1.00000000000e+00   2.00000000000e+00   3.00000000000e+00   4.00000000000e+00", reference=(-1, 0))
-    )
-    assert found.outcomes == ["read"]
-    assert found.of(Frf)[0].reference_point == 0
-    assert "-1, read as 0" in found.notes
 
 
 def test_time_blocks_are_read_in_si(read: Read) -> None:
@@ -89,28 +118,40 @@ def test_time_blocks_are_read_in_si(read: Read) -> None:
     assert [len(one.of(Function)) for one in kept] == [1, 1, 1]  # and so does a moment
 
 
-def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(read: Read) -> None:
-    samples = np.sin(np.arange(64.0))
-    lost = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "N"), step="0.00000e+00")
-    torn = function(1, samples, abscissa=SECONDS, ordinate=axis(13, "m/s^2"), step="1.00000e-03")
-    pair = f"{0.0:13.5e}{1.0:20.12e}{1.0:13.5e}{2.0:20.12e}"
-    uneven = set_58(pair, kind=4, even=0, function=1, abscissa=SECONDS, ordinate=axis(13, "N"))
-    large = function(1, 1e308 * (0.5 + samples**2 / 2), abscissa=SECONDS, ordinate=axis(13, "lbf"), step="1.00000e-03")
-    found = read(lost + torn + uneven + large)
-    assert found.outcomes == ["refused"] * 4
-    assert "without an even time step: its sample rate is missing" in found.reasons
-    assert "its samples are beyond double precision in SI, first at 1" in found.reasons
-    assert "increment" in found.reasons
-    assert "its data type says force, its unit 'm/s^2' says acceleration" in found.reasons
+BLOCK = np.sin(np.arange(64.0))
+UNEVEN = f"{0.0:13.5e}{1.0:20.12e}{1.0:13.5e}{2.0:20.12e}"
+NEWTONS = {"abscissa": SECONDS, "ordinate": axis(13, "N"), "step": "1.00000e-03"}
 
 
-def test_a_time_block_over_anything_but_time_is_refused(read: Read) -> None:
-    samples = np.sin(np.arange(64.0))
-    over = function(1, samples, abscissa=axis(18, "Hz"), ordinate=axis(13, "N"), step="1.00000e-03")
-    endless = function(1, np.r_[samples, 1.0], abscissa=SECONDS, ordinate=axis(13, "N"), step="1.00000e-03")
-    found = read(over + endless.replace(b"1.000000000000e+00", b"               nan"))
-    assert found.outcomes == ["refused", "refused"]
-    assert "is a time block over 'Hz', expected seconds" in found.reasons
+@pytest.mark.parametrize(
+    ("file", "reason"),
+    [
+        (function(1, BLOCK, **{**NEWTONS, "step": "0.00000e+00"}), "increment"),
+        (set_58(UNEVEN, kind=4, even=0, function=1, **NEWTONS), "without an even time step: its sample rate is missing"),
+        (function(1, 1e308 * (0.5 + BLOCK**2 / 2), **{**NEWTONS, "ordinate": axis(13, "lbf")}),
+         "its samples are beyond double precision in SI, first at 1"),
+        (function(1, BLOCK, **{**NEWTONS, "ordinate": axis(13, "m/s^2")}),
+         "its data type says force, its unit 'm/s^2' says acceleration"),
+        (function(1, BLOCK, **{**NEWTONS, "abscissa": axis(18, "Hz")}), "is a time block over 'Hz', expected seconds"),
+        (function(1, np.r_[BLOCK, 1.0], **NEWTONS).replace(b"1.000000000000e+00", b"               nan"),
+         "'nan' is not a number"),
+    ],
+)  # fmt: skip
+def test_a_time_block_without_a_rate_or_of_two_minds_is_refused(read: Read, file: bytes, reason: str) -> None:
+    found = read(file)
+    assert found.outcomes == ["refused"]
+    assert reason in found.reasons
+
+
+def ended(found: Reading, frf: Frf | None = None) -> list:
+    """What the power spectra of a file make at its end."""
+    spectra = Spectra()
+    if frf is not None:
+        spectra.note(frf)
+    for item in found.of(PowerSpectrum):
+        spectra.take(item)
+    assert all(spectra.holds(report) for report in found.reports)
+    return list(spectra.finish())
 
 
 def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
@@ -120,36 +161,27 @@ def test_spectra_that_make_no_frf_say_why(read: Read) -> None:
     of_force = function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"))
     quiet = function(2, 1e-6 * force, response=(7, 3), reference=(7, 3), ordinate=axis(12, "m/s^2"))
 
-    def reasons(file: bytes, frf: Frf | None = None) -> list[str | None]:
-        found, spectra = read(file), Spectra()
-        if frf is not None:
-            spectra.note(frf)
-        for item in found.of(PowerSpectrum):
-            spectra.take(item)
-        for report in found.reports:
-            assert spectra.holds(report)
-        ended = list(spectra.finish())
-        assert {report.outcome for report in ended} == {"ignored"}
-        return [report.reason for report in ended]
+    def reasons(file: bytes, frf: Frf | None = None) -> list[str]:
+        reports = ended(read(file), frf)
+        assert {report.outcome for report in reports} == {"ignored"}
+        return [report.reason for report in reports]
 
     unneeded = "is an auto spectrum that no cross spectrum needs"
     lost, alone = reasons(function(3, cross, **ends) + of_force)
     assert "without an auto spectrum of the motion at its response" in lost
     assert alone == unneeded
-    (lost,) = reasons(function(3, cross, **ends))
-    assert "of the force at its reference" in str(lost)
-    assert "makes a coherence above 1" in str(reasons(function(3, cross, **ends) + of_force + quiet)[0])
+    assert "of the force at its reference" in reasons(function(3, cross, **ends))[0]
+    assert "makes a coherence above 1" in reasons(function(3, cross, **ends) + of_force + quiet)[0]
     loud = function(2, 1e4 * force, response=(7, 3), reference=(7, 3), ordinate=axis(12, "m/s^2"))
     bell = np.exp(-(((hz - 128) / 20) ** 2)) + 0j  # real: its impulse response is the same before the hit as after
-    assert "before the hit as much as after it" in str(reasons(function(3, bell, **ends) + of_force + loud)[0])
-    (known,) = read(set_58(*rows(cross), points=256, **ends)).of(Frf)
+    assert "before the hit as much as after it" in reasons(function(3, bell, **ends) + of_force + loud)[0]
+    (known,) = read(function(4, cross, **ends)).of(Frf)
     assert reasons(function(3, cross, **ends) + of_force + quiet, known)[0] == (
         "is the cross spectrum of an FRF that the file has itself"
     )
     elsewhere = function(2, force, response=(1, 3), reference=(1, 3), ordinate=axis(13, "N^2"), step="1.00010e+00")
-    assert "of the force at its reference" in str(reasons(function(3, cross, **ends) + elsewhere)[0])
-    stray = Spectra()
-    assert not stray.holds(read(FRF).reports[0])
+    assert "of the force at its reference" in reasons(function(3, cross, **ends) + elsewhere)[0]
+    assert not Spectra().holds(read(FRF).reports[0])
 
 
 def test_a_cross_spectrum_takes_the_auto_spectra_stated_last_before_it_else_the_first_after_it(read: Read) -> None:
@@ -164,10 +196,7 @@ def test_a_cross_spectrum_takes_the_auto_spectra_stated_last_before_it_else_the_
     cross = function(3, exact, response=(7, 3), reference=(1, 3))
     for before, after, force in (((4.0, 2.0), (8.0,), 2.0), ((), (2.0, 4.0), 2.0)):
         parts = [[of(1, size) + of(7, 16 / size) for size in sizes] for sizes in (before, after)]
-        found, spectra = read(b"".join((*parts[0], cross, *parts[1]))), Spectra()
-        for item in found.of(PowerSpectrum):
-            spectra.take(item)
-        (frf, *_) = spectra.finish()
+        frf, *_ = ended(read(b"".join((*parts[0], cross, *parts[1]))))
         assert isinstance(frf, Frf)
         np.testing.assert_allclose(frf.values, exact / force, rtol=1e-9)
 
@@ -187,12 +216,7 @@ def test_power_spectra_make_the_frf_whichever_channel_is_conjugated(read: Read, 
         + function(2, 1e6 * motion, response=(7, 3), reference=(7, 3), ordinate=axis(12, "mm/s^2"))
         + function(3, 1e3 * (cross.conj() if conjugated else cross), **ends)
     )
-    spectra = Spectra()
-    for item in found.of(PowerSpectrum):
-        spectra.take(item)
-    for report in found.reports:
-        assert spectra.holds(report)
-    frf, coherence, *reports = spectra.finish()
+    frf, coherence, *reports = ended(found)
     assert isinstance(frf, Frf)
     assert isinstance(coherence, Function)
     np.testing.assert_allclose(frf.values, exact, rtol=1e-9, atol=1e-9)

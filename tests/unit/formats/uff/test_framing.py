@@ -2,7 +2,6 @@
 
 import pickle
 from collections import Counter
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -29,13 +28,9 @@ from modalbase.formats.uff import (
 from modalbase.formats.uff.text import Refusal, real_block
 from tests.support import uff_damage
 from tests.support.places import shared_file
-from tests.support.uff import Reading, dataset, load, set_58
+from tests.support.uff import FRF, POINT, POINTS, Read, Reading, dataset, load
 
-POINT = "         1         0         0         1  1.00000E+00  2.00000E+00  3.00000E+00"
-POINTS = dataset("15", POINT)
-FRF = set_58("   1.00000000000e+00   2.00000000000e+00   3.00000000000e+00   4.00000000000e+00")
 TYPE_58B = "    58b{order:6d}     2{lines:12d}{count:12d}     0     0           0           0\n"
-Read = Callable[..., Reading]
 
 
 def binary(order: int = 1, lines: int = 11, count: int = 32) -> bytes:
@@ -50,15 +45,12 @@ def binary(order: int = 1, lines: int = 11, count: int = 32) -> bytes:
         (b"", "the file is empty"),
         (b"x", "not a UFF file: it opens with 'x'"),
         (b"\n", "nothing but blank lines"),
-        (b"time,x\n0,1\n", "not a UFF file: it opens with 'time,x'"),
         (b"    -1", "ends or is blank after an opening delimiter"),
         (POINTS[:-4], "the file ends inside dataset 1"),
         (POINTS + b"    -1\n", "ends or is blank after an opening delimiter"),
         (b"    -1\n" + POINTS, "stands '-1', expected its type"),
-        (
-            POINTS.replace(POINT.encode(), POINT.encode() + b"\n    -1\n" + POINT.encode()),
-            "between two datasets stands",
-        ),
+        (POINTS.replace(POINT.encode(), POINT.encode() + b"\n    -1\n" + POINT.encode()),
+         "between two datasets stands"),
         (POINTS.replace(POINT.encode(), b"    -1\n    -1\n" + POINT.encode()), "expected its type in columns 1 to 6"),
         (b"    -1\n    15b\n    -1\n", "of the binary sets only 58b is known"),
         (binary(order=3), "the byte order is 3, expected 1 (little endian) or 2 (big endian)"),
@@ -70,7 +62,7 @@ def binary(order: int = 1, lines: int = 11, count: int = 32) -> bytes:
         (b"    -1\n   734\n" + b"   -1\n" * 1002, "more than 1000 lines of -1 in dataset 1"),
         (binary()[:400], "the file ends inside the header of dataset 1"),
     ],
-)
+)  # fmt: skip
 def test_broken_framing(tmp_path: Path, data: bytes, reason: str) -> None:
     path = tmp_path / "file.uff"
     path.write_bytes(data)
@@ -131,15 +123,12 @@ def test_limits(read: Read) -> None:
 
 
 def test_reports_name_type_offset_and_place(read: Read) -> None:
-    bad = FRF.replace(b"2.00000000000e+00", b"2.000000*0000e+00")
-    found = read(POINTS + dataset("734", "1") + bad)
-    assert [(r.number, r.type, r.outcome) for r in found.reports] == [
-        (1, "15", "read"),
-        (2, "734", "ignored"),
-        (3, "58", "refused"),
-    ]
-    assert found.reports[2].offset == len(POINTS) + len(dataset("734", "1"))
-    place = (POINTS + dataset("734", "1") + bad).index(b"   1.00000000000e+00")
+    before, row = POINTS + dataset("734", "1"), b"   1.00000000000e+00"
+    found = read(before + FRF.replace(b"2.00000000000e+00", b"2.000000*0000e+00"))
+    reported = [(report.number, report.type, report.outcome) for report in found.reports]
+    assert reported == [(1, "15", "read"), (2, "734", "ignored"), (3, "58", "refused")]
+    assert found.reports[2].offset == len(before)
+    place = len(before) + FRF.index(row)
     assert f"line 12 (byte {place}): '2.000000*0000e+00' is not a number" in found.reasons
 
 
@@ -256,43 +245,33 @@ def test_line_ends_do_not_matter() -> None:
 def test_measured_frfs_peak_at_their_resonances() -> None:
     frfs = corpus_file("pyuff/measurement_v1.uff").of(Frf)
     assert {f.quantity for f in frfs} == {"accelerance"}
-    assert [(f.response_point, f.response_direction, f.reference_point) for f in frfs] == [
-        (1, 1, 1),
-        (1, 1, 2),
-        (1, 1, 3),
-    ]
-    response = np.max([np.abs(f.values) for f in frfs], axis=0)
-    hz = frfs[0].frequency.points()
+    assert [(f.response_point, f.response_direction, f.reference_point) for f in frfs] == [(1, 1, n) for n in (1, 2, 3)]
+    response, hz = np.max([np.abs(f.values) for f in frfs], axis=0), frfs[0].frequency.points()
     for resonance in (51.5, 142.2, 278.7, 460.4, 687.2, 958.5):
         near = np.abs(hz - resonance) < 15
         assert abs(hz[near][np.argmax(response[near])] - resonance) < 1.5  # lines are 1 Hz apart
 
 
-def test_binary_frf_of_a_mobility() -> None:
+def test_units_and_dofs_of_measured_frfs() -> None:
+    """Of a binary mobility; and of one whose header says general and whose label the units."""
     found = corpus_file("murml-uff/UFF58B.FRF")
     (frf,) = found.of(Frf)
     assert (frf.quantity, frf.response_point, frf.values.dtype) == ("mobility", 192, np.complex64)
     assert (frf.frequency.points()[0], frf.frequency.points()[-1]) == (0.0, 20000.0)
     assert frf.id_lines[3].startswith("@2173,1822")
     assert "assumed" in found.notes
-
-
-def test_units_in_the_label_where_the_header_says_general() -> None:
     (frf,) = corpus_file("pyuff/non_ascii_header.uff").of(Frf)
     assert frf.quantity == "accelerance"
     np.testing.assert_allclose(frf.values[:2], [4.07994e-01, -5.99924e-02 - 5.53260e-02j], rtol=1e-7)
 
 
-def test_coordinates_of_set_2411_are_in_the_parts_system_whatever_system_it_names() -> None:
-    points = {p.number: p.xyz_m for p in corpus_file("pyuff/NX-simulation-output.uff").of(GridPoint)}
-    np.testing.assert_allclose(
-        points[9581], (2.0940900802612305e-2, 1.3069399833679199e-2, 1.01075216497076e-3), rtol=1e-12
-    )
-    assert {round(x, 9) for x, _, _ in points.values()} == {round(2.0940900802612305e-2, 9)}  # a straight bar along z
-
-
-def test_mode_shapes_of_a_simulation() -> None:
+def test_a_simulations_mode_shapes_and_coordinates() -> None:
+    """Coordinates of set 2411 are in the part's system, whatever system it names."""
     found = corpus_file("pyuff/NX-simulation-output.uff")
+    points = {p.number: p.xyz_m for p in found.of(GridPoint)}
+    expected = (2.0940900802612305e-2, 1.3069399833679199e-2, 1.01075216497076e-3)
+    np.testing.assert_allclose(points[9581], expected, rtol=1e-12)
+    assert {round(x, 9) for x, _, _ in points.values()} == {round(2.0940900802612305e-2, 9)}  # a straight bar along z
     first = found.of(ModeShape)[0]
     assert (first.frequency_hz, first.kind, first.values.shape) == (23383.2, "normal", (18, 3))
     np.testing.assert_array_equal(first.values[0], [1.95655e-02, 1.30354e01, -1.92335e-07])
@@ -307,12 +286,7 @@ def test_complex_eigenvalue_of_set_55() -> None:
     np.testing.assert_array_equal(mode.values[1], [0, 0, -4.111111e-02 - 1.111111e-02j])
 
 
-def test_a_licence_is_no_uff_file() -> None:
-    with pytest.raises(Exception, match="not a UFF file: it opens with 'MIT License'"):
-        corpus_file("pyuff/LICENSE")
-
-
-@pytest.mark.parametrize("name", ["paper-like", "cantilever-1pct", "cantilever-5pct-sensor-mass", "free-1pct"])
+@pytest.mark.parametrize("name", ["paper-like", "free-1pct"])
 def test_independent_frfs_of_beams(name: str) -> None:
     found = load(shared_file("BLIND_OPEN", "blind-open", f"{name}.uff"))
     assert Counter(type(c) for c in found.contents) == {FileHeader: 1, Units: 1, GridPoint: 33, Frf: 33}

@@ -2,13 +2,18 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from fecore.dynamics.damping_laws import RAYLEIGH, CaugheySeries, GeneralisedProportional
+from fecore.trend import Watch
+from service.compute.judging import Observation
 from service.errors import Conflict, NotFound
+from service.monitoring.runs import unit_of
 from service.show.figures.coupon import coupon_figure
 from service.show.figures.frfs import (
     FrfCurves,
@@ -22,15 +27,16 @@ from service.show.figures.frfs import (
 )
 from service.show.figures.marks import Figure, Region
 from service.show.figures.modes import MOST_ROWS, ShapePair, shapes_figure
+from service.show.figures.paper import draw, render
 from service.show.figures.screen import numbers, screen
 from service.show.figures.trend import series_figure
 from service.show.figures.updates import OTHERS, budget_figure, parameters_figure
 from service.show.pages.viewer import draw_grid
-from service.show.reports import update_report
 from service.show.reports.as_pdf import as_pdf
 from service.show.reports.blocks import Picture, Report
 from service.show.results.figure_data import UpdateFigures, Wanted, _row_at
 from service.show.results.figures import FIGURES, _shapes, draw_figure, draw_sheets
+from tests.support.judged import judged, observe, values
 
 
 def names(figure: Figure) -> list[str]:
@@ -41,30 +47,24 @@ HZ = np.linspace(10, 100, 7)
 FRF = FrfCurves("point 3", "accelerance", HZ, np.exp(1j * HZ))
 
 
+SURE = Spread(np.ones(7), np.ones(7))
+
+
 @pytest.mark.parametrize(
-    ("curves", "panels", "shades", "curves_named"),
+    ("more", "panels", "shades"),
     [
-        (FRF, 2, 0, ["measured", "measured"]),
-        (replace(FRF, coherence=np.ones(7)), 3, 0, ["measured", "measured"]),
-        (replace(FRF, measured=np.zeros(7, complex)), 2, 0, ["measured", "measured"]),
-        (replace(FRF, spread=Spread(np.ones(7), np.ones(7))), 2, 0, ["measured", "measured"]),
-        (replace(FRF, band_hz=(20, 90)), 2, 4, ["measured", "measured"]),
-        (replace(FRF, held_band_hz=(30, 40)), 2, 2, ["measured", "measured"]),
-        (
-            replace(FRF, models={"updated": FRF.measured}, spread=Spread(np.ones(7), np.ones(7))),
-            2,
-            0,
-            ["updated, 95 %", "measured", "measured", "updated", "updated"],
-        ),
+        ({}, 2, 0), ({"coherence": np.ones(7)}, 3, 0), ({"measured": np.zeros(7, complex)}, 2, 0), ({"spread": SURE}, 2, 0),
+        ({"band_hz": (20, 90)}, 2, 4), ({"held_band_hz": (30, 40)}, 2, 2),
+        ({"models": {"updated": FRF.measured}, "spread": SURE}, 2, 0),
     ],
-)
-def test_an_frf_alone_with_coherence_with_models(
-    curves: FrfCurves, panels: int, shades: int, curves_named: list[str]
-) -> None:
+)  # fmt: skip
+def test_an_frf_alone_with_coherence_with_models(more: dict[str, Any], panels: int, shades: int) -> None:
+    curves = replace(FRF, **more)
     figure = frf_figure(curves)
     assert len(figure.panels) == panels
     assert sum(isinstance(mark, Region) for mark in figure.marks) == shades
-    assert names(figure) == curves_named
+    of_models = (["updated, 95 %"], ["updated", "updated"]) if "models" in more else ([], [])
+    assert names(figure) == [*of_models[0], "measured", "measured", *of_models[1]]
     assert (figure.panels[0].y.range is not None) == bool(curves.measured.any())
 
 
@@ -206,12 +206,10 @@ def test_shapes_of_many_modes_go_over_pages(count: int, sheets: list[int]) -> No
     if count == MOST_ROWS + 1:
         printed = as_pdf(Report("r", "", [Picture(figure, 0.9) for figure in figures]))
         assert printed.count(b"/Subtype /Image") == len(sheets)
-
-
-def test_a_figure_that_is_higher_than_a_page_is_drawn_smaller() -> None:
-    figure = draw_figure(FIGURES, many_modes(41), "shapes", Wanted())
-    assert figure.title.endswith("the first 40 of 41 pairs")
-    assert as_pdf(Report("r", "", [Picture(figure, 1.0)])).count(b"/Type /Page\n") == 1
+        higher = draw_figure(FIGURES, many_modes(count), "shapes", Wanted())  # than a page: it is drawn smaller
+        assert as_pdf(Report("r", "", [Picture(higher, 1.0)])).count(b"/Type /Page\n") == 1
+    if count == 41:
+        assert draw_figure(FIGURES, many_modes(41), "shapes", Wanted()).title.endswith("the first 40 of 41 pairs")
 
 
 # --- numbers of a figure are JSON, whatever was measured ----------------------------------------------------------------
@@ -243,45 +241,27 @@ MODES = [{"number": 1, "measured_hz": 10.0}, {"number": 2, "measured_hz": 20.0}]
 @pytest.mark.parametrize(
     ("name", "data", "why"),
     [
-        (
-            "frf",
-            a_result(NO_LINES, outcomes=[]),
-            "this update predicts no FRFs, because its damping was not fitted to any",
-        ),
-        (
-            "frf",
-            a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
-            "this update predicts no FRFs, because its damping was not fitted to any: no modes",
-        ),
+        ("frf", a_result(NO_LINES, outcomes=[]),
+         "this update predicts no FRFs, because its damping was not fitted to any"),
+        ("frf", a_result(NO_LINES, outcomes=[{"stage": "damping", "message": "no modes"}]),
+         "this update predicts no FRFs, because its damping was not fitted to any: no modes"),
         ("csac", a_result({"frequency_hz": np.ones(3)}), OLDER),
         ("mac", a_result(correlation={"mac_matrix": None}), "the measured modes have no shapes, so there is no MAC"),
         ("sensitivities", a_result({"shape_points": np.zeros(0)}), OLDER),
         ("automac", a_result(correlation={"mac_matrix": [[1.0]]}), OLDER),
         ("shapes", a_result(provenance={"frfs": [{}]}), OLDER),
-        (
-            "shapes",
-            a_result(provenance={"frfs": []}),
-            "there are no FRFs and the modes have no shapes, so there is nothing to draw",
-        ),
+        ("shapes", a_result(provenance={"frfs": []}),
+         "there are no FRFs and the modes have no shapes, so there is nothing to draw"),
         ("posterior", a_result(posterior={"method": "gaussian"}), OLDER),
-        (
-            "budget",
-            a_result(parameters=[{"budget": []}]),
-            "this result does not say what the variance of its parameters is made of",
-        ),
-        (
-            "damping",
-            a_result(damping_models=[], outcomes=[]),
-            "no damping law was fitted: no measured mode has a damping ratio",
-        ),
+        ("budget", a_result(parameters=[{"budget": []}]),
+         "this result does not say what the variance of its parameters is made of"),
+        ("damping", a_result(damping_models=[], outcomes=[]),
+         "no damping law was fitted: no measured mode has a damping ratio"),
         ("damping", a_result(damping_models=[{"name": "rayleigh", "curve": None}]), OLDER),
-        (
-            "stabilisation",
-            a_result(identification=None),
-            "this update was given its modes and identified none, so there is no stabilisation diagram",
-        ),
+        ("stabilisation", a_result(identification=None),
+         "this update was given its modes and identified none, so there is no stabilisation diagram"),
     ],
-)
+)  # fmt: skip
 def test_a_figure_says_why_there_is_nothing_to_draw(name: str, data: UpdateFigures, why: str) -> None:
     with pytest.raises(Conflict) as refused:
         draw_figure(FIGURES, data, name, Wanted())
@@ -319,7 +299,91 @@ def test_points_without_a_geometry_are_seen_from_where_they_spread() -> None:
         assert drawn.marks[0].y > drawn.marks[1].y
 
 
-def test_the_report_names_the_largest_parts_of_a_variance() -> None:
-    rows = [{"name": "Ey", "budget": []}, {"name": "Ex", "budget": [{"source": "the_prior", "share": 0.25}]}]
-    (table,) = update_report._budget(rows)
-    assert table.rows == [["Ex", "the prior 25 %"]]
+# --- the figure of a watched series: what it draws is what the judgement says, on the screen and in print -------------
+
+
+def of_series(watch: Watch, observations: Sequence[Observation]) -> dict[str, Any]:
+    result = judged(observations, watch).document
+    alarm = {"alarm_id": "A", "parameter": "Ex", "campaign_id": "8", "state": "alarm", "note": None}
+    return {
+        **result,
+        "parameters": [{**row, "unit": unit_of(row["name"])} for row in result["parameters"]],
+        "structure_name": "bridge",
+        "monitor_name": "stringer",
+        "campaigns": [{"campaign_id": o.campaign, "name": f"c{o.campaign}"} for o in observations],
+        "alarms": [alarm, {**alarm, "state": "withdrawn"}],
+    }
+
+
+def test_the_figure_shows_the_series() -> None:
+    watch = Watch({"Ex": "both"}, baseline=6, covariates=("temperature_c",))
+    levels = [1.0] * 8 + [0.95] * 2
+    given = of_series(watch, [observe(i, e, temperature_c=float(i % 5)) for i, e in enumerate(levels)])
+    figure = series_figure(given, "Ex")
+    shown = screen(figure)
+    traces = {trace["name"]: trace for trace in shown["data"]}
+    points = given["parameters"][0]["points"]
+    corrected = traces["corrected for temperature"]
+    assert corrected["y"] == [pytest.approx(1e-9 * p["corrected"]) for p in points]
+    assert corrected["customdata"] == [str(i) for i in range(10)]
+    assert corrected["error_y"]["array"] == [pytest.approx(1.959964e-9 * p["standard_deviation"]) for p in points]
+    assert traces["raw"]["y"] == [pytest.approx(1e-9 * p["raw"]) for p in points]
+    assert traces["alarm"]["customdata"] == [["A", "8"]]
+    assert traces["chart, fall"]["y"][-1] == pytest.approx(-points[-1]["judged"]["chart"]["fall"])
+    assert json.loads(render(figure, "plotly")) == shown
+    outside = [p["judged"]["score"] < -given["parameters"][0]["limits"]["score"] for p in points if p["judged"]]
+    beyond = [p["judged"]["residual"] < -p["judged"]["residual_limit"] for p in points if p["judged"]]
+    assert outside == beyond == [False, False, True, True]
+
+
+def test_the_figure_is_printed_as_it_is() -> None:
+    given = of_series(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8, 0.95, 0.95))
+    figure = series_figure(given, "Ex")
+    above, below = draw(figure).axes
+    assert above.get_ylabel() == "Ex [GPa]"
+    chart = next(line for line in below.lines if len(line.get_ydata()) == 4)
+    drawn = next(t["y"] for t in screen(figure)["data"] if t["name"] == "chart, fall")
+    assert list(chart.get_ydata()) == pytest.approx(drawn, rel=1e-6)  # printed to seven digits
+    assert len(above.collections) >= 3  # estimates, their intervals, the alarm, the baseline's band
+    for file_format in ("svg", "png", "pdf"):
+        assert render(figure, file_format) == render(figure, file_format)
+
+
+def test_names_are_drawn_as_they_are() -> None:
+    """Neither TeX, which matplotlib would read between dollars, nor markup, which Plotly would."""
+    given = of_series(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8, 0.95, 0.95))
+    given |= {"structure_name": r"$\frac{1 and $x_{ <b>", "monitor_name": "m" * 200}
+    figure = series_figure(given, "Ex")
+    title = screen(figure)["layout"]["title"]["text"]
+    assert title == r"$\frac{1 and $x_{ &lt;b&gt; – " + "m" * 49 + "…: Ex (alarm)"
+    assert draw(figure).get_suptitle() == title.replace("&lt;", "<").replace("&gt;", ">")
+    assert len(render(figure, "svg")) > 10_000
+
+
+@pytest.mark.parametrize(
+    ("parameter", "label", "factor"),
+    [("a1", "a1 [µs]", 1e6), ("frequency_2", "frequency_2 [Hz]", 1), ("damping_ratio_2", "damping_ratio_2 [%]", 100)],
+)
+def test_axes_have_units(parameter: str, label: str, factor: float) -> None:
+    given = of_series(Watch({"Ex": "fall"}, baseline=6), values(*[1.0] * 8))
+    row = {**given["parameters"][0], "name": parameter, "unit": unit_of(parameter)}
+    figure = screen(series_figure({**given, "parameters": [row], "alarms": []}, parameter))
+    assert figure["layout"]["yaxis"]["title"]["text"] == label
+    assert "UTC" in figure["layout"]["xaxis"]["title"]["text"]
+    assert figure["data"][0]["y"] == [pytest.approx(factor * p["raw"]) for p in row["points"]]
+
+
+def test_units_are_those_of_the_results() -> None:
+    laws = (RAYLEIGH, CaugheySeries("caughey4", (0, 1, 2, 3)), GeneralisedProportional(("constant", "root"), 1.0))
+    for law in laws:
+        for name, unit in zip(law.coefficient_names, law.coefficient_units, strict=True):
+            assert unit_of(name) == unit
+    assert [unit_of(name) for name in ("Ex", "nu_xy", "density", "zeta3", "spring")] == ["Pa", "1", "kg/m³", "1", None]
+
+
+def test_the_figure_of_nothing_says_so() -> None:
+    figure = series_figure({**of_series(Watch({"Ex": "fall"}), values(1.0)), "parameters": []}, "Ex")
+    shown = screen(figure)
+    assert shown["data"] == []
+    assert shown["layout"]["annotations"][0]["text"] == "no campaign has been judged yet"
+    assert render(figure, "svg").startswith(b"<?xml")

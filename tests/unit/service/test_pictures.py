@@ -1,0 +1,150 @@
+"""What pages show: joined points, documents a line each, findings at a result's head, bars of parameters."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fecore.frf import Dof
+from fecore.modes import MeasuredModes
+from fecore.updating.findings import FINDINGS, found, warnings
+from service.show.figures.modes import chains, joined, joined_as
+from service.show.measured import _by_axis
+from service.show.pages.comparing import _told_apart, leaves
+from service.show.pages.found import MOST, PLACES, REMEDIES, bar, opening
+
+GRID = np.array([(0.045 * i, 0.02 * j, 0.0) for i in range(11) for j in range(3)])
+
+
+def test_irregular_points_are_joined_to_neighbours_in_one_net_and_never_over_a_point() -> None:
+    places = np.random.default_rng(1).random((60, 3)) * [1.0, 0.3, 0.0]
+    found = joined(places)
+    reached, rest = {0}, list(found)
+    for _ in places:
+        reached |= {k for pair in rest if reached & set(pair) for k in pair}
+    assert reached == set(range(60))
+    for i, j in found:
+        others = np.delete(places, [i, j], axis=0)
+        away = np.linalg.norm(others - (places[i] + places[j]) / 2, axis=1)
+        assert away.min() > np.linalg.norm(places[i] - places[j]) / 2
+
+
+@pytest.mark.parametrize(
+    ("places", "pairs"),
+    [([], []), ([[0, 0, 0]], []), ([[0, 0, 0], [0, 0, 0]], []), ([[0, 0, 0], [1, 0, 0]], [(0, 1)])],
+)
+def test_two_places_have_a_line(places: list[list[float]], pairs: list[tuple[int, int]]) -> None:
+    assert joined(np.array(places, dtype=float).reshape(-1, 3)) == pairs
+
+
+def test_lines_go_on_along_a_grid_and_hold_each_pair_once() -> None:
+    found = chains(GRID)
+    assert sorted(len(line) for line in found) == [3] * 11 + [11] * 3
+    held = sorted((min(a, b), max(a, b)) for line in found for a, b in itertools.pairwise(line))
+    assert held == joined(GRID)
+    assert len(held) == 11 * 2 + 10 * 3
+    irregular = np.random.default_rng(2).random((40, 3)) * [1.0, 0.5, 0.0]
+    held = sorted((min(a, b), max(a, b)) for line in chains(irregular) for a, b in itertools.pairwise(line))
+    assert held == joined(irregular)
+
+
+def test_trace_lines_come_before_neighbours() -> None:
+    places = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]])
+    assert joined_as([(10, 30, 0, 30, 20), (20, 30, 77, 10)], [10, 20, 30], places) == [(0, 2), (1, 2)]
+    assert joined_as([(0, 77, 10)], [10, 20, 30], places) == joined(places) == [(0, 1), (1, 2)]
+
+
+def test_shapes_are_compared_along_positive_axes() -> None:
+    shapes = np.array([[1.0 + 0j, 2.0]])
+    modes = MeasuredModes(np.array([10.0]), np.array([0.01]), shapes, (Dof(1, 3), Dof(2, -3)))
+    assert {key: value.tolist() for key, value in _by_axis(modes).items()} == {(1, 3): [1.0], (2, 3): [-2.0]}
+    assert _by_axis(MeasuredModes(np.array([10.0]), np.array([0.01]))) == {}
+
+
+@pytest.mark.parametrize(
+    ("value", "line"),
+    [
+        ({"material": {"Ex_Pa": 33.05e9}}, ("material Ex", "33.05 GPa")),
+        ({"temperature_c": 21.5}, ("temperature", "21.5 °C")),
+        ({"humidity_percent": None}, ("humidity percent", "–")),
+        ({"hold_out": {"points": [1, 2]}}, ("hold out points", "1, 2")),
+        ({"parameters": [{"name": "Ex"}]}, ("parameters 1 name", "Ex")),
+        ({"use_shapes": True}, ("use shapes", "True")),
+    ],
+)
+def test_a_document_is_written_a_line_each_in_a_laboratorys_units(value: object, line: tuple[str, str]) -> None:
+    assert list(leaves(value)) == [line]
+
+
+def test_names_are_as_long_as_they_must_be() -> None:
+    twice = ("May", "bar", "1")
+    assert _told_apart([twice, twice, ("June", "bar", "1")]) == ["May, bar, 1", "May, bar, 1", "June"]
+
+
+# --- what a result opens with: at most three findings with what to do, the rest as notes ------------------------------
+
+
+NOTES = ("measurement", "pairing", "without_joints", "campaign_missed", "campaign_modes_alone")
+"""Kinds that nobody acts on from here: remarks on the processing, and those of joint updates, whose page names the campaign."""
+
+WINDOW = found("window_unstated", name="a0", percent=14.0)
+MISSED = found("frequencies_missed", percent=2.3)
+TURNED = found("frf_turned", who="FRF 33Z/4Z (-1.00) has", of="model")
+
+
+def of_findings(*findings: Any, notes: tuple[str, ...] = ()) -> dict[str, Any]:
+    rows = [{"kind": f.kind, "level": f.level, "text": f.text} for f in findings]
+    texts = [f.text for f in findings]
+    return {"findings": rows, "warnings": [*notes, *texts], "verdict": {"reasons": texts[:2]}}
+
+
+def test_each_kind_of_finding_says_what_to_do_and_where() -> None:
+    assert REMEDIES.keys() | set(NOTES) == FINDINGS.keys()
+    for kind, (place, advice) in REMEDIES.items():
+        assert advice or FINDINGS[kind].advice, f"{kind} says nothing to do"
+        assert place in PLACES
+
+
+def test_a_result_opens_with_three_findings_and_keeps_the_rest_as_notes() -> None:
+    many = [MISSED, TURNED, WINDOW, found("samples_differ", name="Ex", ratio=1.4)]
+    steps, notes = opening(of_findings(*many, notes=("coupons: a mean",)))
+    assert len(steps) == MOST
+    assert steps[0].advice == "Find the cause before you use the estimates."
+    assert steps[0].text.endswith("geometry, density or boundary wrong.")
+    assert notes == ["coupons: a mean", many[3].text]
+
+
+def test_alike_findings_are_one_step_that_names_them() -> None:
+    other = found("frf_turned", who="FRF 5Z/4Z (-0.98) has", of="model")
+    (folded,) = warnings((TURNED, other))
+    assert folded == f"{TURNED.text} (likewise: FRF 5Z/4Z (-0.98))"
+    made = of_findings(TURNED, other) | {"warnings": [folded], "verdict": {"reasons": [TURNED.text, other.text]}}
+    steps, notes = opening(made)
+    assert [step.text for step in steps] == [f"{folded}"]
+    assert notes == []
+
+
+def test_a_result_without_findings_shows_its_sentences_once() -> None:
+    old = {"findings": None, "warnings": ["a", "b"], "verdict": {"reasons": ["a"]}}
+    assert opening(old) == ([], ["a", "b"])
+
+
+@pytest.mark.parametrize("prior_sd", [9.0e9, None])
+def test_a_bar_has_the_estimate_inside_its_interval(prior_sd: float | None) -> None:
+    row = {"unit": "Pa", "interval_95": [29e9, 34e9], "estimate": 31e9, "initial": 33e9, "standard_deviation": 1.4e9}
+    made = bar({**row, "prior_mean": 33e9 if prior_sd else None, "prior_sd": prior_sd})
+    assert made is not None
+    left, wide = made.posterior
+    assert left < made.estimate < left + wide
+    assert (made.prior is None) == (prior_sd is None)
+    assert "29.0 to 34.0" in made.words
+    if made.prior is not None:
+        assert made.prior[1] == pytest.approx(96.0, abs=0.01)
+        assert wide == pytest.approx(96 * 5 / (2 * 1.96 * 9), abs=0.01)  # of a prior 35.3 GPa wide
+
+
+def test_a_parameter_without_an_interval_has_no_bar() -> None:
+    assert bar({"interval_95": [None, None], "prior_sd": None}) is None
