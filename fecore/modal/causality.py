@@ -11,8 +11,6 @@ below 0 for FRF i as it should be. By Parseval's theorem the numerator is the su
 response in a record of length T.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import FloatArray

@@ -8,8 +8,6 @@ value decomposition U S Vᵀ; its leading rows UᵀH/a are themselves FRFs with 
 symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all FRFs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

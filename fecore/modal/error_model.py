@@ -10,8 +10,6 @@ shape of mode k, m_ik its part in FRF i, they are the relative error of its curv
     e_k(l) = Σ_i w_i m̄_ik r_i / Σ_i w_i |m_ik|².
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
