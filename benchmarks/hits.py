@@ -3,9 +3,9 @@
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 
@@ -103,31 +103,19 @@ def hits_accuracy(campaigns: int = 18, repeats: int = 40) -> None:
     columns = ("scale off, median:.3%", "worst:.2%", "1 - log-correlation, median:.1e", "worst:.1e", "within:.0%")
     table = Table(title, "hits:16", "FRFs:d", *columns)
     for name, spread in (("on the point", 0.0), ("2 mm beside", hammer.PLACE_SD_M)):
-        with _places_within(spread):
+        with patch.object(hammer, "PLACE_SD_M", spread):
             found = np.array([row for number in range(campaigns) for row in _against_exact(number)])
         scale, unlike = np.abs(found[:, 0] - 1), 1 - found[:, 1]
         within = np.mean((scale < 0.01) & (unlike < 0.001))
         table.row(name, len(found), np.median(scale), scale.max(), np.median(unlike), unlike.max(), within)
     print(
-        f"\nstated variance over the seen one, {repeats} repetitions of four hits each (1 is right), median over the lines:"
+        f"\nstated variance over the seen one, {repeats} repetitions of four hits (1 is right), median over the lines:"
     )
     print("  ".join(f"{_variance_ratio(number, repeats):.2f}" for number in range(min(6, campaigns))))
     rates = (0.0, 0.5, 1.0, 3.0)
-    print(
-        "\ndamping ratio over the true one, first two elastic modes, window rates of "
-        + ", ".join(f"{r:g}" for r in rates)
-    )
+    print(f"\ndamping ratio over the true one, first two elastic modes, window rates of {rates}")
     for number in range(min(4, campaigns)):
         print("  ".join(f"{ratio:.4f}" for ratio in _under_windows(number, rates).ravel()))
-
-
-@contextmanager
-def _places_within(spread: float) -> Iterator[None]:
-    before, hammer.PLACE_SD_M = hammer.PLACE_SD_M, spread
-    try:
-        yield
-    finally:
-        hammer.PLACE_SD_M = before
 
 
 def _against_exact(number: int) -> Iterator[tuple[float, float]]:
@@ -156,7 +144,7 @@ def _good(bench: Bench, places: Sequence[tuple[float, float]], hits: int) -> lis
 
 
 def _variance_ratio(number: int, repeats: int) -> float:
-    with _places_within(0.0):
+    with patch.object(hammer, "PLACE_SD_M", 0.0):
         bench = _bench(number)
         windows = Processing(windows=Windows(40 / bench.laboratory.sample_rate_hz, 1.0))
         every = [process(by_point(_good(bench, [(0.7, 0.3)], 4)), windows) for _ in range(repeats)]

@@ -21,6 +21,7 @@ from service.app.demo import paper
 from service.compute.updating import compute_update
 from service.jobs.queue import request_cancel
 from service.store.updating.loading import load_update
+from service.store.updating.tables import UpdateJob
 from tests.support.floor import Floor, floor
 from tests.support.rest import RAW, campaigns_of, posted
 from tests.support.working import look, wait
@@ -125,7 +126,7 @@ def _real_jobs(here: Floor, jobs: int) -> Iterator[Row]:
         runs = [_run(api, campaign, recipe) for _ in range(jobs + 1)][1:]  # the first one warms the caches of files
         wall, started, ids = zip(*runs, strict=True)
         with here.sessions() as session:
-            inputs = load_update(session, UUID(ids[-1]), here.folder)
+            inputs = load_update(session, session.get_one(UpdateJob, UUID(ids[-1])), here.folder)
         bare = [timed(lambda: list(compute_update(inputs, _Quiet())))[1][0] for _ in range(jobs + 1)][1:]
         yield "POST to started, over REST, median / worst", _spread(started), "< 100 ms"
         yield "real job over REST, median / worst", _spread(wall), ""

@@ -1,6 +1,6 @@
 """Made campaigns with bad hits of every kind, and what each hit's FRF is off by.
 
-The bodies, analysers and habits of `benchmarks.hammer` and `benchmarks.hits_habits`, with 1 to 5 hits a point and up to 40 % of
+The bodies, analysers and habits of `tests.support.hammer` and `habits`, with 1 to 5 hits a point and up to 40 % of
 the hits bad. Beside the faults of `hammer.FAULTS`:
 
 `saturated` a soft amplifier; `truncated` the recording ends before the block; `dropout` the sensor's cable is loose for a

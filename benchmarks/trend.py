@@ -53,10 +53,9 @@ SCENARIOS = (
 )
 
 CHARTS = {
-    "EWMA": (Chart("ewma"), 1),
-    "EWMA, 2 in a row": (Chart("ewma"), 2),
-    "CUSUM": (Chart("cusum"), 1),
-    "Shewhart, our scores": (Chart("shewhart"), 1),
+    "EWMA": Chart("ewma"),
+    "CUSUM": Chart("cusum"),
+    "Shewhart, our scores": Chart("shewhart"),
 }
 
 
@@ -85,9 +84,9 @@ def _alike(e: FloatArray, phi: float) -> FloatArray:
     return e
 
 
-def first_alarm(series: dict[str, Series], chart: Chart, pending: int, baseline: int) -> int | None:
+def first_alarm(series: dict[str, Series], chart: Chart, baseline: int) -> int | None:
     """Watched campaign of the first alarm, from 0."""
-    watch = Watch(DIRECTIONS, baseline, ("temperature_c",), RATE, HORIZON, pending, chart)
+    watch = Watch(DIRECTIONS, baseline, ("temperature_c",), RATE, HORIZON, chart=chart)
     timelines = [trend.timeline for trend in assess(series, watch).parameters.values()]
     return min((i for line in timelines for i, moment in enumerate(line) if moment.state is State.ALARM), default=None)
 
@@ -124,6 +123,6 @@ def trend(sets: int = 200, seed: int = 100) -> None:
         drawn = [simulate(scenario, rng) for _ in range(sets)]
         changes, baseline = bool(scenario.factors), scenario.baseline
         table = Table(f"{scenario.name} ({sets} series)", "chart:20", *(FOUND if changes else FALSE))
-        for label, (chart, pending) in CHARTS.items():
-            table.row(label, *calls([first_alarm(s, chart, pending, baseline) for s in drawn], changes))
+        for label, chart in CHARTS.items():
+            table.row(label, *calls([first_alarm(s, chart, baseline) for s in drawn], changes))
         table.row("Shewhart, raw values", *calls([first_beyond(s, baseline) for s in drawn], changes))

@@ -4,10 +4,9 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import typer
 from fastapi import FastAPI
@@ -21,25 +20,17 @@ from service.web.routing import include
 METHODS = ("get", "post", "put", "patch", "delete")
 
 
-@dataclass(frozen=True)
-class Described:
-    """A route of the OpenAPI document: the client's method, HTTP's, the path below the prefix, what the document says."""
+class Described(NamedTuple):
+    """A route of the OpenAPI document: the client's method, HTTP's, the path below the prefix, the query's parameters, what it
+    does by the first paragraph on one line, and its tag.
+    """
 
     name: str
     method: str
     path: str
-    operation: dict[str, Any] = field(repr=False)
-
-    @property
-    def query(self) -> tuple[str, ...]:
-        """Names of the query's parameters."""
-        return tuple(one["name"] for one in self.operation.get("parameters", ()) if one["in"] == "query")
-
-    @property
-    def summary(self) -> str:
-        """The first paragraph of what the route does, on one line."""
-        text = self.operation.get("description") or self.operation["summary"]
-        return " ".join(text.split("\n\n")[0].split())
+    query: tuple[str, ...]
+    summary: str
+    tag: str
 
 
 @cache
@@ -53,17 +44,17 @@ def document() -> dict[str, Any]:
 
 def described(openapi: dict[str, Any]) -> list[Described]:
     """The routes of a document, named after their functions; where two have one name, by path: `get_imports_original`."""
-    found = []
-    for path, operations in openapi["paths"].items():
-        for method in METHODS:
-            if method in operations:
-                name = operations[method]["operationId"].split(PREFIX.replace("/", "_"))[0]
-                found.append((name, method, path.removeprefix(PREFIX).lstrip("/"), operations[method]))
-    often = Counter(name for name, *_ in found)
-    return [
-        Described(name if often[name] == 1 else _longer(name, path), method.upper(), path, operation)
-        for name, method, path, operation in found
-    ]
+    found = [(path, m, each[m]) for path, each in openapi["paths"].items() for m in METHODS if m in each]
+    names = [operation["operationId"].split(PREFIX.replace("/", "_"))[0] for _, _, operation in found]
+    often, routes = Counter(names), []
+    for name, (whole, method, operation) in zip(names, found, strict=True):
+        path = whole.removeprefix(PREFIX).lstrip("/")
+        query = tuple(one["name"] for one in operation.get("parameters", ()) if one["in"] == "query")
+        text = operation.get("description") or operation["summary"]
+        summary, tag = " ".join(text.split("\n\n")[0].split()), next(iter(operation.get("tags", ["other"])))
+        own = name if often[name] == 1 else _longer(name, path)
+        routes.append(Described(own, method.upper(), path, query, summary, tag))
+    return routes
 
 
 def _longer(name: str, path: str) -> str:
@@ -95,7 +86,7 @@ def rest_page() -> str:
     ]  # fmt: skip
     by_tag: dict[str, list[Described]] = {}
     for route in described(document()):
-        by_tag.setdefault(next(iter(route.operation.get("tags", ["other"]))), []).append(route)
+        by_tag.setdefault(route.tag, []).append(route)
     for tag, found in by_tag.items():
         lines += [f"## {tag.capitalize()}", "", *map(_route, found), ""]
     return "\n".join(lines)

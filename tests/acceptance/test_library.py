@@ -302,7 +302,7 @@ def test_a_deck_goes_in_and_comes_back(lab: modalbase.Laboratory, tmp_path: Path
     uff.write_bytes(measured())
     campaign = bracket.new_campaign("free", "free", window_rate_per_s=0)
     campaign.import_file(uff)
-    result = campaign.update(damping_models=["rayleigh"]).result()
+    result = campaign.update(parameters=[{"name": "web.E1"}], damping_models=["rayleigh"]).result()
     updated = read_inp(result.deck(back).read_bytes())
     assert b"measured mode 1, expanded" in result.shapes(back.with_suffix(".vtu")).read_bytes()
     (name,) = updated.sections["web"].materials

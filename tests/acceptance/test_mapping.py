@@ -15,8 +15,9 @@ from service.app.supervisor import LocalService
 from service.jobs.resource import ENDED
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_forms import fill
+from tests.golden.inputs import new_campaign
 from tests.support.browser import hindrances, watched_page
-from tests.support.rest import client_at, ok, posted
+from tests.support.rest import client_at, finished, ok
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
 from tests.unit.fecore.signal.test_recording import RATE, recording
@@ -98,10 +99,7 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser,
     """A TDMS whose order was wrong first, wavs of a point each read together, FRFs in two parts; what was typed is kept."""
     key = service.new_key("mapper")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        project = posted(api, "projects", {"name": "files"})["id"]
-        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
-        body = {"name": "June", "boundary": "free"}
-        campaign = posted(api, f"structures/{structure}/campaigns", body)["id"]
+        campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
         files = {"june.tdms": tdms([1.0, 4.0, 7.0], 10.0), "point_4.wav": wav([1.0, 4.0], 7.0)}
         files |= {"point_5.wav": wav([1.5, 4.5], 7.5), "frfs.mat": mat(f=FREQUENCY, Hr=VALUES.real, Hi=VALUES.imag)}
@@ -181,7 +179,21 @@ def time_block(kind: int, unit: str, point: int, samples: np.ndarray) -> bytes:
     return set_58(*rows, abscissa=axis(17, "s"), ordinate=axis(kind, unit), **header, **place)
 
 
-@pytest.mark.parametrize("form", ["npz", "mat", "csv", "uff"])
+@pytest.mark.parametrize("form", ["mat", "csv"])
+def test_of_other_formats_the_same_recording_is_proposed(api: httpx.Client, campaign: str, form: str) -> None:
+    """So the form below asks the same of them as of an npz."""
+    looked = []
+    for each in ("npz", form):
+        content = arrays(each, [1.0, 4.0, 7.0], 10.0)
+        params = {"filename": f"minutes.{each}", "dry_run": True}
+        answer = api.post(f"campaigns/{campaign}/imports", params=params, content=content)
+        looked.append(finished(api, answer.headers["Location"])["found"]["mapping"])
+    assert looked[0]["recording"] == looked[1]["recording"]
+    assert looked[0]["channels"] == looked[1]["channels"]
+    assert all(mapping["sample_rate_hz"] for mapping in looked)
+
+
+@pytest.mark.parametrize("form", ["npz", "uff"])
 def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
     running: Browser, service: LocalService, form: str
 ) -> None:
@@ -190,9 +202,7 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
     """
     key, name = service.new_key("minutes"), f"minutes.{form}"
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        project = posted(api, "projects", {"name": "minutes"})["id"]
-        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
-        campaign = posted(api, f"structures/{structure}/campaigns", {"name": "June", "boundary": "free"})["id"]
+        campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
         dropped(page, {name: arrays(form, [1.0, 4.0, 7.0], 10.0)})
         if form == "uff":
@@ -224,9 +234,7 @@ def test_a_phone_asks_the_same(running: Browser, service: LocalService) -> None:
         client_at(service.url, key) as api,
         watched_page(running, service.url, width=390, height=844, dark=True) as seen,
     ):
-        project = posted(api, "projects", {"name": "small"})["id"]
-        structure = posted(api, f"projects/{project}/structures", {"name": "bar"})["id"]
-        campaign = posted(api, f"structures/{structure}/campaigns", {"name": "June", "boundary": "free"})["id"]
+        campaign = new_campaign(api, {"name": "bar"}, boundary="free")
         page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
         dropped(page, {"long.wav": wav([1.0, 4.0], 7.0), "frfs.mat": mat(f=FREQUENCY, H=VALUES)})
         assert (overflow(seen), hindrances(page)) == (0, [])

@@ -8,10 +8,13 @@ import numpy as np
 
 from fecore.body.beam_specimen import BeamSpecimen
 from fecore.body.beams import BeamSection
-from fecore.body.generators import Piece
+from fecore.body.generators import Piece, panel
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.sections import section
+from fecore.body.mesh import Block
+from fecore.body.model import Model
+from fecore.body.sections import ShellSection, section
 from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen
+from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, Spring, edges, of_boundary
 from fecore.correlation import csac, csf, frac, frequency_error, mac, pair_modes, sac
 from fecore.dynamics.damping_laws import (
@@ -21,9 +24,12 @@ from fecore.dynamics.damping_laws import (
     ModalDamping,
     fit_ratios,
 )
+from fecore.dynamics.dense import largest_eigenpairs
+from fecore.dynamics.eigen import normal_modes
 from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
 from fecore.updating.discretisation import discretise
+from fecore.updating.forecasts import ForecastOrder, forecast
 from fecore.updating.laws import laws_of
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter, parametrise
@@ -31,7 +37,8 @@ from fecore.updating.pipeline import update
 from fecore.updating.plans import PlannedTest, plan_tests
 from fecore.updating.recipe import HoldOut, Recipe
 from tests.corpus.updates import BEAM, identified, measured
-from tests.support.plates import PAPER, plate
+from tests.support.plates import PAPER, matrices, paper_section, plate
+from tests.support.shells import grid
 from tests.support.strips import NOMINAL, STRIP
 
 SIZE, MESH = (0.5, 0.04, 0.01), ((0.5, 0.04), (4, 2))
@@ -41,12 +48,27 @@ STACK = LayeredSpecimen(0.3, 0.2, 0.004, (Ply(PAPER, 0.002), Ply(PAPER, 0.002, 9
 ONE, TWO = np.ones((1, 3)), np.ones((2, 3))
 FREE = OrientedSpecimen(*STRIP, NOMINAL, "free", divisions=(16, 3))
 CAMPAIGN = Campaign("a", "s", FREE, MeasuredModes(np.array([400.0, 1100.0]), np.full(2, np.nan)))
+QUADS, FOURS = (grid(kind, 2, 2, lambda st: np.column_stack([st, 0 * st[:, 0]])) for kind in ("quad8", "quad4"))
+K, M = matrices(plate((0.5, 0.04), (2, 1), of_boundary("cantilever")), paper_section())
+WALL = ShellSection((Ply(PAPER, 0.01),))
 TEST = PlannedTest("s", FREE, 4300.0, ((0.1, 0.0), (0.2, 0.01)), 1, specimen="s")
 
 
 def material(**wrong: Any) -> OrthotropicMaterial:
     right = {"Ex": 1e9, "Ey": 1e9, "Gxy": 1e9, "Gxz": 1e9, "Gyz": 1e9, "nu_xy": 0.3, "density": 1.0}
     return OrthotropicMaterial(**{**right, **wrong})
+
+
+def shell(wall: ShellSection = WALL, elements: np.ndarray | None = None, name: str = "plate", **wrong: Any) -> Model:
+    """The model of four elements with another wall, elements or set, or whose mesh is changed."""
+    block = Block("quad8", QUADS.blocks[0].nodes if elements is None else elements, name)
+    return Structure(replace(QUADS, **{"blocks": (block,), **wrong}), {"plate": wall}).model
+
+
+def foreseen(*, divisions: tuple[int, int] = (8, 2), **order: Any) -> object:
+    """Of modes, or of places at point 7."""
+    asked = {"labels": [7], **order} if "places" in order else order
+    return forecast(replace(BODY, divisions=divisions), ForecastOrder(**asked))
 
 
 def unplaced() -> object:
@@ -115,6 +137,27 @@ BODIES: list[tuple[Callable[[], object], str]] = [
     (lambda: OrientedSpecimen(*STRIP, NOMINAL, clamp_compliance=-1.0), "clamp_compliance: is -1.0, expected EI/kL, not"),
     (lambda: discretise(replace(BODY, length=500.0, width=40.0, thickness=10.0), 1500.0),
      "geometry: of 500 × 40 × 10 m takes "),
+    (lambda: normal_modes(K, M, 0), "count: is 0, expected at least 1 and at most 30: the model has 30 dofs and 0 rigid-body"),
+    (lambda: normal_modes(K, M, 31), "count: is 31, expected at least 1 and at most 30: the model has 30 dofs and 0 rigid"),
+    (lambda: normal_modes(K, -M, 3), "the mass matrix is not positive definite: is the density right? At dof 9 it has -0.0715"),
+    (lambda: normal_modes(K - 1e6 * M, M, 3), "the stiffness is not positive definite: are the supports and the constants"),
+    (lambda: largest_eigenpairs(np.eye(3), np.diag([1.0, -1.0, 1.0]), 1), "the reduced stiffness is not positive definite:"),
+    (lambda: shell(blocks=()), "mesh.blocks: is empty, expected elements"),
+    (lambda: shell(elements=QUADS.blocks[0].nodes[:, [0] * 8]), "mesh: element 1 of a block has no area"),
+    (lambda: shell(name="other"), "sections: has none for the set other; there are plate"),
+    (lambda: shell(nodes=QUADS.nodes[:, :2]), "mesh.nodes: have the shape (21, 2), expected finite (n, 3)"),
+    (lambda: shell(nodes=QUADS.nodes[:-1]), "mesh.nodes: of set plate name node 20, which is not there"),
+    (lambda: Structure(FOURS, {"plate": replace(WALL, axis=(0.0, 0.0, 1.0))}).model,
+     "section.axis: is along the normal of an element; give an axis 1"),
+    (lambda: panel(0.4, 0.3, 0.05, 0.004, 0.006, (0.0, 0.0)), "shape.ribs: lie at [0.0, 0.0] m, expected rising places"),
+    (lambda: foreseen(highest_hz=10.0), "highest_hz: is 10 Hz and holds 0 modes; the first is at 25."),
+    (lambda: foreseen(divisions=(40, 4), highest_hz=1e6), "highest_hz: is 1e+06 Hz and holds 1680 modes; the first is at"),
+    (lambda: foreseen(modes=3, damping_ratio=0.01, spacing_hz=1e-4), "line_spacing_hz: of 0.0001 makes more than 20000 lines"),
+    (lambda: foreseen(modes=3, damping_ratio=0.01, spacing_hz=1e6), "line_spacing_hz: of 1e+06 leaves no line up to 40"),
+    (lambda: foreseen(places=np.array([[2.0, 0, 0]])), "grid_points: point 7 at (2, 0, 0) m lies 1.5e+03 mm off the"),
+    (lambda: foreseen(places=np.array([[0.2, 0, 3]])), "grid_points: point 7 at (0.2, 0, 3) m lies 3e+03 mm off the"),
+    (lambda: foreseen(places=np.array([[0.2, 0, 0]]), axes=np.array([1])),
+     "points: 7 has direction 1, along which this model does not move"),
     (lambda: mac([[1, 2]], [[1, 2, 3]]), "shapes: have 2 and 3 dofs, expected the same dofs"),
     (lambda: mac([[1, np.nan]], [[1, 2]]), "a: holds NaN or infinite values"),
     (lambda: mac([[1]], [[np.nan]]), "b: holds NaN or infinite values"),

@@ -5,8 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from modalbase.formats.machine_csv import read_machine_csv
-from modalbase.formats.machine_csv.read import Column
+from modalbase.formats.machine_csv import Column, read_machine_csv
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.matrices import read_matrices

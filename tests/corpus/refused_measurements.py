@@ -18,10 +18,11 @@ from fecore.coupons import d3039, d3518
 from fecore.coupons.batch import CouponResult, Statistics, prior, statistics
 from fecore.coupons.curves import Curve, chord
 from fecore.frf import Dof, FrfSet, along_z
-from fecore.modal import Options, identify
+from fecore.modal import Options, identify, shapes_at_poles
 from fecore.modes import MeasuredModes
-from fecore.signal import Block, Hit, Processing, process
+from fecore.signal import Block, Hit, Processing, Strip, process
 from fecore.signal.estimators import check_estimator
+from fecore.signal.recording import survey
 from fecore.signal.windows import Windows, remove_window
 from fecore.trend.baseline import fit_baseline
 from fecore.trend.change import ChangePoint, rate_since_onset
@@ -32,10 +33,11 @@ from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.plans import plan_tests
 from fecore.updating.recipe import Recipe
+from tests.support.beams import PAPER_HZ, PAPER_ZETA, paper_frfs
 from tests.support.fits import update_elastic
 from tests.support.plates import PAPER
 
-LINES = np.arange(4.0)
+LINES, LONG = np.arange(4.0), np.arange(512)
 Z = Dof(1, 3)
 
 
@@ -56,6 +58,14 @@ def block(**wrong: Any) -> Block:
 
 def hit(force: dict[str, Any] | None = None, quantity: str = "acceleration", **response: Any) -> Hit:
     return Hit(block(**(force or {})), (block(quantity=quantity, **response),), 1000.0)
+
+
+def silent(samples: int) -> Hit:
+    return hit({"samples": np.zeros(samples)}, samples=np.zeros(samples))
+
+
+def at_poles(hz: Any, zeta: Any, **choices: Any) -> object:
+    return shapes_at_poles(paper_frfs(0.0), np.array(hz), np.array(zeta), **choices)
 
 
 def curve(**wrong: Any) -> Curve:
@@ -123,6 +133,17 @@ MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
     (lambda: frfs().band(10, 20), "band_hz: no frequency line lies in 10 to 20 Hz"),
     (lambda: frfs().to_quantity("receptance"), "frequency_hz: a line at 0 Hz has no receptance; leave it out"),
     (lambda: identify(frfs(), Options((3, 1))), "band_hz: is 3 to 1 Hz, expected 0 <= low < high"),
+    (lambda: identify([]), "frfs: is empty, expected at least one FRF"),
+    (lambda: identify(frfs(values=np.zeros((1, 4)))), "no FRF is usable: 1Z/1Z is zero at all lines: a dead channel; check"),
+    (lambda: identify(paper_frfs(0.0).band(100.0, 108.0)), "no FRF is usable: 33Z/1Z has only 9 measured lines in the band,"),
+    (lambda: identify(paper_frfs(0.0), Options(band_hz=(2e3, 3e3))), "band_hz: no FRF has a line in 2000 to 3000 Hz"),
+    (lambda: identify(frfs(variance=np.zeros((1, 4)))), "variance: must be positive (infinite where nothing was measured, NaN"),
+    (lambda: Options(highest_order=1), "highest_order: is 1, expected 4 to 200"),
+    (lambda: at_poles([25.0], [np.nan]), "damping_ratio: must be above 0 and below 1 to find shapes from FRFs (a ratio,"),
+    (lambda: at_poles([-25.0], [0.1]), "frequency_hz: must be positive and ascend"),
+    (lambda: at_poles([160.0, 160.0], [0.02, 0.02]), "the model's terms cannot be distinguished on the measured lines: two"),
+    (lambda: at_poles(PAPER_HZ, PAPER_ZETA, band_hz=(155.0, 158.0)),
+     "5 poles and the residual terms are 15 unknowns an FRF, but 33Z/1Z has only 4 lines; use a"),
     (lambda: modes(frequency_hz=np.zeros(0), damping_ratio=np.zeros(0)), "modes: is empty, expected at least one mode"),
     (lambda: modes(frequency_hz=np.array([0.0, 1])), "frequency_hz: must be positive and finite"),
     (lambda: modes(frequency_hz=np.array([2.0, 1])), "frequency_hz: must ascend"),
@@ -133,6 +154,13 @@ MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
     (lambda: modes(covariance=np.eye(2)), "covariance: has shape (2, 2), expected (4, 4)"),
     (lambda: block(quantity="strain"), "quantity: is 'strain', expected one of force, acceleration, velocity,"),
     (lambda: block(full_scale=0.0), "full_scale: is 0.0, expected a positive number"),
+    (lambda: block(samples=np.ones(10)), "samples: has shape (10,), expected 64 samples or more"),
+    (lambda: block(samples=np.where(LONG == 7, np.nan, 1.0)), "samples: of the force hold NaN or infinity, first at sample 8"),
+    (lambda: block(window_rate_per_s=-1.0), "window_rate_per_s: is -1.0, expected 0 or more per second"),
+    (lambda: hit({"quantity": "acceleration"}), "force: holds acceleration; the channels are swapped, or their names are"),
+    (lambda: hit(samples=np.zeros(100)), "responses: has 100 samples at point 1, the force 512; both channels of a hit are"),
+    (lambda: replace(hit(), responses=()), "responses: is empty; a hit needs a response"),
+    (lambda: replace(hit(), sample_rate_hz=0.0), "sample_rate_hz: is 0.0, expected a positive number"),
     (lambda: hit(quantity="force"), "responses: holds a force; a hit has one hammer"),
     (lambda: Processing(delay_s=1.0), "delay_s: is 1.0, expected less than a second"),
     (lambda: Processing(band_hz=(3, 1)), "band_hz: is (3, 1), expected two increasing frequencies in Hz"),
@@ -149,6 +177,17 @@ MEASUREMENTS: list[tuple[Callable[[], object], str]] = [
      "hits: differ: hit 2 of point 1 measures velocity, the first"),
     (lambda: process([[hit(), replace(hit(window_rate_per_s=3.0), number=2)]]),
      "window_rate_per_s: differs: hit 2 of point 1 carries 3 per second, the first 0;"),
+    (lambda: process([[hit(), replace(silent(256), number=2)]]),
+     "hits: differ: hit 2 of point 1 has 256 samples at 1000 Hz, the first 512 at 1000 Hz;"),
+    (lambda: process([[silent(512)] * 3]), "hits: none of the hits is good (late, quiet); see the verdicts, and overrule"),
+    (lambda: process([[hit()]], Processing(band_hz=(0.0, 0.8))), "band_hz: is 0 to 0.8 Hz and holds 1 of the lines, which"),
+    (lambda: process([[hit()]], Processing(delay_s=-0.3)), "delay_s: is -0.3 s, expected at most half a block of 0.512 s"),
+    (lambda: Strip(0.0, 1.0), "mass_per_length: is 0.0, expected a positive number"),
+    (lambda: survey([1e-3 * np.random.default_rng(1).standard_normal((2, 4096))], 2048.0, 0),
+     "recording: has no hit: the force reaches 0.00375 at 0.42 s and 0.00185 in the pauses; a hit has"),
+    (lambda: survey([np.array([LONG == 40, np.where(LONG == 300, np.nan, 0.0)])], 2048.0, 0),
+     "recording: holds NaN or infinity in channel 2 behind sample 301"),
+    (lambda: Measurement(frfs(), {}, roving_mass=-0.001), "roving_mass: is -0.001, expected kg, not negative"),
     (lambda: fit_baseline(of_series(covariates={"c": np.full(6, np.nan)}), 5, ("c",)),
      "baseline: needs 5 campaigns with all covariates, Ex has 0 of 6"),
     (lambda: rate_since_onset(_change("step"), 1.0), "change: is a step, which has no rate"),

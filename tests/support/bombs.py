@@ -21,7 +21,7 @@ import psutil
 
 from modalbase.formats.recognise import FORMATS
 from service.app.supervisor import LocalService
-from tests.support.rest import campaigns_of, client_of
+from tests.support.rest import campaigns_of, client_of, finished
 
 MIB = 1024 * 1024
 LARGE, MOST_GROWTH, MOST_SECONDS = 512, 60e6, 0.3
@@ -120,11 +120,7 @@ def _throw(api: httpx.Client, campaign: str, where: str, form: str, content: byt
     answer = api.post(f"{campaign}/{where}", params=query, content=content, headers=headers)
     state = answer.json()
     if location := answer.headers.get("location"):
-        while (state := api.get(api.base_url.join(location)).raise_for_status().json())["status"] in (
-            "queued",
-            "running",
-        ):
-            time.sleep(0.1)
+        state = finished(api, location)
     status, words = state.get("status"), state.get("detail") or (state.get("error") or {}).get("detail")
     found.ends[f"{where} {form} {status}"] += 1
     if status in (200, 201, "succeeded", 500) or not words or "internal" in words:

@@ -9,16 +9,16 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 
 import httpx
 import psutil
-from sqlalchemy import select
+from sqlalchemy import func, select
 
 from service.access.keys import create_key, user_named
 from service.access.tables import AuditEvent
@@ -32,8 +32,7 @@ from tests.support import working
 from tests.support.job_kinds import ITEM
 from tests.support.places import ROOT
 from tests.support.rest import client_at
-
-PATIENCE_SECONDS = 600.0
+from tests.support.waiting import PATIENCE, until
 
 
 class Floor:
@@ -93,18 +92,21 @@ class Floor:
         process.wait()
         self.processes.remove(process)
 
-    def crash_database(self) -> float:
-        """End PostgreSQL at once, as a crash would, start it again, and say how long it was away."""
+    def crash_database(self) -> None:
+        """End PostgreSQL at once, as a crash would, and start it again."""
         postmaster = psutil.Process(int((self.folder / "postgres" / "postmaster.pid").read_text().split("\n", 1)[0]))
-        began = time.monotonic()
         postmaster.send_signal(signal.SIGQUIT)
-        postmaster.wait(PATIENCE_SECONDS)
+        postmaster.wait(PATIENCE)
         self._servers.enter_context(embedded_server(self.folder))
-        return time.monotonic() - began
 
     def put(self, kind: str, count: int) -> list[UUID]:
         """Queue jobs of the tests' kinds in a new project."""
         return working.put(self.sessions, kind, count)
+
+    def now(self) -> datetime:
+        """The database's clock."""
+        with self.sessions() as session:
+            return session.execute(select(func.clock_timestamp())).scalar_one()
 
     def jobs(self) -> list[Job]:
         """Every job's row."""
@@ -121,16 +123,8 @@ class Floor:
         self.until(lambda: sum(job.finished_at is not None for job in self.jobs()) >= count, f"the end of {count} jobs")
 
     def until(self, condition: Callable[[], object], what: str) -> None:
-        """Look until it is so.
-
-        Raises:
-            TimeoutError: not within `PATIENCE_SECONDS`; says what was waited for, and what the processes wrote last.
-        """
-        end = time.monotonic() + PATIENCE_SECONDS
-        while not condition():
-            if time.monotonic() > end:
-                raise TimeoutError(f"not within {PATIENCE_SECONDS:g} s: {what}; {self.log.read_text()[-2000:]}")
-            time.sleep(0.05)
+        """Look often until it is so; the failure says what the processes wrote last."""
+        until(condition, what, lambda: self.log.read_text()[-2000:], seldom=0.05)
 
     def close(self) -> None:
         """End every process."""

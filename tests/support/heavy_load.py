@@ -10,12 +10,10 @@ import json
 import random
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import httpx
-import numpy as np
 import psutil
 
 from service.app.demo import paper
@@ -25,7 +23,7 @@ from tests.support.rest import ONCE, RAW, campaigns_of, client_of, posted
 SHARES = {"list": 0.8, "FRF": 0.12, "upload": 0.06, "job": 0.02}
 ALONE = 100  # lists of one client alone
 SEED = 14  # of who asks what when
-MIB, FILE = 2**20, paper.uff_file()
+FILE = paper.uff_file()
 
 
 @dataclass
@@ -40,25 +38,6 @@ class Load:
     events: int = 0
     health: float = 0.0  # longest answer of `/healthz`, in s
     memory: list[int] = field(default_factory=lambda: [0, 0, 0])  # bytes of the API before, at most and after
-
-    @property
-    def ratio(self) -> float:
-        """95th percentile of the lists under load over that of one client alone."""
-        return float(np.percentile(self.seconds["list"], 95) / np.percentile(self.alone, 95))
-
-    def lines(self) -> Iterator[str]:
-        """The table."""
-        for kind, counts in sorted(self.statuses.items()):
-            times = ""
-            if self.seconds[kind]:
-                p50, p95, p99 = np.percentile(self.seconds[kind], [50, 95, 99]) * 1000
-                times = f"; {p50:.0f} / {p95:.0f} / {p99:.0f} ms (median / 95 % / 99 %)"
-            yield f"{kind:<8} " + ", ".join(f"{n} × {s}" for s, n in sorted(counts.items())) + times
-        yield f"list of one client alone: {np.percentile(self.alone, 95) * 1000:.1f} ms (95 %); ratio {self.ratio:.1f}"
-        yield f"{self.streams} streams open at the same time, {self.events} events"
-        yield f"/healthz took {self.health * 1000:.0f} ms at most"
-        yield "memory of the API: " + " / ".join(f"{m / MIB:.0f}" for m in self.memory) + " MiB before / most / after"
-        yield f"{len(self.bare_errors)} × 5xx but 503 with Retry-After"
 
 
 def load(

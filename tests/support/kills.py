@@ -24,9 +24,10 @@ from sqlalchemy import text
 
 from service.app.demo import paper
 from tests.support.backups import RECIPE
-from tests.support.floor import PATIENCE_SECONDS, Floor, floor
+from tests.support.floor import Floor, floor
 from tests.support.receivers import receiver
-from tests.support.rest import RAW, campaigns_of, plain_client
+from tests.support.rest import RAW, campaigns_of, ok, plain_client
+from tests.support.waiting import until
 
 SETTINGS: dict[str, Any] = {
     "job_lease_seconds": 3.0,
@@ -99,24 +100,23 @@ class _Client:
 
     def ask(self, method: str, path: str, **arguments: Any) -> Any:
         """The body of the answer."""
-        end = time.monotonic() + PATIENCE_SECONDS
-        while time.monotonic() < end:
+
+        def answer() -> httpx.Response | None:
             try:
-                answer = self.http.request(method, path, **arguments)
+                found = self.http.request(method, path, **arguments)
             except httpx.TransportError:
-                answer = None
-            if answer is not None and answer.status_code < 500 and answer.status_code != 429:
-                if answer.is_error:
-                    raise RuntimeError(f"{method} {path}: {answer.status_code} {answer.text}")
-                return answer.json()
-            time.sleep(0.2)
-        raise TimeoutError(f"{method} {path} was not answered in {PATIENCE_SECONDS:g} s")
+                return None
+            return None if found.status_code >= 500 or found.status_code == 429 else found
+
+        (found,) = until(lambda: [one] if (one := answer()) is not None else [], f"an answer to {method} {path}")
+        return ok(found)
 
     def to_its_end(self, path: str, kind: str, **arguments: Any) -> str:
         """Begin a job, and wait until it has ended: its id."""
         key = str(self.ask("POST", path, **arguments)["id"])
-        while self.ask("GET", f"{kind}/{key}")["status"] in ("queued", "running"):
-            time.sleep(0.1)
+        until(
+            lambda: self.ask("GET", f"{kind}/{key}")["status"] not in ("queued", "running"), f"the end of {kind}/{key}"
+        )
         return key
 
     def send_file(self, campaign: str) -> str:

@@ -4,11 +4,11 @@ import numpy as np
 
 from fecore.body.specimen import Specimen
 from fecore.dynamics.damping_laws import RAYLEIGH, beyond, damping_rate
-from fecore.frf import Dof, FrfSet, along_z
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.frf import Dof, FrfSet
+from fecore.updating.forward import ForwardModel
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import Parameter, parametrise
 from tests.support.cantilever import grid
+from tests.support.fits import at_prior, forward_model
 
 MASS = 0.0048  # the paper's accelerometer: in the mode's worst place it lowers the frequency by some 3 %
 LAW = np.array([42.25, 1.10e-5])
@@ -18,10 +18,8 @@ TRUE = {"Ex": 29.5e9, "Gxy": 6.6e9}
 
 
 def forward(specimen: Specimen, count: int = 14, *, mass: float = MASS, reduced: bool = True) -> ForwardModel:
-    points = grid()
-    places = np.array(list(points.values()))[:, :2]
-    parametrisation = parametrise(specimen, [Parameter(name) for name in ("Ex", "Gxy", "Gxz", "thickness")])
-    return ForwardModel(specimen, parametrisation, along_z(points), places, count, reduced, mass)
+    names = ("Ex", "Gxy", "Gxz", "thickness")
+    return forward_model(specimen, count, *names, points=grid(), reduced=reduced, roving_mass=mass)
 
 
 def sensor_tour() -> tuple[tuple[Dof, ...], tuple[Dof, ...]]:
@@ -30,13 +28,9 @@ def sensor_tour() -> tuple[tuple[Dof, ...], tuple[Dof, ...]]:
     return responses, (Dof(HAMMER, 3),) * len(responses)
 
 
-def nominal_state(model: ForwardModel) -> ForwardState:
-    return model.solve(model.parametrisation.prior_mean)
-
-
 def measured(body: Specimen, mass: float, noise: float = 0.01) -> Measurement:
     responses, references = sensor_tour()
-    model = nominal_state(forward(body, 24, mass=mass)).frf_model(responses, references)
+    model = at_prior(forward(body, 24, mass=mass)).frf_model(responses, references)
     tail = beyond(RAYLEIGH, LAW, float(model.omega[-1]))
     values = model.synthesise(LINES, damping_rate(RAYLEIGH, LAW, model.omega), beyond=tail)
     random = np.random.default_rng(2)

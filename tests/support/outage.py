@@ -10,10 +10,10 @@ import select
 import socket
 import subprocess
 import threading
-import time
 from collections import Counter
 from contextlib import closing, suppress
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 
 from sqlalchemy import URL, make_url
@@ -73,15 +73,13 @@ class Proxy:
 class Outage:
     """What came of a cut."""
 
-    seconds: float  # how long it lasted
-    others: bool  # another worker was there, and not cut off
     # jobs, succeeded, results, doubled: what there is at the end
     jobs: int
     succeeded: int
     results: int
     doubled: int
     attempts: int  # begun, over all jobs
-    back_seconds: float  # from the end of the cut to the next end of a job by the worker that was cut off
+    works_again: bool  # the worker that was cut off has ended a job after it
     same_worker: bool  # it is still the process that was started
 
 
@@ -89,7 +87,7 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
     """Cut a worker off while it works on jobs of a second each.
 
     Args:
-        seconds: how long; with another worker, from when that one has done all there is.
+        seconds: how long; with another worker from when that one has done all there is.
         others: another worker is there, which is not cut off.
         jobs: queued before the cut.
         database_url: of a migrated database on a server of this machine; one of its own by default.
@@ -102,12 +100,12 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
         here.wait(1)
         here.until(lambda: _computing(here, worker), "the second job's computation")
         proxy.close()
-        cut = time.time()
         if others:
             other = here.worker(job_lease_seconds=LEASE_SECONDS)
             here.wait(jobs)  # what the first worker held is taken over when its lease has lapsed
-        time.sleep(seconds)
-        restored = time.time()
+        since = here.now()
+        here.until(lambda: here.now() - since > timedelta(seconds=seconds), "the end of the cut")
+        restored = here.now()
         proxy.restore()
         if others:
             other.terminate()
@@ -116,21 +114,14 @@ def outage(seconds: float, *, others: bool, jobs: int = 6, database_url: str | N
             jobs += 2
         here.wait(jobs)
         rows, results = here.jobs(), Counter(here.results())
-        mine = f":{worker.pid}:"
-        ends = [
-            job.finished_at.timestamp() - restored
-            for job in rows
-            if job.finished_at is not None and mine in (job.worker or "") and job.finished_at.timestamp() > restored
-        ]
+        mine = [job for job in rows if f":{worker.pid}:" in (job.worker or "")]
         return Outage(
-            seconds=restored - cut,
-            others=others,
             jobs=jobs,
             succeeded=sum(job.state == "succeeded" for job in rows),
             results=results.total(),
             doubled=sum(count > 1 for count in results.values()),
             attempts=sum(job.attempt for job in rows),
-            back_seconds=min(ends, default=float("nan")),
+            works_again=any(job.finished_at > restored for job in mine),
             same_worker=worker.poll() is None,
         )
 

@@ -17,6 +17,7 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Support
+from tests.support.bodies import pencil
 
 KINDS = ("quad8", "quad4", "tri6", "tri3")
 
@@ -53,24 +54,17 @@ def grid(kind: str, nx: int, ny: int, place: Callable[[FloatArray], FloatArray],
     return Mesh(place(st), (Block(kind, np.array(elements), name),), edges)
 
 
-def matrices(structure: Structure):
-    """K and M at the nominal constants."""
-    q = np.array(list(structure.nominal.values()))
-    model = structure.model
-    return model.stiffness.at(structure.stiffness_coefficients(q)), model.mass.at(structure.mass_coefficients(q))
-
-
 def static(structure: Structure, forces: FloatArray) -> FloatArray:
     """(nodes, 6) displacement under (nodes, 6) forces."""
     model = structure.model
-    K, _ = matrices(structure)
+    K, _ = pencil(structure)
     return model.stiffness.everywhere(splu(K.tocsc()).solve(forces[model.free])[:, None])[..., 0]
 
 
 def gravity(structure: Structure, acceleration: FloatArray) -> FloatArray:
     """(nodes, 6) forces of the structure's own weight."""
     free = Structure(structure.mesh, structure.sections)
-    _, M = matrices(free)
+    _, M = pencil(free)
     motion = np.zeros((len(structure.mesh.nodes), 6))
     motion[:, :3] = acceleration
     return free.model.stiffness.everywhere((M @ motion[free.model.free])[:, None])[..., 0]

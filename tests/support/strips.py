@@ -29,6 +29,11 @@ PLATE = (0.30, 0.20, 0.005)
 _THEORY, _NOISE = 0.0005, 0.0003  # relative errors of a frequency: of a plate theory, of a measurement
 
 
+def tour(length: float, width: float) -> tuple[tuple[float, float], ...]:
+    """Points of eleven rows of three."""
+    return tuple((float(x), y) for x in np.linspace(length / 11, length, 11) for y in (-width / 2, 0.0, width / 2))
+
+
 def panel(random: np.random.Generator, *, boundary: str = "free", modes: int = 9) -> list[Campaign]:
     """Strips at 0°, 90° and 45° and a plate of the simulated panel, measured."""
     cuts = [("strip 0", STRIP, 0.0), ("strip 90", STRIP, 90.0), ("strip 45", STRIP, 45.0), ("plate", PLATE, 0.0)]

@@ -8,7 +8,6 @@ format could detect). Anything else is a silent change, and there must be none.
 import re
 import subprocess
 import sys
-import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
@@ -43,27 +42,25 @@ FLOODS: dict[str, Callable[[], bytes]] = {
 _IDS = ("beam", "run 1", "21-Nov-15 09:00:00", "NONE", "NONE")
 
 
-def run(count: int, seed: int, folder: Path) -> tuple[dict[str, Counter[str]], float, list[tuple[str, str, bytes]]]:
-    """Verdicts by damage, the longest time for a file in seconds, and the silent changes."""
+def run(count: int, seed: int, folder: Path) -> tuple[dict[str, Counter[str]], list[tuple[str, str, bytes]]]:
+    """Verdicts by damage, and the silent changes."""
     rng, path, files = np.random.default_rng(seed), folder / "variant.uff", originals()
     sound: dict[str, Reading] = {}
     for name, data in files.items():
         path.write_bytes(data)
         sound[name] = load(path)
     table: dict[str, Counter[str]] = {kind: Counter() for kind in DAMAGES}
-    longest, silent, kinds = 0.0, [], list(DAMAGES)
+    silent, kinds = [], list(DAMAGES)
     for _ in range(count):
         name = list(files)[rng.integers(0, len(files))]
         kind = str(rng.choice(kinds, p=[DAMAGES[each][1] for each in kinds]))
         data = DAMAGES[kind][0](files[name], rng)
         path.write_bytes(data)
-        began = time.perf_counter()
         verdict = _verdict(sound[name], path, kind)
-        longest = max(longest, time.perf_counter() - began)
         table[kind][verdict] += 1
         if verdict == VERDICTS[4]:
             silent.append((name, kind, data))
-    return table, longest, silent
+    return table, silent
 
 
 def _verdict(sound: "Reading", path: Path, kind: str) -> str:
@@ -254,20 +251,19 @@ def _leaves(content: object) -> Iterator[str]:
 # --- floods -------------------------------------------------------------------------------------------------------------
 
 _FLOOD = """
-import os, re, sys, time
+import os, re, sys
 from pathlib import Path
 from modalbase.formats.uff import DatasetReport, Limits, UffError, read_file
 def peak():  # of this process alone: ru_maxrss begins with its parent's
     return int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])
 def read(path, most):
     before = peak()
-    began = time.perf_counter()
     try:
         said = [f"{r.outcome}: {r.reason}" for r in read_file(path, Limits(datasets=most)) if isinstance(r, DatasetReport)]
         outcome = "; ".join(said)
     except UffError as error:
         outcome = f"file refused: {error}"
-    print(f"{(peak() - before) / 1024:.1f}|{time.perf_counter() - began:.2f}|{outcome}", flush=True)
+    print(f"{(peak() - before) / 1024:.1f}|{outcome}", flush=True)
 for path in sys.argv[2:]:
     if not (child := os.fork()):
         read(Path(path), int(sys.argv[1]))
@@ -277,15 +273,12 @@ for path in sys.argv[2:]:
 """
 
 
-def flood(files: dict[str, bytes], folder: Path, most: int = Limits().datasets) -> dict[str, tuple[float, float, str]]:
-    """Of each file, read in a process of its own that takes `most` datasets: MiB that it adds, seconds, what became of it."""
+def flood(files: dict[str, bytes], folder: Path, most: int = Limits().datasets) -> dict[str, tuple[float, str]]:
+    """Of each file, read in a process of its own that takes `most` datasets: MiB that it adds, what became of it."""
     paths = [folder / f"{number}.uff" for number in range(len(files))]
     for path, data in zip(paths, files.values(), strict=True):
         path.write_bytes(data)
     command = [sys.executable, "-c", _FLOOD, str(most), *map(str, paths)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    said = (line.split("|", 2) for line in done.stdout.splitlines())
-    return {
-        name: (float(memory), float(seconds), outcome)
-        for name, (memory, seconds, outcome) in zip(files, said, strict=True)
-    }
+    said = (line.split("|", 1) for line in done.stdout.splitlines())
+    return {name: (float(memory), outcome) for name, (memory, outcome) in zip(files, said, strict=True)}

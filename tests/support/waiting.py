@@ -17,13 +17,14 @@ again takes its processor from what is waited for.
 """
 
 
-def until(condition: Callable[[], T], what: str, now: Callable[[], object] | None = None) -> T:
+def until(condition: Callable[[], T], what: str, now: Callable[[], object] | None = None, seldom: float = SELDOM) -> T:
     """What `condition` gives, as soon as it is true.
 
     Args:
         condition: asked again and again.
         what: is waited for; the failure says it.
         now: what there is in its place, for the failure.
+        seldom: most seconds between two looks.
 
     Raises:
         AssertionError: not within `PATIENCE`.
@@ -33,7 +34,7 @@ def until(condition: Callable[[], T], what: str, now: Callable[[], object] | Non
         waited = time.monotonic() - began
         if waited > PATIENCE:
             raise AssertionError(f"not within {PATIENCE:g} s: {what}; now: {now() if now else found}")
-        time.sleep(min(SOON + SHARE * waited, SELDOM))
+        time.sleep(min(SOON + SHARE * waited, seldom))
     return found
 
 

@@ -120,16 +120,14 @@ def _alike(model: FiniteElementModel, name: str) -> list[list[str]]:
 
 def _mean_density(model: FiniteElementModel, name: str) -> float:
     section = model.sections[name]
-    plies = [(section.material, 1.0)] if isinstance(section, BeamSection) else _plies(section)
+    if isinstance(section, BeamSection):
+        plies = [(section.material, 1.0)]
+    else:
+        plies = [(ply.material, ply.thickness) for ply in section.plies]
     mass = sum(t * model.materials[material].constants.get("density", 0.0) for material, t in plies)
     if not mass > 0:
         raise FormatError(f"{name}.density", "cannot be written: the materials of the set state none")
     return mass / sum(t for _, t in plies)
-
-
-def _plies(section: ShellSection) -> list[tuple[str, float]]:
-    """Material and thickness of each."""
-    return [(ply.material, ply.thickness) for ply in section.plies]
 
 
 def _thickness(model: FiniteElementModel, name: str, section: ShellSection, t: float) -> Iterable[Number]:

@@ -74,6 +74,8 @@ def worst_corner(block: Elements, places: Floats) -> Floats:
 
 NAMED = 5
 """At most so many elements, nodes or parts are named in a message."""
+LEAST = 1e-9
+"""Size of an element by its extent, and Jacobian of a corner by their mean, below which there is none."""
 
 
 def check(model: FiniteElementModel) -> None:
@@ -115,7 +117,7 @@ def _led_once(model: FiniteElementModel) -> None:
         first = links.setdefault(link.node, link)
         if first is not link:
             raise FormatError(
-                f"line {link.line}",
+                where(link.line, link.file),
                 f"leads node {model.numbers[link.node]}, which line {first.line} leads already; "
                 "have one constraint lead all its dofs",
             )
@@ -124,19 +126,23 @@ def _led_once(model: FiniteElementModel) -> None:
     except CycleError as error:
         circle = error.args[1]
         named = " → ".join(str(model.numbers[node]) for node in circle)
-        raise FormatError(f"line {links[circle[0]].line}", f"nodes lead one another in a circle: {named}") from error
+        first = links[circle[0]]
+        raise FormatError(where(first.line, first.file), f"nodes lead one another in a circle: {named}") from error
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:
-    size = sizes(block, model.nodes)
+    corners = model.nodes[block.nodes[:, : CORNERS[block.kind]]]
+    extent = np.linalg.norm(np.ptp(corners, axis=1), axis=1)
+    is_beam = block.kind.startswith("beam")
+    has_size = sizes(block, model.nodes) > LEAST * extent ** (1 if is_beam else 2)
     worst = worst_corner(block, model.nodes)
-    for k in np.flatnonzero(~(size > 0) | ~(worst > 0))[:NAMED].tolist():
-        if not size[k] > 0:
-            what = "has no size: its nodes lie at one place or on one line"
-        elif block.kind.startswith("beam"):
+    for k in np.flatnonzero(~has_size | ~(worst > LEAST))[:NAMED].tolist():
+        if not has_size[k]:
+            what = "has no size: its nodes lie at one place or on one line, or its sides cross"
+        elif is_beam:
             what = "has its middle node outside the middle half between its ends"
         else:
-            what = f"folds over (the least Jacobian is {worst[k]:.2g} of the mean); its nodes are in the wrong order or place"
+            what = f"folds over (Jacobian {worst[k]:.2g} of the mean): nodes in wrong order or place, or two at one"
         yield block.where(k), f"element {block.numbers[k]} of the set {block.set} {what}"
 
 

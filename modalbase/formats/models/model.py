@@ -167,6 +167,7 @@ class Link:
     line: int
     weights: tuple[float, ...] = ()
     axes: Floats | None = None
+    file: str = ""  # of an INCLUDE, empty for the deck itself
 
 
 @dataclass(frozen=True)

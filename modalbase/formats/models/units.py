@@ -16,27 +16,10 @@ _INCH, _FOOT = 0.0254, 0.3048
 _POUND = POUND_FORCE / STANDARD_GRAVITY
 LENGTHS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": _INCH, "ft": _FOOT}
 FORCES = {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": POUND_FORCE, "kip": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY}
-MASSES = {
-    "kg": 1.0,
-    "t": 1e3,
-    "g": 1e-3,
-    "lb": _POUND,
-    "slug": POUND_FORCE / _FOOT,
-    "slinch": POUND_FORCE / _INCH,
-}
+MASSES = {"kg": 1.0, "t": 1e3, "g": 1e-3, "lb": _POUND, "slug": POUND_FORCE / _FOOT, "slinch": POUND_FORCE / _INCH}
 """SI value of one unit. A slug is a lbf s²/ft, a slinch a lbf s²/in."""
 
-COMMON = (
-    "m-N-kg",
-    "mm-N-t",
-    "mm-N-kg",
-    "mm-kN-kg",
-    "m-kN-t",
-    "cm-N-kg",
-    "in-lbf-slinch",
-    "in-lbf-lb",
-    "ft-lbf-slug",
-)
+COMMON = ("m-N-kg", "mm-N-t", "mm-N-kg", "mm-kN-kg", "m-kN-t", "cm-N-kg", "in-lbf-slinch", "in-lbf-lb", "ft-lbf-slug")
 """Those that a guess tries. Units need not be coherent: mm-N-kg is not, and its solver's frequencies are then in odd units."""
 
 
@@ -154,14 +137,16 @@ def _section(section: ShellSection | BeamSection, u: Units) -> ShellSection | Be
 
 
 def _material(material: Material, u: Units) -> Material:
-    return replace(material, constants={name: value * _factor(name, u) for name, value in material.constants.items()})
+    return replace(material, constants={name: value * unit_of(name, u) for name, value in material.constants.items()})
 
 
-def _factor(constant: str, u: Units) -> float:
-    """SI value of one unit of a material's constant."""
+def unit_of(constant: str, u: Units) -> float:
+    """SI value of one unit of a constant of a section or material, such as `t`, `I1`, `E2`, `nu` or `density`."""
+    if constant in ("t", "area", "I1", "I2", "J"):
+        return u.length ** {"t": 1, "area": 2}.get(constant, 4)
     if constant == "density":
         return u.density
-    return 1.0 if constant.startswith("nu") else u.stress
+    return u.stress if constant[0] in "EG" else 1.0
 
 
 def _mass(mass: PointMass, u: Units) -> PointMass:

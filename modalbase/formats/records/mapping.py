@@ -15,8 +15,8 @@ for each block. An archive's mapping says `"archived": true`: blocks are as a se
 """
 
 import re
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable
+from dataclasses import MISSING, dataclass, fields
 from typing import Any, get_args
 
 import numpy as np
@@ -51,7 +51,7 @@ class ChannelMapping:
     variable: str
     quantity: ChannelQuantity
     point: Values
-    direction: Values = 3
+    direction: Values = 3.0
     sensitivity: float = 1.0
     window_rate_per_s: float = 0.0
     full_scale: float | None = None
@@ -77,20 +77,16 @@ def read_mapping(document: Any) -> Mapping:
     """
     if not isinstance(document, dict):
         raise FormatError("mapping", "is not an object")
-    faults = [(f"mapping.{name}", "is unknown") for name in document.keys() - {f.name for f in fields(Mapping)}]
     listed = document.get("channels")
     if not isinstance(listed, list) or not all(isinstance(c, dict) for c in listed):
         raise FormatError("mapping.channels", "is missing, expected a list of channels")
-    if "sample_rate_hz" not in document:
-        faults.append(
-            ("mapping.sample_rate_hz", "is missing; state the samples a second, or the variable that holds them")
-        )
+    faults = _faults_of(Mapping, "mapping", document)
     channels = []
     for number, entry in enumerate(listed):
-        place = f"mapping.channels.{number}"
-        found = _channel(place, entry, faults)
-        if found is not None:
-            channels.append(found)
+        own = _faults_of(ChannelMapping, f"mapping.channels.{number}", entry)
+        faults += own
+        if not own:
+            channels.append(ChannelMapping(**_taken(entry)))
     names = [c.variable for c in channels]
     faults += [
         (f"mapping.channels.{i}.variable", f"is {name!r}, as that of another channel")
@@ -101,74 +97,69 @@ def read_mapping(document: Any) -> Mapping:
         faults.append(("mapping.channels", "has not exactly one channel of the quantity force"))
     if not faults and len(channels) < 2:
         faults.append(("mapping.channels", "has no response"))
-    rate = _value("mapping.sample_rate_hz", document.get("sample_rate_hz", 1.0), faults)
-    hit = None if document.get("hit") is None else _values("mapping.hit", document["hit"], faults)
-    archived = document.get("archived", False)
-    if not isinstance(archived, bool):
-        faults.append(("mapping.archived", f"is {archived!r}, expected true or false"))
     if faults:
         raise FormatError(faults)
-    return Mapping(rate, tuple(channels), hit, archived)
-
-
-def _channel(place: str, entry: dict[str, Any], faults: list[tuple[str, str]]) -> ChannelMapping | None:
-    before = len(faults)
-    known = {f.name for f in fields(ChannelMapping)}
-    faults += [(f"{place}.{name}", "is unknown") for name in sorted(entry.keys() - known)]
-    faults += [(f"{place}.{name}", "is missing") for name in ("variable", "quantity", "point") if name not in entry]
-    if len(faults) > before:
-        return None
-    if entry["quantity"] not in get_args(ChannelQuantity):
-        faults.append(
-            (f"{place}.quantity", f"is {entry['quantity']!r}, expected one of {', '.join(get_args(ChannelQuantity))}")
-        )
-    if not isinstance(entry["variable"], str):
-        faults.append((f"{place}.variable", "is not a name"))
-    numbers = {}
-    for name, least in (("sensitivity", None), ("window_rate_per_s", 0.0), ("full_scale", None)):
-        value = entry.get(name)
-        if value is None:
-            continue
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            faults.append((f"{place}.{name}", f"is {value!r}, expected a number"))
-        elif value < 0 or (least is None and value == 0):
-            faults.append(
-                (f"{place}.{name}", f"is {value!r}, expected {'0 or more' if least == 0.0 else 'more than 0'}")
-            )
-        else:
-            numbers[name] = float(value)
-    point = _values(f"{place}.point", entry["point"], faults)
-    direction = _values(f"{place}.direction", entry.get("direction", 3), faults)
-    start = entry.get("start_sample")
-    start = None if start is None else _values(f"{place}.start_sample", start, faults)
-    labels = entry.get("label")
-    if labels is not None and not (isinstance(labels, list) and all(isinstance(one, str) for one in labels)):
-        faults.append((f"{place}.label", "is no list of texts, one for each block"))
-    if len(faults) > before:
-        return None
-    label = None if labels is None else tuple(labels)
-    return ChannelMapping(
-        entry["variable"], entry["quantity"], point, direction, label=label, start_sample=start, **numbers
-    )
-
-
-def _value(place: str, given: Any, faults: list[tuple[str, str]]) -> Value:
-    if is_named(given):
-        return str(given["variable"])
-    if _is_number(given):
-        return float(given)
-    faults.append((place, f'is {given!r}, expected a number or {{"variable": name}}'))
-    return 0.0
-
-
-def _values(place: str, given: Any, faults: list[tuple[str, str]]) -> Values:
-    if isinstance(given, list) and all(map(_is_number, given)):
-        return tuple(map(float, given))
-    return _value(place, given, faults)
+    return Mapping(**{**_taken(document), "channels": tuple(channels)})
 
 
 def _is_number(given: Any) -> bool:
     return isinstance(given, int | float) and not isinstance(given, bool) and bool(np.isfinite(given))
+
+
+def _is_value(given: Any) -> bool:
+    return is_named(given) or _is_number(given)
+
+
+def _is_values(given: Any) -> bool:
+    return _is_value(given) or (isinstance(given, list) and all(map(_is_number, given)))
+
+
+def _is_texts(given: Any) -> bool:
+    return isinstance(given, list) and all(isinstance(one, str) for one in given)
+
+
+_VALUE = 'a number or {"variable": name}'
+_EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "sample_rate_hz": (_is_value, f"{_VALUE}, of the samples a second or of the time axis"),
+    "hit": (_is_values, _VALUE),
+    "archived": (lambda given: isinstance(given, bool), "true or false"),
+    "variable": (lambda given: isinstance(given, str), "a name"),
+    "quantity": (lambda given: given in get_args(ChannelQuantity), f"one of {', '.join(get_args(ChannelQuantity))}"),
+    "point": (_is_values, _VALUE),
+    "direction": (_is_values, _VALUE),
+    "start_sample": (_is_values, _VALUE),
+    "sensitivity": (lambda given: _is_number(given) and given > 0, "a number, more than 0"),
+    "window_rate_per_s": (lambda given: _is_number(given) and given >= 0, "a number, 0 or more"),
+    "full_scale": (lambda given: _is_number(given) and given > 0, "a number, more than 0"),
+    "label": (_is_texts, "a list of texts, one for each block"),
+}
+"""What the fields of a mapping and of its channels must be."""
+
+
+def _faults_of(kind: type[Mapping | ChannelMapping], place: str, document: dict[str, Any]) -> list[tuple[str, str]]:
+    """Fields that are unknown, missing or wrong; one that is null is not stated."""
+    own = {f.name: f.default is MISSING for f in fields(kind) if f.name in _EXPECTED}
+    found = [(f"{place}.{name}", "is unknown") for name in sorted(document.keys() - {*own, "channels"})]
+    for name, is_required in own.items():
+        given, (holds, expected) = document.get(name), _EXPECTED[name]
+        if given is None and is_required:
+            found.append((f"{place}.{name}", f"is missing, expected {expected}"))
+        elif given is not None and not holds(given):
+            found.append((f"{place}.{name}", f"is {given!r}, expected {expected}"))
+    return found
+
+
+def _taken(document: dict[str, Any]) -> dict[str, Any]:
+    """Fields as the dataclasses have them: names, numbers, and tuples."""
+
+    def taken(given: Any) -> Any:
+        if isinstance(given, list):
+            return tuple(map(taken, given))
+        if is_named(given):
+            return given["variable"]
+        return float(given) if _is_number(given) else given
+
+    return {name: taken(given) for name, given in document.items() if given is not None}
 
 
 def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
@@ -332,7 +323,9 @@ def propose(variables: Variables) -> dict[str, Any]:
     Where no name says what a channel is, every variable as long as the time axis is proposed with the quantity "?".
     """
     long = {name: a for name, a in variables.items() if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
-    rate = next((n for n, a in variables.items() if a.size == 1 and _plain(n).endswith(_RATES)), None)
+    rate = next(
+        (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
+    )
     time = next((n for n, a in long.items() if re.split(r"[_.]", n.lower())[0] in ("time", "t") and _ascends(a)), None)
     point: Any = {"variable": "point"} if "point" in variables else 1
     channels = [
@@ -378,10 +371,6 @@ def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:
         return named
     samples = long[time].size
     return {"?": [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]}
-
-
-def _plain(name: str) -> str:
-    return re.sub(r"[^a-z]", "", name.lower())
 
 
 def _ascends(array: np.ndarray[Any, Any]) -> bool:

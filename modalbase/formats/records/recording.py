@@ -80,13 +80,12 @@ class Recording:
     least_force: float | None = None
 
 
-def read_recording(document: dict[str, Any], filename: str, direction: int = 3) -> Recording:
+def read_recording(document: dict[str, Any], filename: str) -> Recording:
     """What the member `recording` of a mapping says.
 
     Args:
         document: of the member.
         filename: of the recording.
-        direction: of the hits whose entry states none.
 
     Raises:
         FormatError: names the field that is unknown or wrong.
@@ -99,17 +98,17 @@ def read_recording(document: dict[str, Any], filename: str, direction: int = 3) 
     if least is not None and (isinstance(least, bool) or not isinstance(least, int | float) or not 0 < least < np.inf):
         raise FormatError(f"{_RECORDING}.least_force", f"is {least!r}, expected a force in N above 0")
     if given == "filename":
-        return Recording(((_point_of(filename), direction, 0),), least)
+        return Recording(((_point_of(filename), 3, 0),), least)
     if not isinstance(given, list):
         raise FormatError(f"{_RECORDING}.order", 'is no list of points, nor "filename"')
-    return Recording(tuple(_entry(i, entry, direction) for i, entry in enumerate(given)), least)
+    return Recording(tuple(_entry(i, entry) for i, entry in enumerate(given)), least)
 
 
-def _entry(number: int, entry: Any, direction: int) -> tuple[int, int, int]:
+def _entry(number: int, entry: Any) -> tuple[int, int, int]:
     place = f"{_RECORDING}.order.{number}"
     if not isinstance(entry, dict) or not {"point", "hits"} <= entry.keys() <= {"point", "hits", "direction"}:
         raise FormatError(place, "is not {point, hits} with or without direction")
-    found = entry["point"], entry.get("direction", direction), entry["hits"]
+    found = entry["point"], entry.get("direction", 3), entry["hits"]
     if any(isinstance(n, bool) or not isinstance(n, int) for n in found):
         raise FormatError(place, "has a point, direction or number of hits that is no whole number")
     if not (1 <= found[0] <= MOST_POINT and 1 <= abs(found[1]) <= 6 and 1 <= found[2] <= _MOST_HITS):

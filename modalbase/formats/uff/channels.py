@@ -35,13 +35,7 @@ from modalbase.formats.uff.units import FORCE, RESPONSE, Dimension, read_label
 
 TIME_RESPONSE, AUTO_SPECTRUM, CROSS_SPECTRUM = 1, 2, 3
 _UNSTATED_TYPES = (0, 1)
-_TYPES: dict[int, ChannelQuantity] = {
-    8: "displacement",
-    11: "velocity",
-    12: "acceleration",
-    9: "force",
-    13: "force",
-}
+_TYPES: dict[int, ChannelQuantity] = {8: "displacement", 11: "velocity", 12: "acceleration", 9: "force", 13: "force"}
 _DIMENSIONS: dict[Dimension, ChannelQuantity] = {
     FORCE: "force",
     RESPONSE["accelerance"]: "acceleration",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from modalbase.formats.types import ComplexArray, Quantity
 from modalbase.formats.uff.content import Axis, Frf, Function, Limits, Units
-from modalbase.formats.uff.function import AxisDescription, RawFunction, fits_single
+from modalbase.formats.uff.function import RawFunction, fits_single
 from modalbase.formats.uff.geometry import Geometry
 from modalbase.formats.uff.text import Refusal
 from modalbase.formats.uff.units import FORCE, NO_LABEL, RESPONSE, Dimension, Label, read_label, times
@@ -199,10 +199,6 @@ def _note_exponents(raw: RawFunction, rotation: bool, moment: bool, notes: list[
         (raw.denominator, (int(moment), 1, 0), "denominator"),
     )
     for described, usual, name in expected:
-        stated = _exponents(described)
+        stated = described.exponents
         if described.data_type not in _UNSTATED_TYPES and stated not in ((0, 0, 0), usual):
             notes.append(f"the unit exponents {stated} of its {name} do not fit its data type {described.data_type}")
-
-
-def _exponents(described: AxisDescription) -> tuple[int, int, int]:
-    return described.length_exponent, described.force_exponent, described.temperature_exponent

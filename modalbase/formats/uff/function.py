@@ -24,9 +24,7 @@ class AxisDescription:
     """Records 8 to 11: what an axis holds, by type, unit exponents and labels."""
 
     data_type: int
-    length_exponent: int
-    force_exponent: int
-    temperature_exponent: int
+    exponents: tuple[int, ...]  # of length, force and temperature
     name: str
     unit: str
 
@@ -187,7 +185,7 @@ def _axis_description(cursor: Cursor) -> AxisDescription:
     """
     row = cursor.next("the axis descriptions")
     (kind,) = cursor.integers(row, ["data type"])
-    length, force, temperature = cursor.integers(row, ["", "", ""], 5, 10)
+    exponents = tuple(cursor.integers(row, ["", "", ""], 5, 10))
     name, unit = decoded(row[26:46]), decoded(row[47:67])
     if row[25:26].strip() or row[46:47].strip():
         try:
@@ -198,7 +196,7 @@ def _axis_description(cursor: Cursor) -> AxisDescription:
             name, unit = text[26:46].strip(), text[47:67].strip()
         elif re.search(rb"\s{2,}", row[25:].strip()):
             name, unit = (decoded(part) for part in re.split(rb"\s{2,}", row[25:].strip(), maxsplit=1))
-    return AxisDescription(kind, length, force, temperature, name, unit)
+    return AxisDescription(kind, exponents, name, unit)
 
 
 def _text_data(body: bytes, shape: _Shape) -> tuple[FloatArray, str]:

@@ -18,17 +18,7 @@ from typing import Literal
 import numpy as np
 
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import (
-    Axis,
-    Content,
-    Element,
-    FileHeader,
-    Frf,
-    Function,
-    GridPoint,
-    ModeShape,
-    Units,
-)
+from modalbase.formats.uff.content import Axis, Content, Element, FileHeader, Frf, Function, GridPoint, ModeShape, Units
 from modalbase.formats.uff.geometry import BEAMS
 
 _TAG = b"    -1\n"
@@ -214,7 +204,7 @@ def _function(
     """Set 58 or 58b."""
     if not np.isfinite(content.values).all():
         raise ValueError(f"'{content.label}' holds NaN or infinite ordinates")
-    even = axis.values is None and (not binary or _exact(axis))
+    even = axis.values is None and (not binary or all(float(_fixed(x)) == x for x in (axis.start, axis.step)))
     table = _table(content, axis, even=even)
     double = table.dtype == np.float64
     kind = _ORDINATE_TYPES[content.values.dtype.kind, double]
@@ -233,11 +223,6 @@ def _function(
         type_line = f"    58b{order:6d}{2:6d}{_HEADER_LINES:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}\n"
         return _TAG + type_line.encode() + header.encode() + data + _TAG
     return _dataset("58", header + _rows(table, double=double, even=even))
-
-
-def _exact(axis: Axis) -> bool:
-    """Whether start and step are decimals of 13 characters."""
-    return float(_fixed(axis.start)) == axis.start and float(_fixed(axis.step)) == axis.step
 
 
 def _table(content: Frf | Function, axis: Axis, *, even: bool) -> FloatArray:

@@ -10,7 +10,7 @@ from fecore.body.constants import kind_of
 from fecore.body.structure import SIZES, Structure
 from fecore.dynamics.bodies import body_modes
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
-from modalbase.formats.models.units import Units, in_si, units_of
+from modalbase.formats.models.units import Units, in_si, unit_of, units_of
 from modalbase.formats.models.write import write_deck
 from service.compute.models.bodies import body_of_model
 from service.compute.models.reading import faults_of, parsed, repacked, unpacked
@@ -56,18 +56,8 @@ def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: U
         if not (
             isinstance(section, BeamSection) and first.is_isotropic and constant == "G" and "G" not in first.places
         ):
-            found[name, constant] = value / _unit(kind_of(constant), units)
+            found[name, constant] = value / unit_of(kind_of(constant), units)
     return found
-
-
-def _unit(kind: str, units: Units) -> float:
-    """SI value of one unit of a kind of constant."""
-    lengths = {"t": 1, "area": 2, "I1": 4, "I2": 4, "J": 4}
-    if kind in lengths:
-        return units.length ** lengths[kind]
-    if kind == "density":
-        return units.density
-    return units.stress if kind[0] in "EG" else 1.0
 
 
 def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:

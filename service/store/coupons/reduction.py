@@ -12,8 +12,7 @@ from fecore.coupons import d3039, d3518
 from fecore.coupons.curves import Curve
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
-from modalbase.formats.machine_csv import Column, MachineFile, Run, read_machine_csv
-from modalbase.formats.machine_csv.cells import Quantity, factor
+from modalbase.formats.machine_csv import Column, MachineFile, Quantity, Run, factor, read_machine_csv
 from service.store.coupons.schemas import CouponIn, CurveCouponIn
 
 GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 from fecore.coupons.batch import check_failure_code
 from fecore.coupons.curves import Ends
 from fecore.errors import InputError
-from modalbase.formats.machine_csv.cells import factor
+from modalbase.formats.machine_csv import factor
 from service.web import Name, StrictModel, Text, example, wrong
 from service.web.quantities import COUPON_SIZE, MODULUS, MODULUS_SD, STRAIN, Modulus, Quantity, Strength
 

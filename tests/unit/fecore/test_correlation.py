@@ -8,17 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fecore.correlation import _FREQUENCY_SCALE as FREQUENCY_SCALE
-from fecore.correlation import (
-    Pairing,
-    auto_mac,
-    csac,
-    csf,
-    frac,
-    frequency_error,
-    mac,
-    pair_modes,
-    sac,
-)
+from fecore.correlation import Pairing, auto_mac, csac, csf, frac, frequency_error, mac, pair_modes, sac
 
 
 def random_complex(*shape: int, seed: int = 0) -> np.ndarray:
@@ -33,13 +23,7 @@ def test_mac_of_a_worked_pair() -> None:
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
-@given(
-    st.integers(1, 5),
-    st.integers(1, 8),
-    st.floats(-150, 150),
-    st.floats(0, 6.28),
-    st.integers(0, 99),
-)
+@given(st.integers(1, 5), st.integers(1, 8), st.floats(-150, 150), st.floats(0, 6.28), st.integers(0, 99))
 def test_mac_does_not_see_scale_or_phase(n: int, p: int, power: float, phase: float, seed: int) -> None:
     a, b = random_complex(n, p, seed=seed), random_complex(3, p, seed=seed + 1)
     first = mac(a, b)
@@ -47,12 +31,6 @@ def test_mac_does_not_see_scale_or_phase(n: int, p: int, power: float, phase: fl
     assert np.allclose(mac(a * 10**power * np.exp(1j * phase), b), first, atol=1e-12)
     assert np.allclose(mac(b, a), first.T, atol=1e-14)
     assert np.allclose(np.diag(auto_mac(a)), 1, atol=1e-12)
-
-
-def test_a_zero_shape_is_nan_alone() -> None:
-    value = mac([[0, 0], [1, 2]], [[1, 2]])
-    assert np.isnan(value[0, 0])
-    assert value[1, 0] == pytest.approx(1)
 
 
 def test_criteria_of_frfs_against_their_definitions() -> None:
@@ -69,12 +47,6 @@ def test_criteria_of_frfs_against_their_definitions() -> None:
         assert csf(e, n)[k] == pytest.approx(2 * xy / (xx + yy), rel=1e-13)
 
 
-def test_csf_sees_scale_and_csac_does_not() -> None:
-    e = random_complex(5, 9)
-    assert np.allclose(csac(e, 2 * e), 1)
-    assert np.allclose(csf(e, 2 * e), 0.8)  # 2·2/(1 + 4)
-
-
 def test_dead_channels_and_lines_are_nan_alone() -> None:
     e = random_complex(3, 4)
     e[1] = 0
@@ -82,10 +54,7 @@ def test_dead_channels_and_lines_are_nan_alone() -> None:
     assert np.allclose(frac(e, e)[[0, 2]], 1)
     e[:, 3] = 0
     assert np.isnan(csf(e, e)[3])
-
-
-def test_errors_are_relative_to_the_measured_value() -> None:
-    assert np.allclose(frequency_error([100.0, 200.0], [101.0, 198.0]), [0.01, -0.01])
+    assert np.isnan(mac(e, e)[1]).all()
 
 
 def test_pairing_is_the_best_of_all_permutations() -> None:
@@ -111,24 +80,42 @@ def test_one_good_pair_is_not_given_up_for_two_poor_ones() -> None:
     assert pair_modes(measured, model, [100, 100], [100, 100], minimum_mac=0.2).pairs == ((0, 0),)
 
 
-def test_unpaired_modes_of_both_sides_are_named() -> None:
-    model = np.eye(4)
-    measured = np.eye(4)[[0, 2]] + 0.01
-    pairing = pair_modes(np.vstack([measured, [1, 1, 1, 1]]), model, [10, 30, 35], [10, 20, 30, 400], minimum_mac=0.5)
-    assert pairing.pairs == ((0, 0), (1, 2))
-    assert pairing.unpaired_measured == (2,)
-    assert pairing.unpaired_model == (1,)  # 400 Hz is beyond what was measured
-    text = " ".join(pairing.messages([10, 30, 35], [10, 20, 30, 400]))
-    assert "35.00 Hz" in text
-    assert "20.00 Hz" in text
+ALIASED = np.array([[1, 0, 0], [0.1, 1, 1], [0.1, 1, 1.02]])  # the last two are sampled alike
+ALIKE = np.array([[1, 0, 0], [1, 0.1, 0], [1, 0.05, 0]])
+MIXED, ONE = np.array([[1.01, 0.01, 0.01, 0.01], [0.01, 0.01, 1.01, 0.01], [1, 1, 1, 1]]), np.eye(1)
+INSIDE, OUTSIDE = ([100 * (1 - by), 100, 100 * (1 + by)] for by in (0.9 * FREQUENCY_SCALE, 1.1 * FREQUENCY_SCALE))
 
 
-def test_frequency_settles_spatial_aliasing_and_says_so() -> None:
-    # Two sampled shapes alike: only the frequency can decide
-    model = np.array([[1, 0, 0], [0.1, 1, 1], [0.1, 1, 1.02]])
-    pairing = pair_modes(model[[0, 2]], model, [100, 800], [100, 640, 810])
-    assert pairing.pairs == ((0, 0), (1, 2))
-    assert pairing.ambiguous == ((1, 2, 1),)
+# fmt: off
+PAIRINGS = [
+    pytest.param(None, None, [25, 160, 440], [26, 158, 400, 441, 900], {},
+                 {"pairs": ((0, 0), (1, 1), (2, 3)), "mac": None, "unpaired_model": (2,)}, id="without shapes"),
+    pytest.param(None, None, [100], [101, 120], {}, {"ambiguous": ()}, id="without shapes, another far away"),
+    pytest.param(None, None, [100], [98, 103], {}, {"ambiguous": ((0, 0, 1),)}, id="without shapes, another as near"),
+    pytest.param(None, None, [0.3], [0.5], {}, {"pairs": ((0, 0),)}, id="slow"),
+    pytest.param(ONE, ONE, [10], [29.9], {}, {"pairs": ((0, 0),)}, id="just below thrice as high"),
+    pytest.param(ONE, ONE, [10], [30.1], {}, {"pairs": ()}, id="more than thrice as high"),
+    pytest.param(MIXED, np.eye(4), [10, 30, 35], [10, 20, 30, 400], {"minimum_mac": 0.5},  # 400 Hz was not measured
+                 {"pairs": ((0, 0), (1, 2)), "unpaired_measured": (2,), "unpaired_model": (1,)}, id="some of both alone"),
+    pytest.param(np.eye(3)[[1]], np.eye(3), [100], INSIDE, {}, {"pairs": ((0, 1),), "unpaired_model": (0, 2)},
+                 id="a little outside of the measured ones"),
+    pytest.param(np.eye(3)[[1]], np.eye(3), [100], OUTSIDE, {}, {"pairs": ((0, 1),), "unpaired_model": ()},
+                 id="outside of the measured ones"),
+    pytest.param(ALIASED[[0, 2]], ALIASED, [100, 800], [100, 640, 810], {},
+                 {"pairs": ((0, 0), (1, 2)), "ambiguous": ((1, 2, 1),)}, id="aliased: frequency decides, and says so"),
+    pytest.param(ALIKE[[0]], ALIKE, [100], [100, 140, 145], {}, {"ambiguous": ((0, 0, 2),)}, id="the rival most alike"),
+    pytest.param(ALIKE[[0]], ALIKE, [100], [100, 151, 160], {}, {"ambiguous": ()}, id="half as high again is no rival"),
+    pytest.param(np.eye(2), np.eye(2)[[0, 0, 1]], [10, 30], [10, 10.5, 30], {"hidden": [0]},
+                 {"pairs": ((0, 1), (1, 2)), "unpaired_model": ()}, id="hidden"),
+    pytest.param(None, None, [10], [10, 12], {"hidden": [0]}, {"pairs": ((0, 1),)}, id="hidden, without shapes"),
+]
+# fmt: on
+
+
+@pytest.mark.parametrize(("measured", "model", "measured_hz", "model_hz", "choices", "expected"), PAIRINGS)
+def test_who_is_paired_with_whom(measured, model, measured_hz, model_hz, choices, expected) -> None:
+    pairing = pair_modes(measured, model, measured_hz, model_hz, **choices)
+    assert {name: getattr(pairing, name) for name in expected} == expected
 
 
 @pytest.mark.parametrize(
@@ -146,20 +133,8 @@ def test_a_distance_in_frequency_costs_as_much_as_some_mac(likeness: float, scal
     assert pair_modes([[1, 0]], model, [100], [100, 100 * np.exp(scales * FREQUENCY_SCALE)]).pairs == ((0, partner),)
 
 
-def test_a_hidden_mode_is_neither_a_partner_nor_missed() -> None:
-    shapes = np.eye(2)[[0, 0, 1]]
-    pairing = pair_modes(np.eye(2), shapes, [10, 30], [10, 10.5, 30], hidden=[0])
-    assert (pairing.pairs, pairing.unpaired_model) == (((0, 1), (1, 2)), ())
-    assert pair_modes(None, None, [10], [10, 12], hidden=[0]).pairs == ((0, 1),)
-
-
-def test_without_shapes_frequency_pairs() -> None:
-    pairing = pair_modes(None, None, [25, 160, 440], [26, 158, 400, 441, 900])
-    assert pairing.pairs == ((0, 0), (1, 1), (2, 3))
-    assert pairing.mac is None
-    assert pairing.unpaired_model == (2,)
-    assert pair_modes(None, None, [100], [101, 120]).ambiguous == ()
-    assert pair_modes(None, None, [100], [98, 103]).ambiguous == ((0, 0, 1),)
+def test_an_error_is_relative_to_the_measured_frequency() -> None:
+    assert frequency_error([0.4], [0.5]) == pytest.approx([0.25])
 
 
 def test_messages_count_modes_from_one() -> None:
@@ -169,33 +144,6 @@ def test_messages_count_modes_from_one() -> None:
         "model mode 1 (9.00 Hz) was not measured",
         "measured mode 1 (10.00 Hz) is paired with model mode 2 (10.50 Hz), but model mode 3 (11.00 Hz) fits nearly as well",
     )
-
-
-def test_slow_modes_are_paired_and_a_factor_of_three_is_the_furthest() -> None:
-    assert pair_modes(None, None, [0.3], [0.5]).pairs == ((0, 0),)
-    assert frequency_error([0.4], [0.5]) == pytest.approx([0.25])
-    assert pair_modes(np.eye(1), np.eye(1), [10], [29.9]).pairs == ((0, 0),)
-    assert pair_modes(np.eye(1), np.eye(1), [10], [30.1]).pairs == ()
-
-
-def test_a_rival_is_near_in_frequency_and_the_one_most_alike() -> None:
-    model = np.array([[1, 0, 0], [1, 0.1, 0], [1, 0.05, 0]])
-    assert pair_modes([[1, 0, 0]], model, [100], [100, 140, 145]).ambiguous == ((0, 0, 2),)
-    assert pair_modes([[1, 0, 0]], model, [100], [100, 151, 160]).ambiguous == ()
-
-
-def test_a_model_mode_a_little_outside_of_the_measured_ones_was_not_measured() -> None:
-    within = 1 - 0.9 * FREQUENCY_SCALE, 1 + 0.9 * FREQUENCY_SCALE
-    beyond = 1 - 1.1 * FREQUENCY_SCALE, 1 + 1.1 * FREQUENCY_SCALE
-    for share, expected in ((within, (0, 2)), (beyond, ())):
-        pairing = pair_modes(np.eye(3)[[1]], np.eye(3), [100], [100 * share[0], 100, 100 * share[1]])
-        assert pairing.pairs == ((0, 1),)
-        assert pairing.unpaired_model == expected
-
-
-def test_shapes_of_any_size_are_compared() -> None:
-    shapes = np.array([[1e-200, 0], [3e200, 3e200]])
-    assert mac(shapes, shapes) == pytest.approx(np.array([[1, 0.5], [0.5, 1]]))
 
 
 def test_two_measured_modes_of_a_mixed_pair_both_have_partners_and_few_dofs_say_nothing() -> None:

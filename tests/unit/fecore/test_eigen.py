@@ -1,7 +1,5 @@
 """Normal modes: complete, orthogonal, and none missing; and the largest pairs of dense matrices."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy
@@ -12,15 +10,14 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 import fecore.dynamics.factor
-from fecore.body.kinds import mode_kinds
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import section
 from fecore.body.supports import edges, of_boundary
 from fecore.dynamics.dense import largest_eigenpairs
-from fecore.dynamics.eigen import modes_below, normal_modes
+from fecore.dynamics.eigen import normal_modes
 from fecore.dynamics.multifrontal import Elimination
-from fecore.errors import InputError, ModelError
-from tests.support.plates import PAPER, matrices, paper_section, plate, solve
+from fecore.errors import ModelError
+from tests.support.plates import matrices, paper_section, plate, solve
 
 
 def test_agrees_with_arpack() -> None:
@@ -62,50 +59,6 @@ def test_modes_are_complete_where_there_are_fewer_different_roots_than_modes() -
     np.testing.assert_allclose(modes.eigenvalue, value[:40], rtol=1e-11)
 
 
-def test_a_root_of_high_multiplicity_is_complete() -> None:
-    """Five equal beads and a stiffer ladder: multiplicity above the block size."""
-    value = np.concatenate([np.full(5, 3.0), np.arange(10, 60)])
-    turn = np.linalg.qr(np.random.default_rng(2).standard_normal((value.size, value.size)))[0]
-    K = sparse.csc_array(turn @ np.diag(value) @ turn.T)
-    K = sparse.csc_array((K + K.T) / 2)
-    modes = normal_modes(K, sparse.csc_array(np.eye(value.size)), 8)
-    np.testing.assert_allclose(modes.eigenvalue, np.sort(value)[:8], rtol=1e-11)
-
-
-@pytest.mark.parametrize("ratio", [0.999, 1.0, 1.001])
-def test_a_bending_and_a_torsion_mode_that_cross_are_both_found(ratio) -> None:
-    body = plate((0.5, 0.04), (20, 2), of_boundary("cantilever"))
-
-    def gap(shear: float) -> tuple[float, tuple[str, ...]]:
-        material = OrthotropicMaterial(PAPER.Ex, PAPER.Ey, shear, 5.37e9, 5.37e9, 0.15, 2012.0)
-        modes = solve(body, section([Ply(material, 0.01)]), 5)
-        kinds = mode_kinds(body.model, modes.shapes)
-        torsion = modes.frequency_hz[kinds.index("torsion")]
-        return torsion - modes.frequency_hz[[i for i, k in enumerate(kinds) if k == "bending"][2]], kinds
-
-    low, high = 6.3e9, 9.5e9
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (middle, high) if gap(middle)[0] < 0 else (low, middle)
-    distance, kinds = gap(low * ratio) if ratio != 1 else (None, None)
-    if ratio == 1:  # at the crossing any two combinations are modes, so neither has a kind of its own
-        material = OrthotropicMaterial(PAPER.Ex, PAPER.Ey, low, 5.37e9, 5.37e9, 0.15, 2012.0)
-        pair = solve(body, section([Ply(material, 0.01)]), 5).frequency_hz[2:4]
-        assert pair[1] / pair[0] - 1 < 1e-8
-        return
-    assert sorted(kinds) == ["bending"] * 4 + ["torsion"]
-    assert (distance < 0) == (ratio < 1)
-
-
-def test_sturm_counts_modes() -> None:
-    body = plate((0.5, 0.04), (20, 2), ())
-    K, M = matrices(body, paper_section())
-    modes = normal_modes(K, M, 10, body.model.rigid_modes)
-    for number in range(4, 9):
-        between = (modes.eigenvalue[number] + modes.eigenvalue[number + 1]) / 2
-        assert modes_below(K, M, between) == number + 1
-
-
 def test_negative_pivots_of_banded_matrices_are_the_negative_eigenvalues(monkeypatch) -> None:
     random = np.random.default_rng(1)
     for _ in range(100):
@@ -114,16 +67,6 @@ def test_negative_pivots_of_banded_matrices_are_the_negative_eigenvalues(monkeyp
         full = full + full.T + random.uniform(-6, 12) * np.eye(size)
         full[np.abs(np.subtract.outer(np.arange(size), np.arange(size))) > band] = 0
         monkeypatch.setattr(fecore.dynamics.factor, "_RUN", int(random.integers(1, 9)))
-        counted = fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(full))
-        assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
-
-
-def test_a_wide_matrix_has_its_negative_eigenvalues_counted_by_sparse_pivots(monkeypatch) -> None:
-    monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", 0)
-    random = np.random.default_rng(3)
-    for size in (1, 5, 40):
-        full = random.standard_normal((size, size))
-        full = full + full.T
         counted = fecore.dynamics.factor.negative_eigenvalues(sparse.csc_array(full))
         assert counted == np.sum(np.linalg.eigvalsh(full) < 0)
 
@@ -161,24 +104,6 @@ def test_any_pattern_is_eliminated_front_by_front(seed) -> None:
     assert elimination.factorise(sparse.csc_array(full - (1 + lowest) * np.eye(size))) is None
 
 
-def test_a_free_body_of_many_dofs_has_its_modes_by_either_factorisation(monkeypatch) -> None:
-    body = plate((0.5, 0.3), (16, 12), membrane=True)
-    K, M = matrices(body, paper_section())
-    modes = []
-    for widest in (10**6, 0):
-        monkeypatch.setattr(fecore.dynamics.factor, "_WIDEST_BAND", widest)
-        modes.append(normal_modes(K, M, 20, body.model.rigid_modes))
-    np.testing.assert_allclose(modes[1].eigenvalue, modes[0].eigenvalue, rtol=1e-8)
-
-
-def test_a_negative_mass_is_named_by_its_dof() -> None:
-    K, M = matrices(plate((0.5, 0.04), (2, 1)), paper_section())
-    M = M.tolil()
-    M[4, 4] = -1e-9
-    with pytest.raises(ModelError, match=r"mass matrix is not positive definite.*At dof 4 it has -1e-09"):
-        normal_modes(K, sparse.csc_array(M), 5)
-
-
 def test_a_missing_mode_is_noticed(monkeypatch) -> None:
     import fecore.dynamics.eigen
 
@@ -212,20 +137,6 @@ def test_both_factorisations_solve_and_colour(widest, monkeypatch) -> None:
         fecore.dynamics.factor.factorise(sparse.csc_array(-1.0 * K))
 
 
-def test_bad_requests_are_refused() -> None:
-    K, M = matrices(plate((0.5, 0.04), (2, 1), of_boundary("cantilever")), paper_section())
-    with pytest.raises(InputError, match="count"):
-        normal_modes(K, M, 0)
-    with pytest.raises(InputError, match="count"):
-        normal_modes(K, M, K.shape[0] + 1)
-    with pytest.raises(ModelError, match="the mass matrix is not positive definite"):
-        normal_modes(K, -M, 3)
-    free = plate((0.5, 0.04), (2, 1), ())
-    K, M = matrices(free, paper_section())
-    with pytest.raises(ModelError):  # a free body whose rigid motions were not named
-        normal_modes(sparse.csc_array(K - 1e3 * M), M, 3)
-
-
 @given(size=st.integers(1, 40), share=st.floats(0, 1), alike=st.booleans(), seed=st.integers(0, 2**32 - 1))
 @settings(deadline=None)
 def test_largest_eigenpairs_are_lapacks(size, share, alike, seed) -> None:
@@ -252,8 +163,3 @@ def test_where_inverse_iteration_fails_the_vectors_come_from_all(monkeypatch) ->
     value, vectors = largest_eigenpairs(A, B, 2)
     np.testing.assert_allclose(value, [5, 3], rtol=1e-15)
     np.testing.assert_allclose(np.abs(vectors), [[0, 1], [0, 0], [0, 0], [1, 0]], atol=1e-15)
-
-
-def test_an_indefinite_matrix_is_refused() -> None:
-    with pytest.raises(ModelError, match="positive definite"):
-        largest_eigenpairs(np.eye(3), np.diag([1.0, -1.0, 1.0]), 1)

@@ -1,7 +1,5 @@
 """The shell element against closed forms, published solutions and a three-dimensional body."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -23,12 +21,7 @@ def noor(ratio: float) -> OrthotropicMaterial:
 @pytest.mark.parametrize(
     ("boundary", "length", "material", "reference"),
     [
-        (
-            "cantilever",
-            0.5,
-            PAPER,
-            [25.941, 161.956, 403.350, 450.777, 875.805, 1215.70, 1432.13],
-        ),
+        ("cantilever", 0.5, PAPER, [25.941, 161.956, 403.350, 450.777, 875.805, 1215.70, 1432.13]),
         (
             "free",
             0.501,

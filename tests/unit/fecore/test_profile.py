@@ -1,7 +1,5 @@
 """Steps, tapers and added masses against closed forms of beams."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,7 +14,6 @@ from fecore.body.kinds import mode_kinds
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.specimen import LayeredSpecimen, Specimen
 from fecore.body.supports import PointMass, Spring
-from fecore.dynamics.eigen import normal_modes
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.inputs import Inputs
@@ -25,6 +22,7 @@ from fecore.updating.parameters import default_parameters
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
+from tests.support.bodies import modes, pencil
 
 E, RHO, L, B, T = 70e9, 2700.0, 0.5, 0.01, 0.002
 NARROW = Specimen(L, B, T, OrthotropicMaterial(E, E, E / 2, E / 2, E / 2, 0.0, RHO), divisions=(20, 2))
@@ -32,11 +30,9 @@ NARROW = Specimen(L, B, T, OrthotropicMaterial(E, E, E / 2, E / 2, E / 2, 0.0, R
 
 
 def bending_hz(body: Specimen | LayeredSpecimen, count: int) -> np.ndarray:
-    model, q = body.model, np.array(list(body.nominal.values()))
-    K, M = model.stiffness.at(body.stiffness_coefficients(q)), model.mass.at(body.mass_coefficients(q))
-    modes = normal_modes(K, M, count + 3, model.rigid_modes)
-    bending = [kind == "bending" for kind in mode_kinds(model, modes.shapes)]
-    return modes.frequency_hz[bending][:count]
+    found = modes(body, count + 3)
+    bending = [kind == "bending" for kind in mode_kinds(body.model, found.shapes)]
+    return found.frequency_hz[bending][:count]
 
 
 def beam_hz(sections: list[tuple[float, float]], tip: tuple[float, float], count: int) -> np.ndarray:
@@ -103,13 +99,13 @@ def test_a_piece_all_along_is_another_thickness(angles) -> None:
 def test_zones_of_a_stepped_body_each_scale_their_own_stiffness() -> None:
     body = replace(NARROW, pieces=(Piece(0.0, 0.1, T, T / 2),))
     zoned = replace(body, zones=(L / 2,))
-    whole, parts = (np.array(list(each.nominal.values())) for each in (body, zoned))
+    parts = np.array(list(zoned.nominal.values()))
     places = [list(zoned.nominal).index(f"zone_{k}") for k in (1, 2)]
     halves = []
     for factors in ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8)):
         parts[places] = factors
-        halves.append(zoned.model.stiffness.at(zoned.stiffness_coefficients(parts)).toarray())
-    K = body.model.stiffness.at(body.stiffness_coefficients(whole)).toarray()
+        halves.append(pencil(zoned, parts)[0].toarray())
+    K = pencil(body)[0].toarray()
     np.testing.assert_allclose(halves[0], K, rtol=1e-9, atol=1e-9 * np.abs(K).max())
     np.testing.assert_allclose(halves[1] + halves[2], 1.8 * K, rtol=1e-9, atol=1e-9 * np.abs(K).max())
 
@@ -136,17 +132,15 @@ LINES = tuple(float(x) for x in np.linspace(0, L, 7)[1:-1])  # of six zones
 def updated_in_zones(damaged: tuple[float, float], factor: float) -> UpdateResult:
     """A cantilever that has lost stiffness between two x, from eight frequencies with 0.02 % noise, moduli updated too."""
     material = OrthotropicMaterial(33e9, 32e9, 5.7e9, 4.5e9, 4.5e9, 0.15, 2012.0)
-    body = Specimen(L, 0.04, 0.010, material, divisions=(24, 4), zones=LINES)
-    true = replace(body, zones=damaged, divisions=(60, 4))
+    body = Specimen(L, 0.04, 0.010, material, divisions=(12, 2), zones=LINES)
+    true = replace(body, zones=damaged, divisions=(30, 2))
     truth = np.array(list({**true.nominal, "Ex": 31e9, "zone_2": factor}.values()))
-    model = true.model
-    K, M = model.stiffness.at(true.stiffness_coefficients(truth)), model.mass.at(true.mass_coefficients(truth))
-    modes = normal_modes(K, M, 8, model.rigid_modes)
-    hz = modes.frequency_hz * (1 + 2e-4 * np.random.default_rng(3).standard_normal(8))
+    exact = modes(true, 8, truth)
+    hz = exact.frequency_hz * (1 + 2e-4 * np.random.default_rng(3).standard_normal(8))
     x = np.linspace(0.05, 0.98, 11) * L
     places = np.array([(a, b) for a in x for b in (-0.019, 0.0, 0.019)])
     at = np.column_stack([places, np.zeros(len(places))])
-    shapes = (model.observe(at, np.tile([0.0, 0, 1], (len(at), 1))) @ modes.shapes).T
+    shapes = (true.model.observe(at, np.tile([0.0, 0, 1], (len(at), 1))) @ exact.shapes).T
     points = {n: (float(a), float(b), 0.0) for n, (a, b) in enumerate(places, start=1)}
     covariance = np.diag(np.concatenate([(2e-4 * hz) ** 2, np.full(8, 1e-8)]))
     measured = MeasuredModes(hz, np.full(8, 0.01), shapes + 0j, tuple(Dof(n, 3) for n in points), covariance)
@@ -155,15 +149,6 @@ def updated_in_zones(damaged: tuple[float, float], factor: float) -> UpdateResul
         damping_models=("rayleigh",),
     )
     return update(Measurement(None, points, measured, 0.0, Inputs.exact()), body, recipe)
-
-
-def test_a_zone_that_has_lost_stiffness_is_found() -> None:
-    found = {p.name: p for p in updated_in_zones((LINES[2], LINES[3]), 0.75).parameters}
-    assert found["zone_4"].interval_95[0] < 0.75 < found["zone_4"].interval_95[1]
-    assert found["zone_4"].estimate == pytest.approx(0.75, abs=0.01)
-    assert found["zone_4"].interval_95[1] < 0.8
-    # The others are held at 1: the loss is not spread over the neighbours.
-    assert all(abs(found[f"zone_{k}"].estimate - 1) < 0.01 for k in (1, 2, 3, 5, 6))
 
 
 @pytest.mark.parametrize("damaged", [(0.26, 0.30), (0.40, 0.46)])

@@ -1,7 +1,5 @@
 """Ends that fits and judgements seldom come to: too few lines, hits or modes, and what is said of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -18,12 +16,11 @@ from fecore.signal import delay, pulse, shares
 from fecore.updating import campaigns, damping_data, plausibility
 from fecore.updating.excursions import excursions
 from fecore.updating.findings import MOST_WARNINGS, warnings
-from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import FREQUENCY_LAWS
 from fecore.updating.measured_ratios import nearest_positive
-from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.result import Finding as Remark
+from tests.support.fits import at_prior, forward_model
 
 
 def test_numbers_of_hits_that_have_little_to_say() -> None:
@@ -103,8 +100,7 @@ FIBRE = OrthotropicMaterial(Ex=33e9, Ey=32e9, Gxy=6e9, Gxz=4.5e9, Gyz=4.5e9, nu_
 def clamp_shifts(body: Specimen | LayeredSpecimen) -> np.ndarray:
     """Relative shifts of the first frequencies by a clamp that gives way in rotation and in translation."""
     name = "Ex" if isinstance(body, Specimen) else "E1"
-    prior = parametrise(body, [Parameter(name)])
-    state = ForwardModel(body, prior, (), np.zeros((0, 2)), 3, reduced=False).solve(prior.prior_mean)
+    state = at_prior(forward_model(body, 3, name, reduced=False))
     found = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
     return np.array([each.shift for each in found])
 
@@ -128,7 +124,5 @@ def test_a_clamp_gives_way_by_the_stiffness_at_the_root() -> None:
 def test_a_search_on_the_whole_model_needs_no_basis() -> None:
     body = Specimen(0.5, 0.04, 0.01, FIBRE, "cantilever", divisions=(20, 2))
     for reduced in (False, True):
-        loose = ForwardModel(
-            body, parametrise(body, [Parameter("Ex")]), (), np.zeros((0, 2)), 3, reduced=reduced
-        ).unverified()
+        loose = forward_model(body, 3, "Ex", reduced=reduced).unverified()
         assert ("basis" in vars(loose), loose.verified) == (reduced, False)

@@ -1,16 +1,12 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
-from fecore.body.specimen import CONSTANTS, Specimen
+from fecore.body.specimen import Specimen
 from fecore.body.supports import PointMass
 from fecore.dynamics.eigen import normal_modes
-from fecore.dynamics.factor import factorise
-from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, CoefficientRatio, ReducedModel
-from fecore.frf import along_z
-from fecore.updating.forward import ForwardModel
+from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel
 from fecore.updating.parameters import Parameter, parametrise
+from tests.support.fits import forward_model
 from tests.support.plates import PAPER
 
 FIVE = ("Ex", "Ey", "Gxy", "Gxz", "Gyz")
@@ -25,12 +21,11 @@ def full_modes(model, c, count):
     return normal_modes(model.stiffness.at(c.stiffness), model.mass.at(c.mass), count, model.rigid_modes)
 
 
-@pytest.mark.parametrize("boundary", ["cantilever", "free"])
-@pytest.mark.parametrize("names", [FIVE, EIGHT])
+@pytest.mark.parametrize(("boundary", "names"), [("cantilever", FIVE), ("free", EIGHT)])
 def test_frequencies_over_a_box_of_half_and_its_corners(boundary, names) -> None:
     specimen = laden(boundary)
     model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in names])
-    reduced = ForwardModel(specimen, parametrisation, along_z((1,)), np.array([[0.4, 0.01]]), 9).basis
+    reduced = forward_model(specimen, 9, *names, points={1: (0.4, 0.01)}).basis
     rng = np.random.default_rng(5)
     checked = 0
     for draw in range(40):
@@ -56,7 +51,7 @@ def test_frequencies_over_a_box_of_half_and_its_corners(boundary, names) -> None
 def test_near_the_start_nothing_is_solved_in_full_and_shapes_agree() -> None:
     specimen = laden("cantilever")
     model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
-    reduced = ForwardModel(specimen, parametrisation, along_z((1,)), np.array([[0.4, 0.01]]), 9).basis
+    reduced = forward_model(specimen, 9, *FIVE, points={1: (0.4, 0.01)}).basis
     rng = np.random.default_rng(1)
     for _ in range(20):
         c = parametrisation.coefficients(parametrisation.prior_mean * (1 + 0.02 * rng.uniform(-1, 1, 5)))
@@ -81,10 +76,9 @@ def test_a_parameter_at_its_bound_is_mended_to_the_tolerance() -> None:
         np.testing.assert_allclose(found, full_modes(model, c, 20).frequency_hz, rtol=FREQUENCY_TOLERANCE)
 
 
-@pytest.mark.parametrize("boundary", ["cantilever", "free"])
-def test_a_basis_that_misses_after_enrichment_is_begun_anew(boundary) -> None:
+def test_a_basis_that_misses_after_enrichment_is_begun_anew() -> None:
     """No enrichment meets a tolerance below round-off; the answer is the full model's all the same, and never an error."""
-    specimen = laden(boundary)
+    specimen = laden("cantilever")
     model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
     start = parametrisation.coefficients(parametrisation.prior_mean)
     reduced = ReducedModel(model, start.stiffness, start.mass, 9, tolerance=1e-15)
@@ -95,55 +89,6 @@ def test_a_basis_that_misses_after_enrichment_is_begun_anew(boundary) -> None:
         assert reduced.full_solves == before + 2  # to enrich it, and to begin anew
         np.testing.assert_allclose(found.frequency_hz, full.frequency_hz, rtol=1e-8)
         assert reduced.basis.shape[1] == ReducedModel(model, c.stiffness, c.mass, 9).basis.shape[1]
-
-
-def test_a_basis_that_knows_what_may_change_is_smaller_and_as_good() -> None:
-    specimen = laden("cantilever")
-    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
-    start = parametrisation.coefficients(parametrisation.prior_mean)
-    knowing = ForwardModel(specimen, parametrisation, along_z((1,)), np.array([[0.4, 0.01]]), 9).basis
-    blind = ReducedModel(model, start.stiffness, start.mass, 9)
-    assert knowing.basis.shape[1] < 0.8 * blind.basis.shape[1]
-    rng = np.random.default_rng(2)
-    for _ in range(10):
-        c = parametrisation.coefficients(parametrisation.prior_mean * (1 + 0.05 * rng.uniform(-1, 1, 5)))
-        full = full_modes(model, c, 9).frequency_hz
-        small, large = (
-            np.abs(b.system.modes(c.stiffness, c.mass, 9).frequency_hz / full - 1) for b in (knowing, blind)
-        )
-        assert small.max() < 3 * large.max() + 1e-9
-
-
-@pytest.mark.parametrize("boundary", ["cantilever", "free"])
-def test_static_deflections_of_covered_points(boundary) -> None:
-    specimen = laden(boundary)
-    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in FIVE])
-    start = parametrisation.coefficients(parametrisation.prior_mean)
-    load = model.observe(np.array([[0.31, 0.012, 0.0]]), np.array([[0.0, 0, 1]])).T.toarray()
-    reduced = ReducedModel(model, start.stiffness, start.mass, 9, load)
-    c = parametrisation.coefficients(parametrisation.prior_mean * np.array([1.1, 0.9, 1.1, 0.9, 1.05]))
-    modes, V = reduced.modes(c.stiffness, c.mass), reduced.basis
-    found = V @ modes.factor.solve(V.T @ load)
-    exact = factorise(model.stiffness.at(c.stiffness) - modes.shift * model.mass.at(c.mass)).solve(load)
-    # Galerkin: the compliance at the load errs with the square of the deflection.
-    assert (load.T @ found).item() == pytest.approx((load.T @ exact).item(), rel=1e-6)
-
-
-def test_coefficient_ratio_bounds_the_stiffness_from_below() -> None:
-    specimen = laden("cantilever")
-    model, parametrisation = specimen.model, parametrise(specimen, [Parameter(name) for name in CONSTANTS])
-    start = parametrisation.coefficients(parametrisation.prior_mean)
-    ratio = CoefficientRatio(model.stiffness, start.stiffness)
-    rng = np.random.default_rng(0)
-    small = model.stiffness.at(start.stiffness).toarray()
-    lower = np.linalg.cholesky(small)
-    for _ in range(3):
-        c = parametrisation.coefficients(
-            parametrisation.prior_mean * (1 + 0.4 * rng.uniform(-1, 1, parametrisation.prior_mean.size))
-        )
-        inverse = np.linalg.inv(lower)
-        least = np.linalg.eigvalsh(inverse @ model.stiffness.at(c.stiffness).toarray() @ inverse.T)[0]
-        assert 0 < ratio.smallest(c.stiffness) <= least * (1 + 1e-6)
 
 
 def test_a_basis_that_holds_the_lowest_modes_is_smaller_and_holds_them_wherever_they_come_to_lie() -> None:

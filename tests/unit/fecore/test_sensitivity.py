@@ -4,8 +4,6 @@ LAPACK's eigensolvers lose an infinitesimal imaginary part, so the oracle is New
 complex arithmetic from the real pair: K(θ + ih), h = 10⁻²⁰, and the derivative is the imaginary part over h.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.linalg import eigh

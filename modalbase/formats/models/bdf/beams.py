@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from inspect import signature
 from math import pi
 
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.bdf.deck import Deck
-from modalbase.formats.models.bdf.shapes import SHAPES, is_real
 from modalbase.formats.models.model import BeamSection, Elements, Floats
+from modalbase.formats.models.shapes import NASTRAN, is_real
 
 _OF_ELEMENT = {"CBAR": ("PBAR", "PBARL"), "CBEAM": ("PBEAM", "PBEAML"), "CROD": ("PROD",), "CTUBE": ("PTUBE",)}
 _STATIONS = ("YES", "YESA", "NO")
@@ -53,7 +54,7 @@ class Sections:
         key: tuple[str | int, ...] = ("CONROD", *rod_key(card))
         if key not in self._read:
             values = [card.real(4, "A"), 0.0, 0.0, 0.0, card.real(5, "J", 0.0), card.real(7, "NSM", 0.0)]
-            section = self._section(card, 3, "MID", values, None)
+            section = self._section(card, values, mid=3)
             self._read[key] = Property(f"conrod_{card.text(0)}", self._resisting(card, section))
         return self._read[key]
 
@@ -65,7 +66,7 @@ class Sections:
         return Property(self._deck.labels.of(card.name, number), section, centroid)
 
     def _section(
-        self, card: Card, mid: int, what: str, values: list[float], shear: tuple[float, float] | None
+        self, card: Card, values: list[float], shear: tuple[float, float] | None = None, mid: int = 1
     ) -> BeamSection:
         """A section of A, I1, I2, I12, J and NSM; Nastran's I1 is ∫y², of bending in the plane of axis 1."""
         area, first, second, mixed, torsion, extra = values
@@ -73,9 +74,9 @@ class Sections:
             raise card.error(f"the area is {area:g}, expected above zero")
         if min(first, second, torsion) < 0 or mixed**2 > first * second:
             raise card.error("the moments I1, I2, I12 and J are of no section; expected I1, I2, J ≥ 0 and I12² ≤ I1 I2")
-        material = self._deck.materials.get(card, mid, what)
+        material = self._deck.materials.get(card, mid, "MID")
         if not material.is_isotropic:
-            raise card.wrong(mid, what, f"a MAT1; {material.name} is not isotropic")
+            raise card.wrong(mid, "MID", f"a MAT1; {material.name} is not isotropic")
         mass = extra * self._deck.mass_factor
         inertia, file = (second, first, mixed), card.file
         return BeamSection(material.name, area, inertia, torsion, card.line, shear=shear, extra_mass=mass, file=file)
@@ -104,7 +105,7 @@ class Sections:
 
     def _prod(self, card: Card) -> BeamSection:
         values = [card.real(2, "A"), 0.0, 0.0, 0.0, card.real(3, "J", 0.0), card.real(5, "NSM", 0.0)]
-        return self._section(card, 1, "MID", values, None)
+        return self._section(card, values)
 
     def _ptube(self, card: Card) -> BeamSection:
         outer = card.positive(2, "OD")
@@ -115,44 +116,44 @@ class Sections:
             self._deck.notes.add(card, "PTUBE OD2", "the tube is read with the diameter of its first end", True)
         inner = outer - 2 * wall
         area, torsion = pi * (outer**2 - inner**2) / 4, pi * (outer**4 - inner**4) / 32
-        return self._section(card, 1, "MID", [area, 0.0, 0.0, 0.0, torsion, card.real(4, "NSM", 0.0)], None)
+        return self._section(card, [area, 0.0, 0.0, 0.0, torsion, card.real(4, "NSM", 0.0)])
 
     def _pbar(self, card: Card) -> BeamSection:
         names = ("A", "I1", "I2", "J", "NSM")
         area, first, second, torsion, extra = (card.real(2 + k, name, 0.0) for k, name in enumerate(names))
         mixed = card.real(18, "I12", 0.0)
         shear = self._shears(card, card.real(16, "K1", 0.0), card.real(17, "K2", 0.0))
-        section = self._section(card, 1, "MID", [area, first, second, mixed, torsion, extra], shear)
+        section = self._section(card, [area, first, second, mixed, torsion, extra], shear)
         fields = (("area", 2), ("I2", 3), ("I1", 4), ("J", 5))  # I1 here is ∫z², Nastran's I2
         return replace(section, places={name: card.place(index) for name, index in fields if card.text(index)})
 
     def _pbarl(self, card: Card) -> BeamSection:
-        return self._shaped(card, 8)[0]  # a bar's centroid and shear centre are one
+        return self._shaped(card)[0]  # a bar's centroid and shear centre are one
 
     def _pbeaml(self, card: Card) -> tuple[BeamSection, tuple[float, float]]:
-        section, centroid = self._shaped(card, 8)
+        section, centroid = self._shaped(card)
         if max(map(abs, centroid)) < _ROUND_OFF * section.area**0.5:
             return section, (0.0, 0.0)
         self._note_centre(card)
         return section, centroid
 
-    def _shaped(self, card: Card, first: int) -> tuple[BeamSection, tuple[float, float]]:
-        kind = card.text(3)
-        if kind not in SHAPES:
-            raise card.wrong(3, "TYPE", f"one of {', '.join(SHAPES)}; else state the numbers with PBAR or PBEAM")
-        count, shape_of = SHAPES[kind]
+    def _shaped(self, card: Card) -> tuple[BeamSection, tuple[float, float]]:
+        kind, first = card.text(3), 8
+        if kind not in NASTRAN:
+            raise card.wrong(3, "TYPE", f"one of {', '.join(NASTRAN)}; else state the numbers with PBAR or PBEAM")
+        count = len(signature(NASTRAN[kind]).parameters)
         dimensions = [card.positive(first + k, f"DIM{k + 1}") for k in range(count)]
         extra = card.real(first + count, "NSM", 0.0)
         self._note_taper(card, first + count + 1, dimensions)
         try:
-            shape = shape_of(dimensions)
+            shape = NASTRAN[kind](*dimensions)
         except (ValueError, ZeroDivisionError, OverflowError) as error:
             raise card.error(f"the dimensions are of no {kind}", first) from error
         if not is_real(shape):
             raise card.error(f"the dimensions are of no {kind}; look at their order", first)
         zz, yy, yz = shape.inertia
         values = [shape.area, yy, zz, yz, shape.torsion, extra]
-        return self._section(card, 1, "MID", values, shape.shear), shape.centroid
+        return self._section(card, values, shape.shear), shape.centroid
 
     def _note_taper(self, card: Card, after: int, dimensions: list[float]) -> None:
         """Note further stations of a PBEAML whose dimensions differ."""
@@ -195,7 +196,7 @@ class Sections:
             self._note_centre(card)
         if any(card.text(at + 8 + k) and card.real(at + 8 + k, "M1(A)") for k in range(4)):
             self._deck.notes.add(card, "PBEAM M1, M2", "non-structural mass stands on the neutral axis", True)
-        section = self._section(card, 1, "MID", values, shear)
+        section = self._section(card, values, shear)
         fields = (("area", 2), ("I2", 3), ("I1", 4), ("J", 6)) if values is start else ()
         places = {name: card.place(index) for name, index in fields if card.text(index)}
         return replace(section, places=places), centroid
@@ -247,7 +248,7 @@ class Beams:
             self.sections[own.set] = own.section
             ends = _RODS.get(card.name, (2, 3))
             a, b = (self._deck.grids.row(card, index, f"G{end}") for index, end in zip(ends, "AB", strict=True))
-            axis, offsets = self._rod(card, a, b) if card.name in _RODS else self._bar(card, own, a, b)
+            axis, offsets = self._rod(a, b) if card.name in _RODS else self._bar(card, own, a, b)
             found.setdefault(own.set, []).append((number, (a, b), card, axis, offsets))
         return [_block(name, rows) for name, rows in found.items()]
 
@@ -259,10 +260,10 @@ class Beams:
             number = default.integer(1, "PID")
         return self._properties.get(card, card.integer(1, "PID", number))
 
-    def _rod(self, card: Card, a: int, b: int) -> tuple[Floats, Floats]:
+    def _rod(self, a: int, b: int) -> tuple[Floats, Floats]:
         along = self._deck.grids.places[b] - self._deck.grids.places[a]
-        size = _length(card, along)
-        return np.cross(along / size, np.eye(3)[np.argmin(np.abs(along))]), np.zeros((2, 3))
+        across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        return across / (np.linalg.norm(along) or 1.0), np.zeros((2, 3))
 
     def _bar(self, card: Card, own: Property, a: int, b: int) -> tuple[Floats, Floats]:
         frames = self._deck.grids.axes(a), self._deck.grids.axes(b)
@@ -297,19 +298,12 @@ class Beams:
 
 def _straight(card: Card, centroid: tuple[float, float], along: Floats, axis: Floats, arms: Floats) -> Floats:
     """Offsets of the ends to the centroid of a bar whose axis 1 lies across it."""
-    size = _length(card, along)
-    across = np.cross(along / size, axis)
-    if not np.linalg.norm(across) > 1e-8 * np.linalg.norm(axis) or not np.any(axis):
+    if not np.any(along):
+        raise card.error("its length is zero; both ends are in one place")
+    if not np.linalg.norm(np.cross(along, axis)) > 1e-8 * np.linalg.norm(axis) * np.linalg.norm(along):
         raise card.error("the orientation vector is along the beam; give a direction across it", 4)
     _, y, z = _axes(along, axis)
     return np.asarray(arms + centroid[0] * y + centroid[1] * z)
-
-
-def _length(card: Card, along: Floats) -> float:
-    size = float(np.linalg.norm(along))
-    if not size > 0:
-        raise card.error("its length is zero; both ends are in one place")
-    return size
 
 
 def _axes(along: Floats, axis: Floats) -> Floats:

@@ -102,9 +102,9 @@ class Card:
             self.integers_for_reals.append(index)
         return value
 
-    def positive(self, index: int, what: str, default: float | None = None) -> float:
+    def positive(self, index: int, what: str) -> float:
         """A field as a real above zero."""
-        value = self.real(index, what, default)
+        value = self.real(index, what)
         if not value > 0:
             raise self.wrong(index, what, "a number above zero")
         return value

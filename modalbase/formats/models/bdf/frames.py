@@ -69,9 +69,9 @@ class Grids:
         system = self.displacement.get(row)
         return BASIC.axes if system is None else self.systems[system].axes_at(self.places[row])
 
-    def system(self, card: Card, index: int, what: str, default: int | None = 0) -> System:
+    def system(self, card: Card, index: int, what: str) -> System:
         """The coordinate system that a field names."""
-        number = card.integer(index, what, default)
+        number = card.integer(index, what, 0)
         if number not in self.systems:
             raise card.wrong(index, what, f"a coordinate system of the deck; there is no CORD {number}")
         return self.systems[number]
@@ -91,7 +91,7 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     by_number = numbered(cards, "grid", "ID")
     numbers = np.array(sorted(by_number), dtype=np.int64)
     ordered = [by_number[number] for number in numbers.tolist()]
-    points = np.array([_point(card) for card in ordered], dtype=float).reshape(-1, 3)
+    points = np.array([[card.real(2 + k, f"X{k + 1}", 0.0) for k in range(3)] for card in ordered]).reshape(-1, 3)
     rows = {number: row for row, number in enumerate(numbers.tolist())}
     in_system = [_inherited(card, 1, "CP", defaults) for card in ordered]
     found = Grids(numbers, points.copy(), rows, {str(number): row for number, row in rows.items()}, {0: BASIC})
@@ -105,10 +105,6 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     for row, card in enumerate(ordered):
         _constrain(found, row, card, defaults)
     return found
-
-
-def _point(card: Card) -> tuple[float, float, float]:
-    return card.real(2, "X1", 0.0), card.real(3, "X2", 0.0), card.real(4, "X3", 0.0)
 
 
 def _inherited(card: Card, index: int, what: str, defaults: Card | None) -> int:

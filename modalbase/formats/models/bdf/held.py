@@ -1,6 +1,7 @@
 """Rigid elements and constraints."""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -52,28 +53,12 @@ def _turned(grids: Grids, row: int, dofs: tuple[int, ...]) -> Floats | None:
     return None if np.allclose(axes, BASIC.axes, atol=1e-12) else axes
 
 
-def read_links(deck: Deck) -> list[Link]:
-    """RBE2, RBE3 and RBAR.
-
-    Raises:
-        FormatError: a grid is led twice, or leads itself.
-    """
-    found: list[Link] = []
-    led: dict[int, dict[int, Card]] = {}
-    numbers = deck.grids.numbers
+def read_links(deck: Deck) -> Iterator[Link]:
+    """RBE2, RBE3 and RBAR."""
     for card in deck.elements(*_READERS):
         card.integer(0, "EID")
         for link in _READERS[card.name](card, deck):
-            if link.node in link.leaders:
-                raise card.error(f"grid {numbers[link.node]} leads itself")
-            own = led.setdefault(link.node, {})
-            for dof in link.dofs:
-                if dof in own and own[dof] is not card:
-                    other = f"{own[dof].title} (line {own[dof].line})"
-                    raise card.error(f"grid {numbers[link.node]} is led by {other} already, in component {dof + 1}")
-                own[dof] = card
-            found.append(link)
-    return found
+            yield replace(link, file=card.file)
 
 
 def _rbe2(card: Card, deck: Deck) -> Iterator[Link]:

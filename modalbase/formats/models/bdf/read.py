@@ -5,10 +5,9 @@ from dataclasses import replace
 
 from modalbase.formats.models.bdf.beams import Beams
 from modalbase.formats.models.bdf.carried import read_masses, read_springs, spread_masses
-from modalbase.formats.models.bdf.deck import Deck
+from modalbase.formats.models.bdf.deck import Deck, note_unused
 from modalbase.formats.models.bdf.held import read_links, read_supports
 from modalbase.formats.models.bdf.shells import Shells
-from modalbase.formats.models.bdf.unused import note_unused
 from modalbase.formats.models.check import check
 from modalbase.formats.models.model import FiniteElementModel
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
 from modalbase.formats.models.bdf.deck import Deck
-from modalbase.formats.models.check import normals_of
+from modalbase.formats.models.check import normals_of, unit
 from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
 
 _BENDING = 1.0, 1e-3  # 12I/T³ of a plate, and how near to it
@@ -212,7 +212,7 @@ class Shells:
 
     def _block(self, group: _Group) -> Elements:
         section, nodes = group.section, np.array(group.nodes, dtype=np.int64)
-        normals, sides = _frames(self._deck.grids.places[nodes], group.cards)
+        normals, sides = _frames(self._deck.grids.places[nodes])
         axes = _turned(sides, normals, np.radians(group.angles))
         for at, number in group.special.items():
             axes[at] = self._projected(group.cards[at], number, nodes[at], normals[at], section) or axes[at]
@@ -284,32 +284,12 @@ def _without_middles(card: Card, layout: _Layout) -> _Layout:
     return _QUAD4 if corners == 4 else _TRI3
 
 
-def _frames(places: Floats, cards: list[Card]) -> tuple[Floats, Floats]:
-    """(e, 3) unit normals, and directions of the first side on the surface.
-
-    Raises:
-        FormatError: an element has no area, or is crossed or re-entrant.
-    """
+def _frames(places: Floats) -> tuple[Floats, Floats]:
+    """(e, 3) unit normals, and directions of the first side on the surface; of no length where an element has no size."""
     corners = places[:, : 4 if places.shape[1] in (4, 8) else 3]
-    ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
-    length = np.linalg.norm(ahead, axis=-1)
-    pointed = np.flatnonzero(~(length.min(axis=1) > 1e-9 * length.max(axis=1)))
-    if pointed.size:
-        raise cards[pointed[0]].error("two of its corners are in one place; a corner less makes a CTRIA3")
-    across = np.cross(ahead, behind)
-    normals = normals_of(corners)
-    size = np.linalg.norm(normals, axis=1)
-    scale = length.max(axis=1) ** 2
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        none = np.flatnonzero(~(size > 1e-9 * scale))
-        normals = normals / size[:, None]
-        crossed = np.flatnonzero(np.einsum("eck,ek->ec", across, normals).min(axis=1) < -1e-9 * scale)
-    if none.size:
-        raise cards[none[0]].error("its area is zero; expected corners that do not lie on a line, each once")
-    if crossed.size:
-        raise cards[crossed[0]].error("it is crossed or re-entrant; expected corners in their order around the element")
-    sides = ahead[:, 0] - np.einsum("ek,ek->e", ahead[:, 0], normals)[:, None] * normals
-    return normals, sides / np.linalg.norm(sides, axis=1, keepdims=True)
+    normals = unit(normals_of(corners))
+    side = corners[:, 1] - corners[:, 0]
+    return normals, unit(side - np.einsum("ek,ek->e", side, normals)[:, None] * normals)
 
 
 def _turned(directions: Floats, normals: Floats, angles: Floats) -> Floats:

@@ -6,11 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from modalbase.formats.models.check import sizes
-from modalbase.formats.models.inp.lines import Card, Row
-from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.lines import Card, Losses, Row
 from modalbase.formats.models.inp.mesh import Element, Mesh
-from modalbase.formats.models.inp.orientations import System
-from modalbase.formats.models.inp.sections import Part, Sections
+from modalbase.formats.models.inp.orientations import Part, System
+from modalbase.formats.models.inp.sections import Sections
 from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring
 
 PROPERTIES = {"mass": "MASS", "inertia": "ROTARYINERTIA", "spring": "SPRING"}
@@ -29,7 +28,7 @@ class Carried:
     def read(self, card: Card, part: Part, axes: dict[int, Floats]) -> None:
         """Take a card *MASS, *ROTARY INERTIA or *SPRING; `axes` are those of nodes, by row."""
         role = next(role for role, name in PROPERTIES.items() if name == card.name)
-        chosen = self._mesh.select_elements(card.needs("ELSET"), part.scope, card).tolist()
+        chosen = part.elements(card.needs("ELSET"), card)
         for at in chosen:
             element = self._mesh.elements[at]
             if element.type.role != role:
@@ -124,12 +123,10 @@ def _between(element: Element, dofs: list[int], k: float, line: int, turned: Flo
     return Spring(element.nodes[0], kind, k, line, second=second, second_dof=last, direction=(x, y, z))
 
 
-def spread_mass(
-    card: Card, mesh: Mesh, sections: Sections, part: Part, blocks: Iterable[Elements], losses: Losses
-) -> None:
+def spread_mass(card: Card, sections: Sections, part: Part, blocks: Iterable[Elements], losses: Losses) -> None:
     """Take *NONSTRUCTURAL MASS into the sections of the sets that it covers as a whole."""
     units = card.get("UNITS").replace(" ", "").upper()
-    chosen = set(mesh.select_elements(card.needs("ELSET"), part.scope, card).tolist())
+    chosen = set(part.elements(card.needs("ELSET"), card))
     value = card.first.numbers("a mass")[0]
     if not 0 <= value < 1e12:
         raise card.first.error(f"is a mass of {value:g}, expected one of at least 0")
@@ -141,7 +138,7 @@ def spread_mass(
         losses.note(card, "spread mass on part of a set, on shells and beams at once, or in other units")
         return
     if units == "TOTALMASS":
-        places = np.array(mesh.places)
+        places = np.array(part.mesh.places)
         total = sum(float(sizes(block, places).sum()) for block in blocks if block.set in names)
         value /= total
     for name in names:

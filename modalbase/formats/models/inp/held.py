@@ -6,11 +6,9 @@
 import numpy as np
 import scipy
 
-from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
-from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.lines import Card, Losses, Row, card_names, folded
 from modalbase.formats.models.inp.mesh import Mesh
-from modalbase.formats.models.inp.orientations import System
-from modalbase.formats.models.inp.sections import Part
+from modalbase.formats.models.inp.orientations import Part, System
 from modalbase.formats.models.model import Floats, Integers, Link, Support
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -26,23 +24,23 @@ class Constraints:
     Attributes:
         links: nodes that others lead.
         supports: dofs that an equation of one term holds.
-        surfaces: cards *SURFACE with their scopes, by scope and folded name.
+        surfaces: cards *SURFACE with their parts, by scope and folded name.
     """
 
     def __init__(self, mesh: Mesh, losses: Losses, axes: dict[int, Floats]) -> None:
         self.links: list[Link] = []
         self.supports: list[Support] = []
-        self.surfaces: dict[tuple[str, str], tuple[Card, str]] = {}
+        self.surfaces: dict[tuple[str, str], tuple[Card, Part]] = {}
         self._mesh, self._losses, self._axes = mesh, losses, axes
         self._places = np.array(mesh.places).reshape(-1, 3)
         self._near = COINCIDENT * float(np.linalg.norm(np.ptp(self._places, axis=0))) if len(self._places) else 0.0
-        self._coupling: tuple[Card, str] | None = None
+        self._coupling: Card | None = None
         self._merged: dict[tuple[int, int], tuple[set[int], int]] = {}
 
     def read(self, card: Card, part: Part) -> None:
         """Take a card of `NAMES`."""
         if card.name == "COUPLING":
-            self._coupling = card, part.scope
+            self._coupling = card
         elif card.name in ("KINEMATIC", "DISTRIBUTING"):
             self._surface_coupling(card, part)
         else:
@@ -63,7 +61,7 @@ class Constraints:
 
     def _one(self, name: str, part: Part, where: Card | Row) -> int:
         """A reference node, by number or by a set that has it alone."""
-        found = self._mesh.select_nodes(name, part.scope, where)
+        found = part.nodes(name, where)
         if len(found) != 1:
             raise where.error(f"needs one node, and {name!r} has {len(found)}")
         return int(found[0])
@@ -83,7 +81,7 @@ class Constraints:
             if kind.upper() not in ("BEAM", "TIE", "PIN") or len(names) != 2:
                 self._losses.note(row, f"a constraint of type {kind[:12].upper()} between nodes")
                 continue
-            led, leaders = (self._mesh.select_nodes(name, part.scope, row) for name in names)
+            led, leaders = (part.nodes(name, row) for name in names)
             if len(leaders) != 1:
                 raise row.error(f"has {len(leaders)} nodes that lead, expected one")
             leader = int(leaders[0])
@@ -102,17 +100,16 @@ class Constraints:
             if not (name := card.get(parameter)):
                 continue
             if parameter == "ELSET":
-                elements = self._mesh.select_elements(name, part.scope, card).tolist()
-                every = {node for at in elements for node in self._mesh.elements[at].nodes}
+                every = {node for at in part.elements(name, card) for node in self._mesh.elements[at].nodes}
                 nodes = np.array(sorted(every), dtype=np.int64)
             else:
-                nodes = self._mesh.select_nodes(name, part.scope, card)
+                nodes = part.nodes(name, card)
             self._rigid(nodes, leader, dofs, card.line)
 
     def _surface_coupling(self, card: Card, part: Part) -> None:
-        if self._coupling is None:
+        coupling = self._coupling
+        if coupling is None:
             raise card.error("stands before any *COUPLING, to which it would belong")
-        coupling, _ = self._coupling
         leader = self._one(coupling.needs("REF NODE"), part, coupling)
         nodes = self._surface(coupling.needs("SURFACE"), part, coupling)
         if radius := coupling.get("INFLUENCE RADIUS"):
@@ -146,12 +143,12 @@ class Constraints:
         system = part.system(card.get("ORIENTATION"), card)
         for row in card.rows:
             name, rest = row.parted
-            nodes = self._mesh.select_nodes(name, part.scope, row)
+            nodes = part.nodes(name, row)
             dofs = tuple(dof_range(rest, row)) if rest else ALL
             self._rigid(nodes, leader, dofs, row.line, system)
 
     def _distributing_coupling(self, card: Card, part: Part) -> None:
-        chosen = self._mesh.select_elements(card.needs("ELSET"), part.scope, card).tolist()
+        chosen = part.elements(card.needs("ELSET"), card)
         if len(chosen) != 1 or self._mesh.elements[chosen[0]].type.name != "DCOUP3D":
             raise card.error("needs one element of type DCOUP3D")
         leaders: dict[int, float] = {}
@@ -161,7 +158,7 @@ class Constraints:
             value = row.number(weight, "the weight")
             if not 0 < value < 1e12:
                 raise row.error(f"has the weight {value:g}, expected one above 0")
-            leaders |= dict.fromkeys(self._mesh.select_nodes(name, part.scope, row).tolist(), value)
+            leaders |= dict.fromkeys(part.nodes(name, row).tolist(), value)
         node = self._mesh.elements[chosen[0]].nodes[0]
         leaders.pop(node, None)
         if not leaders:
@@ -186,7 +183,7 @@ class Constraints:
 
     def _equation(self, row: Row, terms: list[list[str]], part: Part) -> None:
         """One whose two terms make dofs of nodes at one place equal is a link; one of one term a support."""
-        nodes = [self._mesh.select_nodes(term[0], part.scope, row) for term in terms]
+        nodes = [part.nodes(term[0], row) for term in terms]
         dofs = [row.whole(term[1], "a dof") - 1 for term in terms]
         factors = [row.number(term[2], "a coefficient") for term in terms]
         turned = any(node in self._axes for some in nodes for node in some.tolist())
@@ -237,15 +234,15 @@ class Constraints:
         scope = inside if dot and inside in self._mesh.scopes else part.scope
         found = self.surfaces.get((scope, last if scope == inside else folded(name)))
         if found is None:
-            return self._mesh.select_nodes(name, part.scope, where)
-        card, scope = found
+            return part.nodes(name, where)
+        card, part = found
         nodes: set[int] = set()
         for row in card.rows:
             first, face = [*row.fields, "", ""][:2]
             if card.get("TYPE").upper() == "NODE":
-                nodes |= set(self._mesh.select_nodes(first, scope, row).tolist())
+                nodes |= set(part.nodes(first, row).tolist())
             else:
-                for at in self._mesh.select_elements(first, scope, row).tolist():
+                for at in part.elements(first, row):
                     nodes |= set(self._face(at, face.upper(), row))
         return np.array(sorted(nodes), dtype=np.int64)
 
@@ -284,7 +281,7 @@ _NAMED = {
 _LOADS = frozenset(["CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE"])
 GENERAL = frozenset(["STATIC", "VISCO", "DYNAMIC", "COUPLEDTEMPERATURE-DISPLACEMENT"])
 
-Scoped = tuple[Card, str]
+Owned = tuple[Card, Part]
 
 
 def step_of_modes(steps: list[list[Card]]) -> int:
@@ -293,7 +290,7 @@ def step_of_modes(steps: list[list[Card]]) -> int:
 
 
 def supports(
-    initial: list[Scoped], steps: list[list[Card]], mesh: Mesh, axes: dict[int, Floats], losses: Losses
+    initial: list[Owned], steps: list[list[Card]], whole: Part, axes: dict[int, Floats], losses: Losses
 ) -> list[Support]:
     """What is held when modes are taken.
 
@@ -301,19 +298,19 @@ def supports(
     """
     held = list(initial)
     for step in steps[: step_of_modes(steps) + 1]:
-        own = [(card, "") for card in step if card.name == "BOUNDARY"]
+        own = [(card, whole) for card in step if card.name == "BOUNDARY"]
         held = own if any(card.get("OP").upper() == "NEW" for card, _ in own) else held + own
-    return [each for card, scope in held for each in _of_card(card, scope, mesh, axes, losses)]
+    return [each for card, part in held for each in _of_card(card, part, axes, losses)]
 
 
-def _of_card(card: Card, scope: str, mesh: Mesh, axes: dict[int, Floats], losses: Losses) -> list[Support]:
+def _of_card(card: Card, part: Part, axes: dict[int, Floats], losses: Losses) -> list[Support]:
     if "SUBMODEL" in card.parameters:
         losses.note(card, "motion that another model prescribes")
         return []
     found: list[Support] = []
     for row in card.rows:
         name, rest = row.parted
-        nodes = mesh.select_nodes(name, scope, row)
+        nodes = part.nodes(name, row)
         dofs = _dofs(rest, row, losses)
         turned = [node for node in nodes.tolist() if node in axes and not _alike(dofs)]
         plain = nodes[~np.isin(nodes, turned)] if turned else nodes
@@ -349,7 +346,7 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
     """
     modes = step_of_modes(steps)
     before = steps[:modes]
-    nonlinear = any(step[0].says("NLGEOM") or step[0].parameters.get("NLGEOM") == "" for step in before)
+    nonlinear = any(step[0].parameters.get("NLGEOM", "NO").upper() != "NO" for step in before)
     plain = any("NLGEOM" in step[0].parameters for step in before) and not nonlinear
     for step in before:
         names = {card.name for card in step}

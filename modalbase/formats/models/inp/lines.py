@@ -1,4 +1,4 @@
-"""Cards of a deck and their data lines, with the files that it includes put in their place."""
+"""Cards of a deck and their data lines, with the files that it includes put in their place; and what is lost without them."""
 
 import math
 import re
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.models import model
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
 from modalbase.formats.models.model import Place, where
 
@@ -131,10 +132,6 @@ class Card:
             raise self.error(f"has no {parameter}=, which says what it belongs to")
         return found
 
-    def says(self, parameter: str) -> bool:
-        """Whether a parameter is there, other than as NO."""
-        return self.parameters.get(squeezed(parameter), "NO").upper() != "NO"
-
     def number(self, text: str, what: str) -> float:
         """A parameter as a finite number."""
         return Row(self.label, text, self.line, self.file).number(text, what)
@@ -251,3 +248,83 @@ def _card(line: _Line, following: Iterator[_Line]) -> Card:
         if name.strip():
             parameters[squeezed(name)] = value.strip()
     return Card(squeezed(label[1:]), label.strip(), parameters, line.number, line.file)
+
+
+_HARMLESS = {
+    "requests for output": (
+        "OUTPUT NODEOUTPUT ELEMENTOUTPUT ENERGYOUTPUT CONTACTOUTPUT INTEGRATEDOUTPUT INTEGRATEDOUTPUTSECTION "
+        "MODALOUTPUT MODALFILE NODEPRINT ELPRINT NODEFILE ELFILE CONTACTFILE CONTACTPRINT ENERGYPRINT ENERGYFILE "
+        "FACEPRINT FILEOUTPUT FILEFORMAT PREPRINT PRINT RESTART MONITOR SECTIONPRINT SECTIONFILE TIMEPOINTS "
+        "NODEOUT FILTER ELEMENTMATRIXOUTPUT MATRIXGENERATE MATRIXOUTPUT SURFACEPROPERTY WAVEFRONTMINIMIZATION "
+        "FILE RESULTSFILE SURFACESECTION"
+    ),
+    "loads: modes have none": (
+        "CLOAD DLOAD DSLOAD AMPLITUDE TEMPERATURE FIELD CFLUX DFLUX DSFLUX FILM SFILM RADIATE SRADIATE "
+        "BASEMOTION BASELINECORRECTION INERTIARELIEF PHYSICALCONSTANTS INITIALCONDITIONS PSDDEFINITION "
+        "CORRELATION LOADCASE SURFACELOAD BOUNDARYF MASSFLOW DEFINEPLATE SPECTRUM PREDEFINEDFIELD"
+    ),
+    "steps other than those of modes": (
+        "STATIC DYNAMIC BUCKLE STEADYSTATEDYNAMICS MODALDYNAMIC HEATTRANSFER VISCO COMPLEXFREQUENCY "
+        "SELECTEIGENMODES CONTROLS COUPLEDTEMPERATUREDISPLACEMENT COUPLEDTEMPERATURE-DISPLACEMENT "
+        "UNCOUPLEDTEMPERATURE-DISPLACEMENT RANDOMRESPONSE RESPONSESPECTRUM SOLVERCONTROLS SUBSTRUCTUREGENERATE "
+        "SENSITIVITY OBJECTIVE DESIGNVARIABLES GREEN ELECTROMAGNETICS STEADYSTATETRANSPORT ANNEAL "
+        "CRACKPROPAGATION DIRECTCYCLIC GEOSTATIC CFD"
+    ),
+    "damping: it is measured": "MODALDAMPING GLOBALDAMPING DASHPOT DAMPING CONTACTDAMPING DAMPINGCONTROLS VISCOUS",
+    "heat": (
+        "EXPANSION CONDUCTIVITY SPECIFICHEAT LATENTHEAT ELECTRICALCONDUCTIVITY MAGNETICPERMEABILITY "
+        "GAPCONDUCTANCE FLUIDCONSTANTS SPECIFICGASCONSTANT GAPHEATGENERATION FLUIDSECTION DISTRIBUTIONTABLE"
+    ),
+    "what a material does beyond small motions": (
+        "PLASTIC CREEP CYCLICHARDENING FAILSTRESS FAILSTRAIN DAMAGEINITIATION DAMAGEEVOLUTION "
+        "DAMAGESTABILIZATION DEPVAR VISCOELASTIC DEFORMATIONPLASTICITY RATEDEPENDENT USEROUTPUTVARIABLES "
+        "POTENTIAL MOHRCOULOMB MOHRCOULOMBHARDENING DRUCKERPRAGER COMPRESSIVEFAILURE CONCRETEDAMAGEDPLASTICITY "
+        "FRACTURECRITERION"
+    ),
+    "properties of contact": (
+        "SURFACEINTERACTION SURFACEBEHAVIOR FRICTION CHANGEFRICTION CHANGESURFACEBEHAVIOR CHANGECONTACTTYPE "
+        "CONTACTCONTROLS CONTACTINITIALIZATIONASSIGNMENT CONTACTINITIALIZATIONDATA CONTACTPROPERTYASSIGNMENT "
+        "CONTACTINCLUSIONS CONTACTEXCLUSIONS CONTACTFORMULATION CONTACTSTABILIZATION CLEARANCE "
+        "SURFACEPROPERTYASSIGNMENT COHESIVEBEHAVIOR"
+    ),
+    "controls of elements": "SECTIONCONTROLS HOURGLASSSTIFFNESS ENRICHMENT",
+    "names": "HEADING SURFACE DISTRIBUTION MEMBRANE VALUESATINFINITY",
+}
+_CHANGES = {
+    "contact: what touches is not joined": "CONTACT CONTACTPAIR GAP GAPELEMENT TIEDCONTACT",
+    "normals of their own: those of the mesh are taken": "NORMAL",
+    "the transverse shear stiffness: that of the material is taken": "TRANSVERSESHEARSTIFFNESS TRANSVERSESHEAR",
+    "joints between nodes": (
+        "CONNECTORSECTION CONNECTORELASTICITY CONNECTORBEHAVIOR CONNECTORDAMPING CONNECTORMOTION FASTENER "
+        "FASTENERPROPERTY JOINT JOINTELASTICITY BEAMSECTIONOFFSET RELEASE"
+    ),
+    "a constraint": (
+        "EMBEDDEDELEMENT SHELLTOSOLIDCOUPLING CYCLICSYMMETRYMODEL PRETENSIONSECTION PRE-TENSIONSECTION "
+        "DISPLAYBODY MULTIPOINTCONSTRAINT TRUSSSECTION ELEMENTTIE NETWORKMPC SUBMODEL"
+    ),
+    "reinforcement": "REBARLAYER REBAR EMBEDDEDREGION",
+    "a change of shape or of what is there": "IMPERFECTION MODELCHANGE MASSADJUST MASSSCALING FIXEDMASSSCALING",
+    "stiffness or mass given by numbers": (
+        "MATRIXINPUT MATRIXASSEMBLE USERELEMENT UELPROPERTY MATRIX SUBSTRUCTUREPROPERTY SUBSTRUCTUREPATH "
+        "NONSTRUCTURALMASS ADDEDMASS POINTMASS SOLIDSECTION MEMBRANESECTION"
+    ),
+}
+_LOSSES = {name: (loss, False) for loss, names in _HARMLESS.items() for name in names.split()}
+_LOSSES |= {name: (loss, True) for loss, names in _CHANGES.items() for name in names.split()}
+
+
+class Losses(model.Losses):
+    """Cards that were not used, under the names that the user wrote."""
+
+    def note(self, where: Card | Row, loss: str, *, changes: bool = True) -> None:
+        """Note a card, or a line of one; most change modes."""
+        label = where.label if isinstance(where, Card) else where.card
+        self.add(where, label.upper(), loss, changes)
+
+    def unused(self, card: Card) -> None:
+        """Note a card by what is known of it; one that is unknown may change modes."""
+        unknown = "unknown to this reader; it may be a stiffness, a mass or a constraint", True
+        loss, changes = _LOSSES.get(card.name, unknown)
+        if card.name == "INITIALCONDITIONS" and card.get("TYPE").upper() == "STRESS":
+            loss, changes = "stresses, which stiffen", True
+        self.note(card, loss, changes=changes)

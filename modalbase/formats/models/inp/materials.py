@@ -1,5 +1,9 @@
 """Materials of a deck."""
 
+from __future__ import annotations
+
+from dataclasses import replace
+
 from modalbase.formats.models.inp.lines import Card, Row, card_names, folded
 from modalbase.formats.models.model import Material, Place
 
@@ -7,12 +11,7 @@ _LAMINA = ("E1", "E2", "nu12", "G12", "G13", "G23")
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 """Engineering constants in the order of the card, the last on a second line."""
 
-_KINDS = {
-    "ISO": ("E", "nu"),
-    "ISOTROPIC": ("E", "nu"),
-    "LAMINA": _LAMINA,
-    "ENGINEERINGCONSTANTS": ENGINEERING,
-}
+_KINDS = {"ISO": ("E", "nu"), "ISOTROPIC": ("E", "nu"), "LAMINA": _LAMINA, "ENGINEERINGCONSTANTS": ENGINEERING}
 
 SUBORDINATE = card_names(
     "ELASTIC DENSITY EXPANSION DAMPING CONDUCTIVITY SPECIFICHEAT PLASTIC CREEP CYCLICHARDENING FAILSTRESS "
@@ -57,13 +56,8 @@ class Materials:
                     self.hot.append(card)
                 if again := set(constants) & set(current.constants):
                     raise card.error(f"states {', '.join(sorted(again))} of {current.name} a second time")
-                current = Material(
-                    current.name,
-                    {**current.constants, **constants},
-                    current.line,
-                    {**current.places, **places},
-                    current.file,
-                )
+                constants, places = {**current.constants, **constants}, {**current.places, **places}
+                current = replace(current, constants=constants, places=places)
                 self.found[current.name] = current
 
     def _begun(self, card: Card) -> Material:

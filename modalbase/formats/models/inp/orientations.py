@@ -6,7 +6,7 @@ import numpy as np
 
 from modalbase.formats.models.check import axis_without_system
 from modalbase.formats.models.inp.lines import Card, Row, folded
-from modalbase.formats.models.inp.mesh import Mesh, Move, frame
+from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move, frame
 from modalbase.formats.models.model import Floats, Integers
 
 
@@ -62,7 +62,45 @@ def axis_of_shells(system: System | None, elements: Integers, points: Floats, no
     return axis_without_system(normals) if system is None else system.of(elements, points)[:, system.projected]
 
 
-def orientation(card: Card, move: Move, mesh: Mesh, scope: str, tables: dict[str, Card]) -> System:
+@dataclass
+class Part:
+    """An instance of a part, or the deck itself: its cards, and what the names in them mean."""
+
+    mesh: Mesh  # of all
+    cards: list[Card]  # of it
+    scope: str = ""  # name of the instance, folded
+    name: str = ""  # of the part
+    move: Move = AT_REST  # how it stands
+    systems: dict[str, System] = field(default_factory=dict)  # its orientations by folded name
+
+    def nodes(self, name: str, where: Card | Row) -> Integers:
+        """Rows of a node, or of a set of nodes."""
+        return self.mesh.select("node", name, self.scope, where)
+
+    def elements(self, name: str, where: Card | Row) -> list[int]:
+        """Places of an element, or of a set of elements."""
+        chosen: list[int] = self.mesh.select("element", name, self.scope, where).tolist()
+        return chosen
+
+    def named(self, *names: str) -> list[Card]:
+        """Its cards of some names."""
+        return [card for card in self.cards if card.name in names]
+
+    def system(self, name: str, where: Card | Row) -> System | None:
+        """An orientation by its name.
+
+        Raises:
+            FormatError: there is none.
+        """
+        if not name:
+            return None
+        if folded(name) not in self.systems:
+            there = ", ".join(self.systems) or "none"
+            raise where.error(f"names the orientation {name!r}, which no *ORIENTATION has; there are {there}")
+        return self.systems[folded(name)]
+
+
+def orientation(card: Card, part: Part, tables: dict[str, Card]) -> System:
     """The system of *ORIENTATION.
 
     Raises:
@@ -77,11 +115,12 @@ def orientation(card: Card, move: Move, mesh: Mesh, scope: str, tables: dict[str
     named = first.fields[:1]
     own: dict[int, Floats] = {}
     if named and (table := tables.get(folded(named[0]))):
-        values, own = _distributed(table, move, mesh, scope)
+        values, own = _distributed(table, part)
     else:
         values = first.numbers("coordinates of two or three points", 6)
     origin, axes = _points(values, system, first)
     about, turn = _turn(card)
+    move = part.move
     return System(system[0] == "C", move.turn @ origin + move.shift, axes @ move.turn.T, about, turn, own)
 
 
@@ -97,8 +136,7 @@ def _points(values: list[float], system: str, row: Row) -> tuple[Floats, Floats]
 
 def _about(along: Floats, row: Row) -> Floats:
     """Axes of which the third lies along a direction."""
-    helper = np.eye(3)[np.argmin(np.abs(along))]
-    return frame(along, helper, row)[[1, 2, 0]]
+    return frame(along, np.eye(3)[np.argmin(np.abs(along))], row)[[1, 2, 0]]
 
 
 def _turn(card: Card) -> tuple[int | None, float]:
@@ -113,7 +151,7 @@ def _turn(card: Card) -> tuple[int | None, float]:
     return axis - 1, float(np.radians(row.number(angle or "0", "the angle")))
 
 
-def _distributed(card: Card, move: Move, mesh: Mesh, scope: str) -> tuple[list[float], dict[int, Floats]]:
+def _distributed(card: Card, part: Part) -> tuple[list[float], dict[int, Floats]]:
     """Points that hold where elements have none of their own, and the axes of those that have."""
     default = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     own: dict[int, Floats] = {}
@@ -125,25 +163,22 @@ def _distributed(card: Card, move: Move, mesh: Mesh, scope: str) -> tuple[list[f
         if not fields[0]:
             default = values
             continue
-        axes = frame(np.array(values[:3]), np.array(values[3:]), row) @ move.turn.T
-        for element in mesh.select_elements(fields[0], scope, row).tolist():
-            own[element] = axes
+        axes = frame(np.array(values[:3]), np.array(values[3:]), row) @ part.move.turn.T
+        own |= dict.fromkeys(part.elements(fields[0], row), axes)
     return default, own
 
 
-def transforms(cards: list[Card], mesh: Mesh, scope: str, move: Move) -> dict[int, Floats]:
+def transforms(part: Part) -> dict[int, Floats]:
     """(3, 3) axes, as rows, of the nodes that *TRANSFORM names, by row."""
     found: dict[int, Floats] = {}
-    for card in cards:
-        if card.name != "TRANSFORM":
-            continue
+    for card in part.named("TRANSFORM"):
         kind = card.get("TYPE").upper() or "R"
         if kind not in ("R", "C"):
             raise card.error(f"has TYPE={kind}, expected R or C")
         values = card.first.numbers("coordinates of two points", 6)
         a, b = np.array(values[:3]), np.array(values[3:6])
         axes = frame(a, b, card.first) if kind == "R" else _about(b - a, card.first)
-        system = System(kind == "C", move.turn @ a + move.shift, axes @ move.turn.T)
-        nodes = mesh.select_nodes(card.needs("NSET"), scope, card)
-        found |= dict(zip(nodes.tolist(), system.at(np.array(mesh.places)[nodes].reshape(-1, 3)), strict=True))
+        system = System(kind == "C", part.move.turn @ a + part.move.shift, axes @ part.move.turn.T)
+        nodes = part.nodes(card.needs("NSET"), card)
+        found |= dict(zip(nodes.tolist(), system.at(np.array(part.mesh.places)[nodes].reshape(-1, 3)), strict=True))
     return found

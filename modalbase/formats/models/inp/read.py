@@ -8,12 +8,11 @@ import numpy as np
 from modalbase.formats.models.check import check
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
 from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
-from modalbase.formats.models.inp.lines import Card, card_names, folded, read_cards, squeezed
-from modalbase.formats.models.inp.losses import Losses
+from modalbase.formats.models.inp.lines import Card, Losses, card_names, folded, read_cards, squeezed
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import AT_REST, Mesh, Move
-from modalbase.formats.models.inp.orientations import System, orientation, transforms
-from modalbase.formats.models.inp.sections import BEAMS, SHELLS, Part, Sections
+from modalbase.formats.models.inp.orientations import Part, orientation, transforms
+from modalbase.formats.models.inp.sections import BEAMS, SHELLS, Sections
 from modalbase.formats.models.model import FiniteElementModel, Floats
 from modalbase.formats.uff.text import decoded
 
@@ -54,17 +53,10 @@ def read_inp(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
         FormatError: it is no such deck, is broken, or has what is not read; names file, line and card.
     """
     deck = _sorted(read_cards(content, included or {}))
-    losses = Losses()
     mesh = Mesh()
-    scopes = _meshed(deck, mesh)
-    materials = Materials()
-    materials.read([card for _, cards, _ in scopes for card in cards])
-    for card in materials.hot:
-        losses.note(card, "constants at other temperatures: those of the first line are taken")
-    return _Reading(deck, losses, mesh, materials).model(scopes)
-
-
-Scopes = list[tuple[Part, list[Card], Move]]
+    found = _Reading(deck, mesh, _meshed(deck, mesh)).model()
+    check(found)
+    return found
 
 
 def _sorted(cards: list[Card]) -> Deck:
@@ -114,11 +106,11 @@ def _begun(deck: Deck, card: Card) -> list[Card]:
     return deck.parts[name]
 
 
-def _meshed(deck: Deck, mesh: Mesh) -> Scopes:
-    """Read the mesh of each instance and then the deck's own."""
+def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
+    """The instances and then the deck itself, whose meshes are read."""
     if len(deck.instances) > MOST_INSTANCES:
         raise deck.instances[-1][0].error(f"is instance {len(deck.instances)}; at most {MOST_INSTANCES} are read")
-    scopes: Scopes = []
+    parts: list[Part] = []
     read = 0
     for card, cards in deck.instances:
         name, part = folded(card.needs("NAME")), folded(card.get("PART"))
@@ -131,12 +123,10 @@ def _meshed(deck: Deck, mesh: Mesh) -> Scopes:
         read += sum(1 + len(each.rows) for each in every)
         if read > MOST_LINES:
             raise card.error(f"takes the lines of all instances above {MOST_LINES}, which is the most that is read")
-        move = _move(card)
-        mesh.read(every, name, move)
-        scopes.append((Part(name, part, move, {}), every, move))
+        parts.append(Part(mesh, every, name, part, _move(card)))
+        mesh.read(every, name, parts[-1].move)
     mesh.read(deck.own, "")
-    scopes.append((Part("", "", AT_REST, {}), deck.own, AT_REST))
-    return scopes
+    return [*parts, Part(mesh, deck.own)]
 
 
 def _move(card: Card) -> Move:
@@ -159,40 +149,45 @@ def _move(card: Card) -> Move:
 
 
 class _Reading:
-    """The model's members, taken from cards scope by scope."""
+    """The model's members, taken from the cards of one part after the other; the last is the deck itself."""
 
-    def __init__(self, deck: Deck, losses: Losses, mesh: Mesh, materials: Materials) -> None:
-        self._deck, self._losses, self._mesh = deck, losses, mesh
-        self._sections = Sections(mesh, materials)
-        self._carried = Carried(mesh, losses)
-        self._materials = materials
+    def __init__(self, deck: Deck, mesh: Mesh, parts: list[Part]) -> None:
+        self._deck, self._mesh, self._parts = deck, mesh, parts
+        self._losses, self._materials = Losses(), Materials()
+        self._materials.read([card for part in parts for card in part.cards])
+        for card in self._materials.hot:
+            self._losses.note(card, "constants at other temperatures: those of the first line are taken")
+        self._sections = Sections(mesh, self._materials)
+        self._carried = Carried(mesh, self._losses)
 
-    def model(self, scopes: Scopes) -> FiniteElementModel:
+    def model(self) -> FiniteElementModel:
         """The whole."""
-        mesh, deck = self._mesh, self._deck
+        mesh, deck, losses = self._mesh, self._deck, self._losses
         axes: dict[int, Floats] = {}
-        for part, cards, move in scopes:
-            axes |= transforms(cards, mesh, part.scope, move)
-        constraints = Constraints(mesh, self._losses, axes)
-        ready = self._with_systems(scopes, constraints)
-        for part, cards in ready:
-            self._properties(part, cards, axes)
+        for part in self._parts:
+            axes |= transforms(part)
+        constraints = Constraints(mesh, losses, axes)
+        self._take_systems(constraints)
+        for part in self._parts:
+            self._properties(part, axes)
         blocks = self._sections.joined()
         self._carried.complete()
-        self._note_types()
-        for part, cards in ready:
-            for card in cards:
+        for element in mesh.elements:
+            if element.type.loss:
+                losses.note(element.row, element.type.loss, changes=element.type.changes)
+        for part in self._parts:
+            for card in part.named("NONSTRUCTURALMASS", *NAMES):
                 if card.name in NAMES:
                     constraints.read(card, part)
-                elif card.name == "NONSTRUCTURALMASS":
-                    spread_mass(card, mesh, self._sections, part, blocks, self._losses)
+                else:
+                    spread_mass(card, self._sections, part, blocks, losses)
         constraints.finish()
-        initial = [(card, part.scope) for part, cards in ready for card in cards if card.name == "BOUNDARY"]
-        held = supports(initial, deck.steps, mesh, axes, self._losses)
-        note_prestress(deck.steps, self._losses)
+        initial = [(card, part) for part in self._parts for card in part.named("BOUNDARY")]
+        held = supports(initial, deck.steps, self._parts[-1], axes, losses)
+        note_prestress(deck.steps, losses)
         self._note_unused()
         used = {name for section in self._sections.found.values() for name in section.materials}
-        found = FiniteElementModel(
+        return FiniteElementModel(
             "inp",
             self._title(),
             self._numbers(),
@@ -206,36 +201,30 @@ class _Reading:
             tuple(self._carried.springs),
             tuple(constraints.links),
             (*constraints.supports, *held),
-            self._losses.found,
+            losses.found,
         )
-        check(found)
-        return found
 
-    def _with_systems(self, scopes: Scopes, constraints: Constraints) -> list[tuple[Part, list[Card]]]:
-        """Each scope with its orientations, those of the deck itself where it has no other; surfaces are noted by the way."""
-        ready = []
-        everywhere: dict[str, System] = {}
-        for part, cards, move in reversed(scopes):
-            tables = {folded(card.get("NAME")): card for card in cards if card.name == "DISTRIBUTION"}
-            systems = dict(everywhere)
-            for card in cards:
-                if card.name == "ORIENTATION":
-                    systems[folded(card.needs("NAME"))] = orientation(card, move, self._mesh, part.scope, tables)
-                elif card.name == "SURFACE":
-                    constraints.surfaces[part.scope, folded(card.needs("NAME"))] = card, part.scope
-            if not part.scope:
-                everywhere = systems
-            ready.append((Part(part.scope, part.name, move, systems), cards))
-        return ready[::-1]
+    def _take_systems(self, constraints: Constraints) -> None:
+        """Give each part its orientations, those of the deck itself where it has no other; and note its surfaces."""
+        whole = self._parts[-1]
+        for part in reversed(self._parts):
+            part.systems |= whole.systems
+            tables = {folded(card.get("NAME")): card for card in part.named("DISTRIBUTION")}
+            for card in part.named("ORIENTATION", "SURFACE"):
+                name = folded(card.needs("NAME"))
+                if card.name == "SURFACE":
+                    constraints.surfaces[part.scope, name] = card, part
+                else:
+                    part.systems[name] = orientation(card, part, tables)
 
-    def _properties(self, part: Part, cards: list[Card], axes: dict[int, Floats]) -> None:
-        thickness = self._thickness(part, cards)
-        for card in cards:
-            if card.name in SHELLS or card.name in BEAMS:
+    def _properties(self, part: Part, axes: dict[int, Floats]) -> None:
+        thickness = self._thickness(part)
+        for card in part.named(*SHELLS, *BEAMS, *PROPERTIES.values()):
+            if card.name in PROPERTIES.values():
+                self._carried.read(card, part, axes)
+            else:
                 self._sections.read(card, part, thickness)
                 self._note_section(card, part)
-            elif card.name in PROPERTIES.values():
-                self._carried.read(card, part, axes)
 
     def _note_section(self, card: Card, part: Part) -> None:
         """Note what a section says beyond what is read, or in two ways."""
@@ -246,32 +235,25 @@ class _Reading:
             loss = "whether CIRC states a radius, as Abaqus has it and is taken, or a diameter, as CalculiX does"
             self._losses.note(card, loss)
 
-    def _thickness(self, part: Part, cards: list[Card]) -> dict[int, float]:
+    def _thickness(self, part: Part) -> dict[int, float]:
         """Of the nodes that *NODAL THICKNESS names, by row."""
         found: dict[int, float] = {}
-        for row in (row for card in cards if card.name == "NODALTHICKNESS" for row in card.rows):
+        for row in (row for card in part.named("NODALTHICKNESS") for row in card.rows):
             name, value = [*row.fields, "", ""][:2]
             thickness = row.number(value, "the thickness")
             if not 0 < thickness < 1e9:
                 raise row.error(f"the thickness is {thickness:g}, expected a length above 0")
-            found |= dict.fromkeys(self._mesh.select_nodes(name, part.scope, row).tolist(), thickness)
+            found |= dict.fromkeys(part.nodes(name, row).tolist(), thickness)
         return found
-
-    def _note_types(self) -> None:
-        for element in self._mesh.elements:
-            if element.type.loss:
-                self._losses.note(element.row, element.type.loss, changes=element.type.changes)
 
     def _note_unused(self) -> None:
         used = _USED | NAMES | set(SHELLS) | set(BEAMS) | set(PROPERTIES.values())
         deck = self._deck
-        within_steps = [card for step in deck.steps for card in step[1:]]
-        seen = {id(card): card for card in (*deck.own, *within_steps)}
-        seen |= {id(card): card for cards in deck.parts.values() for card in cards}
-        seen |= {id(card): card for _, cards in deck.instances for card in cards}
-        for card in seen.values():
-            if card.name not in used:
-                self._losses.unused(card)
+        steps = [step[1:] for step in deck.steps]
+        for cards in (deck.own, *steps, *deck.parts.values(), *(own for _, own in deck.instances)):
+            for card in cards:
+                if card.name not in used:
+                    self._losses.unused(card)
 
     def _title(self) -> str:
         heading = next((card for card in self._deck.own if card.name == "HEADING" and card.rows), None)
@@ -300,5 +282,5 @@ class _Reading:
                 full = (
                     f"{scope}.{name}" if scope and not (alone and name not in self._mesh.scopes[""].node_sets) else name
                 )
-                found[full] = self._mesh.select_nodes(name, scope, defined[0].card)
+                found[full] = self._mesh.select("node", name, scope, defined[0].card)
         return found

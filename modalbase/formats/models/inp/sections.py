@@ -1,7 +1,7 @@
 """Sections of a deck, and the elements that have them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from modalbase.formats.models.check import CORNERS, normals_of, unit
 from modalbase.formats.models.inp.beams import beam_section, directions
 from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.materials import Materials
-from modalbase.formats.models.inp.mesh import Element, Mesh, Move
-from modalbase.formats.models.inp.orientations import System, axis_of_shells
+from modalbase.formats.models.inp.mesh import Element, Mesh
+from modalbase.formats.models.inp.orientations import Part, System, axis_of_shells
 from modalbase.formats.models.model import BeamSection, Elements, Floats, Integers, Kind, Ply, ShellSection
 
 SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
@@ -20,29 +20,6 @@ ROUNDING = 1e-9
 """A centroid this close to the nodes, by the root of the section's area, lies on them."""
 ALIKE_DEG = 0.05
 """Angles of a ply may differ so much between elements where they are read from orientations, for rounding."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """What a section is read with: its scope, the part's name, how it stands, and its orientations by folded name."""
-
-    scope: str
-    name: str
-    move: Move
-    systems: Mapping[str, System]
-
-    def system(self, name: str, where: Card | Row) -> System | None:
-        """An orientation by its name.
-
-        Raises:
-            FormatError: there is none.
-        """
-        if not name:
-            return None
-        if folded(name) not in self.systems:
-            there = ", ".join(self.systems) or "none"
-            raise where.error(f"names the orientation {name!r}, which no *ORIENTATION has; there are {there}")
-        return self.systems[folded(name)]
 
 
 class Sections:
@@ -70,9 +47,9 @@ class Sections:
             part: what it belongs to.
             thickness: of nodes that *NODAL THICKNESS names, by row.
         """
-        chosen = self._mesh.select_elements(card.needs("ELSET"), part.scope, card)
+        chosen = part.elements(card.needs("ELSET"), card)
         role = "shell" if card.name in SHELLS else "beam"
-        for at in chosen.tolist():
+        for at in chosen:
             element = self._mesh.elements[at]
             if element.type.role != role:
                 raise card.error(f"has element {element.number} of line {element.row.line}, which is no {role} element")
@@ -80,12 +57,12 @@ class Sections:
                 before = self._of[at].line
                 raise card.error(f"gives element {element.number} a section, which has that of line {before}")
             self._of[at] = card
-        if not chosen.size:
+        if not chosen:
             return
         name = self._name(card, part)
-        self.members.setdefault(name, []).extend(chosen.tolist())
+        self.members.setdefault(name, []).extend(chosen)
         kinds: dict[Kind, list[int]] = {}
-        for at in chosen.tolist():
+        for at in chosen:
             kind = self._mesh.elements[at].type.kind
             assert kind is not None
             kinds.setdefault(kind, []).append(at)
@@ -145,11 +122,8 @@ class Sections:
         axes = axis_of_shells(system, chosen, corners.mean(axis=1), normals)
         has_area = np.linalg.norm(normals, axis=1) > 0
         is_across = np.linalg.norm(np.cross(axes, normals), axis=1) > 1e-6
-        if np.any(bad := ~(has_area & is_across)):
-            at = int(np.argmax(bad))
-            element = self._mesh.elements[chosen[at]]
-            if not has_area[at]:
-                raise element.row.error(f"gives element {element.number} no area")
+        if np.any(bad := has_area & ~is_across):
+            element = self._mesh.elements[chosen[int(np.argmax(bad))]]
             raise element.row.error(
                 f"has element {element.number}, on whose normal axis 1 of its orientation lies; state another *ORIENTATION"
             )

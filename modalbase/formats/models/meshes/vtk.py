@@ -3,7 +3,9 @@
 These are read in the versions 1 to 5, text or binary (Kitware, VTK File Formats).
 """
 
-from collections.abc import Callable, Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -108,7 +110,6 @@ _TYPES = {
     "long": ">i8", "unsigned_long": ">u8", "float": ">f4", "double": ">f8", "vtkidtype": ">i8", "vtktypeint64": ">i8",
     "vtktypeint32": ">i4", "vtktypeuint64": ">u8",
 }  # fmt: skip
-_WIDTHS = {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9, "GLOBAL_IDS": 1, "PEDIGREE_IDS": 1}
 
 
 def read_vtk(content: bytes) -> MeshFile:
@@ -126,8 +127,7 @@ class _Reading:
     def __init__(self, content: bytes) -> None:
         self._content, self._at, self._count = content, 0, 0
         self._found = Grid()
-        self._on_cells = False
-        self._binary = False
+        self._on_cells, self._rows, self._binary = False, 0, False
 
     def grid(self) -> Grid:
         if not self._line().startswith("# vtk DataFile Version"):
@@ -138,30 +138,49 @@ class _Reading:
         self._binary = form == "BINARY"
         if (kind := self._line().upper().split()) != ["DATASET", "UNSTRUCTURED_GRID"]:
             raise self._fault(f"is {' '.join(kind)[:40]!r}; save it as DATASET UNSTRUCTURED_GRID")
-        sections: Mapping[str, Callable[[list[str]], None]] = {
-            "POINTS": self._points, "CELLS": self._cells, "CELL_TYPES": self._cell_types, "CELL_DATA": self._of_cells,
-            "POINT_DATA": self._of_points, "SCALARS": self._scalars, "FIELD": self._fields, "METADATA": self._metadata,
-            "LOOKUP_TABLE": self._table, **dict.fromkeys(_WIDTHS, self._tuples),
-        }  # fmt: skip
         while fields := self._line(last=True).split():
-            section = sections.get(fields[0].upper())
-            if section is None:
-                raise self._fault(f"is {fields[0][:40]!r}, which begins no section that is read")
-            section([*fields, "", "", ""])
+            self._section(fields[0], *[*fields[1:], "", "", ""][:3])
         return self._found
 
-    def _points(self, fields: list[str]) -> None:
-        self._found.points = self._values(3 * self._whole(fields[1]), fields[2], "points").reshape(-1, 3)
+    def _section(self, word: str, first: str, second: str, third: str) -> None:
+        """What a word begins, by the three that stand behind it."""
+        match kind := word.upper():
+            case "POINTS":
+                self._found.points = self._values(3 * self._whole(first), second, "points").reshape(-1, 3)
+            case "CELLS":
+                self._cells(self._whole(first), self._whole(second))
+            case "CELL_TYPES":
+                self._found.types = self._indices(self._whole(first), "int", "types of cells")
+            case "CELL_DATA" | "POINT_DATA":
+                self._on_cells, self._rows = kind == "CELL_DATA", self._whole(first)
+            case "SCALARS":
+                self._expect("LOOKUP_TABLE")
+                self._keep(first, self._rows, self._whole(third or "1"), second)
+            case "VECTORS" | "NORMALS" | "TENSORS" | "GLOBAL_IDS" | "PEDIGREE_IDS":
+                self._keep(first, self._rows, {"VECTORS": 3, "NORMALS": 3, "TENSORS": 9}.get(kind, 1), second)
+            case "FIELD":
+                self._fields(self._whole(second))
+            case "METADATA":
+                self._pass_metadata()
+            case "LOOKUP_TABLE":
+                self._values(
+                    4 * self._whole(second), "unsigned_char" if self._binary else "float", "a table of colours"
+                )
+            case _:
+                raise self._fault(f"is {word[:40]!r}, which begins no section that is read")
 
-    def _cells(self, fields: list[str]) -> None:
-        first, second = self._whole(fields[1]), self._whole(fields[2])
+    def _expect(self, word: str) -> list[str]:
+        """The next line's words, of which the first is this one."""
+        found = self._line().split()
+        if found[0].upper() != word:
+            raise self._fault(f"is {found[0][:40]!r}, expected {word}")
+        return [*found, ""]
+
+    def _cells(self, first: int, second: int) -> None:
         here, mark = (self._at, self._count), self._line().split()
         if mark[0].upper() == "OFFSETS":
             self._found.ends = self._indices(first, (*mark, "")[1], "offsets")[1:]
-            mark = self._line().split()
-            if mark[0].upper() != "CONNECTIVITY":
-                raise self._fault(f"is {mark[0][:40]!r}, expected CONNECTIVITY")
-            self._found.connectivity = self._indices(second, (*mark, "")[1], "connectivity")
+            self._found.connectivity = self._indices(second, self._expect("CONNECTIVITY")[1], "connectivity")
             return
         self._at, self._count = here
         self._found.connectivity, self._found.ends = self._counted(first, self._indices(second, "int", "cells"))
@@ -178,31 +197,14 @@ class _Reading:
             raise self._fault(f"{count} cells do not fill {len(flat)} numbers")
         return np.delete(flat, heads), np.cumsum(flat[heads], dtype=np.int64)
 
-    def _cell_types(self, fields: list[str]) -> None:
-        self._found.types = self._indices(self._whole(fields[1]), "int", "types of cells")
-
-    def _of_cells(self, fields: list[str]) -> None:
-        self._on_cells, self._rows = True, self._whole(fields[1])
-
-    def _of_points(self, fields: list[str]) -> None:
-        self._on_cells, self._rows = False, self._whole(fields[1])
-
-    def _scalars(self, fields: list[str]) -> None:
-        mark = self._line().split()
-        if mark[0].upper() != "LOOKUP_TABLE":
-            raise self._fault(f"is {mark[0][:40]!r}, expected LOOKUP_TABLE")
-        self._keep(fields[1], self._rows, self._whole(fields[3] or "1"), fields[2])
-
-    def _tuples(self, fields: list[str]) -> None:
-        self._keep(fields[1], self._rows, _WIDTHS[fields[0].upper()], fields[2])
-
-    def _fields(self, fields: list[str]) -> None:
-        for _ in range(self._whole(fields[2])):
-            own = [*self._line().split(), "", "", ""]
-            if own[0].upper() == "METADATA":
-                self._metadata(own)
-                own = [*self._line().split(), "", "", ""]
-            self._keep(own[0], self._whole(own[2]), self._whole(own[1]), own[3])
+    def _fields(self, count: int) -> None:
+        for _ in range(count):
+            name, *rest = self._line().split()
+            if name.upper() == "METADATA":
+                self._pass_metadata()
+                name, *rest = self._line().split()
+            width, rows, kind = [*rest, "", "", ""][:3]
+            self._keep(name, self._whole(rows), self._whole(width), kind)
 
     def _keep(self, name: str, rows: int, width: int, kind: str) -> None:
         if width < 1:
@@ -211,15 +213,9 @@ class _Reading:
         if self._on_cells:
             self._found.data[name] = values if width == 1 else values.reshape(-1, width)
 
-    def _metadata(self, fields: list[str]) -> None:
-        del fields
+    def _pass_metadata(self) -> None:
         while self._line(blank=True):
             pass
-
-    def _table(self, fields: list[str]) -> None:
-        self._values(4 * self._whole(fields[2]), "unsigned_char" if self._binary else "float", "a table of colours")
-
-    _rows = 0
 
     def _line(self, *, blank: bool = False, last: bool = False) -> str:
         """The next line, which is not blank unless it may be; at the end of the file empty, where it may be the last."""

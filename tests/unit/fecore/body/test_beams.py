@@ -1,7 +1,5 @@
 """Beams in space against closed forms; springs, masses and links; measured points."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +11,11 @@ from fecore.body.generators import profile, strip
 from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.mesh import Block, Box, Mesh
 from fecore.body.sections import ShellSection
-from fecore.body.structure import CommonPrior, Structure
+from fecore.body.structure import Structure
 from fecore.body.supports import Link, Mass, Spring, Support, turning
 from fecore.errors import InputError, OffSpecimenError
-from tests.support.shells import grid, isotropic, matrices, static
+from tests.support.bodies import pencil
+from tests.support.shells import grid, isotropic, static
 
 E, G, DENSITY = 210e9, 80e9, 7850.0
 SECTION = BeamSection.rectangle(0.02, 0.03, E, G, DENSITY)
@@ -31,7 +30,7 @@ def line(kind: str, count: int, direction: np.ndarray, length: float = 1.0) -> M
 
 
 def lowest(structure: Structure, count: int) -> np.ndarray:
-    K, M = matrices(structure)
+    K, M = pencil(structure)
     found = scipy.sparse.linalg.eigsh(
         K, count, M, sigma=-1e3, return_eigenvectors=False, v0=np.random.default_rng(0).standard_normal(K.shape[0])
     )
@@ -87,7 +86,7 @@ def test_a_beam_off_its_nodes_is_a_rib() -> None:
     )
     omega = lowest(stiffened, 16)
     assert omega[5] < 1e-2 * omega[6]
-    K, _ = matrices(stiffened)
+    K, _ = pencil(stiffened)
     rigid = stiffened.model.rigid_modes
     assert np.abs(K @ rigid).max() < 1e-10 * abs(K).max()
     # Bending along the rib follows the composite section: (EI) of plate and rib about their common axis.
@@ -110,9 +109,7 @@ def test_masses_and_springs() -> None:
     held = (Support(Box((0, 0, 0), (1, 1, 0)), ("u", "v", "rz")),)
     mass = Mass(3.0, (0.5, 0.5, 0.0), 0.02)
     structure = Structure(mesh, {"plate": isotropic(70e9, 0.3, 0.01, 500.0)}, held, springs, (mass,))
-    q = np.array(list(structure.nominal.values()))
-    K = structure.model.stiffness.at(np.append(structure.stiffness_coefficients(q), [100.0] * 4))
-    M = structure.model.mass.at(structure.mass_coefficients(q))
+    K, M = pencil(structure)
     values = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=[0, 2])
     assert values.min() == pytest.approx(400 / (5 + 3), rel=3e-3)  # the plate bends a little
     assert structure.model.stiffness.names[-4:] == ("k0", "k1", "k2", "k3")
@@ -141,7 +138,7 @@ def test_rigid_link_and_mean_move_as_a_body() -> None:
     for link in (Link(number, (0,)), Link(number, (0, 1, 2, 3)), Link(number, (0,), dofs=(0, 1, 2))):
         masses = (Mass(2.0, number, 0.01),)
         structure = Structure(lone, section, masses=masses, links=(link,))
-        K, M = matrices(structure)
+        K, M = pencil(structure)
         motions = structure.model.rigid_modes
         assert np.abs(K @ motions).max() < 1e-9 * abs(K).max()
         shift = motions.T @ (M @ motions)
@@ -176,20 +173,3 @@ def test_points_see_the_walls_rotation() -> None:
     assert {mesh.blocks[b].set for b in places.block[20:]} == {"web"}
     with pytest.raises(OffSpecimenError, match=r"lies 22\.5 mm off the specimen, which spans x 0 … 0.3 m"):
         model.observe(np.array([[0.1, 0.0, 0.05]]), np.array([[0.0, 0, 1]]))
-
-
-def test_a_model_without_a_direction_says_so() -> None:
-    flat = Structure(strip(0.5, 0.04, 4, 1), {"strip": isotropic(70e9, 0.3, 0.004)}, dofs=(2, 3, 4))
-    with pytest.raises(InputError, match="this model has w, rx, ry alone"):
-        flat.model.observe(np.array([[0.1, 0.0, 0.0]]), np.array([[1.0, 0, 0]]))
-
-
-def test_sets_of_one_material_have_a_common_prior() -> None:
-    material = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
-    mesh = profile("tee", 0.3, 0.06, 0.04, 0.005, 0.004, elements=2)
-    structure = Structure(mesh, {name: ShellSection((Ply(material, 0.005),)) for name in ("flange", "web")})
-    assert structure.common_priors()[0] == CommonPrior(("flange.E1", "web.E1"), 0.30, 0.15)
-    assert "flange.t" in structure.nominal
-    q = np.array(list(structure.nominal.values()))
-    assert structure.are_physical(q)
-    assert not structure.are_physical(np.where(np.array(list(structure.nominal)) == "web.nu12", 2.0, q))

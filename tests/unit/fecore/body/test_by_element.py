@@ -1,7 +1,5 @@
 """What may differ from element to element, or hangs on nodes: axes, offsets, springs, links along axes of their own."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -14,29 +12,10 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Link, NodeSpring, Spring, Support
-from fecore.dynamics.eigen import normal_modes
-from tests.support.stored_solids import frequencies
+from tests.support.bodies import hz, modes
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 WALL = ShellSection((Ply(GFRP, 0.006),))
-
-
-def hz(structure: Structure, count: int = 6) -> np.ndarray:
-    return frequencies(structure, count)
-
-
-def with_axes(mesh: Mesh, axis: tuple[float, float, float]) -> Mesh:
-    blocks = tuple(replace(b, axes=np.tile(np.array(axis), (len(b.nodes), 1))) for b in mesh.blocks)
-    return replace(mesh, blocks=blocks)
-
-
-def test_axes_of_elements_take_the_place_of_the_sections() -> None:
-    mesh = profile("i", 0.9, 0.12, 0.06, 0.006, 0.006, elements=2)
-    skew = (0.9, 0.3, 0.2)
-    walls = dict.fromkeys(("flange", "web"), replace(WALL, axis=skew))
-    by_element = Structure(with_axes(mesh, skew), dict.fromkeys(("flange", "web"), WALL))
-    np.testing.assert_allclose(hz(by_element), hz(Structure(mesh, walls)), rtol=1e-9)
-    assert abs(hz(by_element)[0] / hz(Structure(mesh, dict.fromkeys(("flange", "web"), WALL)))[0] - 1) > 0.01
 
 
 def test_two_halves_with_axes_of_their_own_are_not_taken_for_alike() -> None:
@@ -85,7 +64,7 @@ def test_a_spring_at_a_node_is_that_at_its_point() -> None:
     at_node = NodeSpring("tip", 5e3, np.array([[number]]), row)
     at_point = Spring("tip", 5e3, 3, point=(0.5, 0.0))
     assert at_node.unit == at_point.unit == "N/m"
-    found = [solved(Structure(mesh, {"strip": WALL}, held, (spring,)), 5e3) for spring in (at_node, at_point)]
+    found = [hz(Structure(mesh, {"strip": WALL}, held, (spring,)), 4) for spring in (at_node, at_point)]
     np.testing.assert_allclose(found[0], found[1], rtol=1e-9)
     assert found[0][0] > 1.2 * hz(Structure(mesh, {"strip": WALL}, held))[0]
     turn = np.zeros((1, 1, 6))
@@ -93,16 +72,8 @@ def test_a_spring_at_a_node_is_that_at_its_point() -> None:
     assert replace(at_node, rows=turn).unit == "N·m/rad"
 
 
-def solved(structure: Structure, stiffness: float) -> np.ndarray:
-    q, model = np.array(list(structure.nominal.values())), structure.model
-    K = model.stiffness.at(np.append(structure.stiffness_coefficients(q), stiffness))
-    M = model.mass.at(structure.mass_coefficients(q))
-    return normal_modes(K, M, 4, model.rigid_modes).frequency_hz
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.4])
-def test_a_link_leads_along_axes_of_its_own(angle: float) -> None:
-    c, s = np.cos(angle), np.sin(angle)
+def test_a_link_leads_along_axes_of_its_own() -> None:
+    c, s = np.cos(0.4), np.sin(0.4)
     axes = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
     link = Link(1, (0,), dofs=(0, 3), axes=axes)
     nodes = np.array([[0.0, 0, 0], [0.2, 0.1, 0.3]])
@@ -155,11 +126,9 @@ def test_points_on_led_walls_move_with_their_leaders(dofs: tuple[int, ...]) -> N
     parted = Structure(Mesh(nodes, halves, mesh.node_sets), {"strip": WALL}, links=links, springs=springs)
     shapes = []
     for body in (Structure(mesh, {"strip": WALL}), parted):
-        q, model = np.array(list(body.nominal.values())), body.model
-        K = model.stiffness.at(np.append(body.stiffness_coefficients(q), [spring.stiffness for spring in body.springs]))
-        modes = normal_modes(K, model.mass.at(body.mass_coefficients(q)), 9, model.rigid_modes)
-        point = model.observe(np.array([[0.21, 0.02, 0.0]]), np.array([[0, 0, 1.0]]))
-        shapes.append((modes.frequency_hz[6:], np.abs(point @ modes.shapes[:, 6:])[0]))
-        assert model.at_nodes(modes.shapes)[:, [0, -1]].any(axis=(1, 2)).all()  # the last node is led
+        found = modes(body, 3)
+        point = body.model.observe(np.array([[0.21, 0.02, 0.0]]), np.array([[0, 0, 1.0]]))
+        shapes.append((found.frequency_hz[6:], np.abs(point @ found.shapes[:, 6:])[0]))
+        assert body.model.at_nodes(found.shapes)[:, [0, -1]].any(axis=(1, 2)).all()  # the last node is led
     np.testing.assert_allclose(shapes[1][0], shapes[0][0], rtol=2e-4)
     np.testing.assert_allclose(shapes[1][1], shapes[0][1], rtol=1e-3, atol=1e-3)

@@ -1,7 +1,5 @@
 """Shell elements: patch tests, zero modes, and the published shells of every book; bars are section 18's or better."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +7,12 @@ import pytest
 import scipy
 
 from fecore.body.laminate import OrthotropicMaterial, Ply
-from fecore.body.mesh import Block, Mesh
+from fecore.body.mesh import Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import Support
-from fecore.errors import InputError
-from tests.support.shells import KINDS, cylinder, grid, hemisphere, isotropic, matrices, roof, twisted_beam
+from tests.support.bodies import pencil
+from tests.support.shells import KINDS, cylinder, grid, hemisphere, isotropic, roof, twisted_beam
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 LAMINATE = ShellSection((Ply(GFRP, 0.004), Ply(GFRP, 0.003, 30.0)))
@@ -59,7 +57,7 @@ def bending(x: np.ndarray) -> np.ndarray:
 def test_patch_of_constant_strain(kind, field, tolerance) -> None:
     mesh = distorted(kind)
     section = ShellSection((Ply(GFRP, 0.01, 20.0),))
-    K, _ = matrices(Structure(mesh, {"plate": section}))
+    K, _ = pencil(Structure(mesh, {"plate": section}))
     edge = np.unique(np.concatenate(list(mesh.node_sets.values())))
     held = np.isin(np.arange(len(mesh.nodes)), edge).repeat(6)
     exact = field(mesh.nodes).ravel()
@@ -74,7 +72,7 @@ def test_patch_of_constant_strain(kind, field, tolerance) -> None:
 def test_free_laminate_has_six_zero_modes(kind, warp) -> None:
     mesh = grid(kind, 4, 3, lambda st: np.column_stack([st, warp * np.sin(3 * st[:, 0]) * (st[:, 1] + 0.2) ** 2]))
     structure = Structure(mesh, {"plate": LAMINATE})
-    K, M = matrices(structure)
+    K, M = pencil(structure)
     value = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)
     assert np.abs(value[:6]).max() < 1e-6 * value[6]  # round-off of the stiffest mode
     rigid = structure.model.rigid_modes
@@ -113,7 +111,7 @@ def test_frequencies_converge(kind, least) -> None:
         supports = tuple(
             Support(edge, ("u", "v", "w", "rz", "rx" if edge[0] == "x" else "ry")) for edge in ("x0", "x1", "y0", "y1")
         )
-        K, M = matrices(Structure(mesh, {"plate": isotropic(E, nu, t, density)}, supports=supports))
+        K, M = pencil(Structure(mesh, {"plate": isotropic(E, nu, t, density)}, supports=supports))
         value = scipy.sparse.linalg.eigsh(K, 1, M, sigma=0.0, return_eigenvectors=False, v0=np.ones(K.shape[0]))
         errors.append(abs(float(np.sqrt(value[0])) / exact - 1))
     assert np.log2(errors[0] / errors[1]) > least
@@ -145,27 +143,6 @@ def test_closed_forms_have_complex_derivatives(section) -> None:
         assert np.all(np.abs(forms(stepped).imag / 1e-30 - differences) <= 1e-6 * scale + 1e-12 * scale.max())
 
 
-def test_derivative_of_a_frequency_is_that_of_the_strains() -> None:
-    mesh = grid("quad8", 4, 3, lambda st: np.column_stack([st, 0.1 * st[:, 0] ** 2]))
-    structure = Structure(mesh, {"plate": LAMINATE}, supports=(Support("x0"),))
-    q = np.array(list(structure.nominal.values()))
-
-    def lowest(values: np.ndarray) -> tuple[float, np.ndarray]:
-        K = structure.model.stiffness.at(structure.stiffness_coefficients(values))
-        M = structure.model.mass.at(structure.mass_coefficients(values))
-        value, vector = scipy.sparse.linalg.eigsh(K, 1, M, sigma=0.0, v0=np.ones(K.shape[0]), tol=1e-14)
-        return float(value[0]), vector
-
-    value, shape = lowest(q)
-    stepped = q.astype(complex)
-    stepped[0] *= 1 + 1e-30j  # E1
-    by = structure.stiffness_coefficients(stepped).imag / 1e-30
-    exact = float(by @ structure.model.stiffness.project(shape, slice(None))[:, 0, 0])
-    step = np.eye(len(q))[0] * q * 1e-5
-    assert exact == pytest.approx((lowest(q + step)[0] - lowest(q - step)[0]) / 2e-5, rel=1e-5)
-    assert 0 < exact < value
-
-
 def test_offset_is_a_section_moved_along_its_normal() -> None:
     flat = grid("quad8", 3, 2, lambda st: np.column_stack([st, 0 * st[:, 0]]))
     raised = grid("quad8", 3, 2, lambda st: np.column_stack([st, 0 * st[:, 0] + 0.02]))
@@ -173,31 +150,6 @@ def test_offset_is_a_section_moved_along_its_normal() -> None:
     there = Structure(raised, {"plate": LAMINATE})
     frequencies = []
     for structure in (moved, there):
-        K, M = matrices(structure)
+        K, M = pencil(structure)
         frequencies.append(np.sqrt(scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)[6:14]))
     np.testing.assert_allclose(frequencies[0], frequencies[1], rtol=1e-3)  # the drilling is not moved
-
-
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        (lambda m: replace(m, blocks=()), "mesh.blocks: is empty"),
-        (lambda m: replace(m, nodes=m.nodes[:, :2]), "mesh.nodes: have the shape"),
-        (lambda m: replace(m, nodes=m.nodes[:-1]), "name node"),
-        (
-            lambda m: replace(m, blocks=(Block("quad8", m.blocks[0].nodes[:, [0, 0, 0, 0, 0, 0, 0, 0]], "plate"),)),
-            "no area",
-        ),
-        (lambda m: replace(m, blocks=(Block("quad8", m.blocks[0].nodes, "other"),)), "none for the set other"),
-    ],
-)
-def test_bad_meshes_are_refused(change, says) -> None:
-    mesh = grid("quad8", 2, 2, lambda st: np.column_stack([st, 0 * st[:, 0]]))
-    with pytest.raises(InputError, match=says):
-        _ = Structure(change(mesh), {"plate": LAMINATE}).model
-
-
-def test_an_axis_along_the_normal_is_refused() -> None:
-    mesh = grid("quad4", 2, 2, lambda st: np.column_stack([st, 0 * st[:, 0]]))
-    with pytest.raises(InputError, match="along the normal"):
-        _ = Structure(mesh, {"plate": replace(LAMINATE, axis=(0.0, 0.0, 1.0))}).model

@@ -1,7 +1,5 @@
 """The joint model against solids of quadratic bricks by another code, whose files are read where they are."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

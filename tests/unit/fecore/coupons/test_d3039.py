@@ -75,36 +75,37 @@ def test_a_specimen_that_fails_early_takes_a_quarter_to_a_half_of_its_strain() -
     assert "below 6000" in result.warnings[0]
 
 
-def test_two_faces_give_the_mean_strain_and_the_bending() -> None:
-    curve = steady()
-    bent = Curve(curve.force_n, curve.strain * 1.06, strain_back=curve.strain * 0.94)
-    result = d3039.reduce(bent, WIDTH, THICKNESS)
-    assert result.modulus_pa == pytest.approx(40e9, rel=1e-12)
-    assert result.bending_percent == pytest.approx(6.0, rel=1e-12)
-    assert "bending" in result.warnings[0]
+F, S = steady().force_n, steady().strain
+LATE = np.arange(201) >= 150
 
 
-def test_a_gauge_taken_off_before_failure_leaves_no_ultimate_strain() -> None:
-    curve = steady()
-    strain = curve.strain.copy()
-    strain[150:] = np.nan
-    result = d3039.reduce(Curve(curve.force_n, strain), WIDTH, THICKNESS)
-    assert result.ultimate_strain is None
+@pytest.mark.parametrize(
+    ("curve", "ultimate", "bending", "warning"),
+    [
+        pytest.param(Curve(F, 1.06 * S, strain_back=0.94 * S), 0.01, 6.0, "bending", id="two faces"),
+        pytest.param(Curve(F, np.where(LATE, np.nan, S)), None, None, "ends at 7450 µε", id="a gauge taken off"),
+        pytest.param(Curve(F, S + 0.19 * LATE), None, None, "jumps at point 151", id="an extensometer that jumps"),
+        pytest.param(
+            Curve(np.r_[F, 50, 20, 0], np.r_[S, 0.001, 0.0, -0.002]), 0.01, None, None, id="after the maximum force"
+        ),
+    ],
+)
+def test_what_befalls_a_gauge_leaves_the_modulus(
+    curve: Curve, ultimate: float | None, bending: float | None, warning: str | None
+) -> None:
+    result = d3039.reduce(curve, WIDTH, THICKNESS)
     assert result.modulus_pa == pytest.approx(40e9, rel=1e-12)
     assert result.strength_pa == pytest.approx(400e6, rel=1e-12)
-    assert "ends at 7450 µε" in result.warnings[0]
-    early = np.where(curve.strain > 0.004, np.nan, curve.strain)
+    assert result.ultimate_strain == (ultimate if ultimate is None else pytest.approx(ultimate))
+    assert result.bending_percent == (bending if bending is None else pytest.approx(bending, rel=1e-12))
+    assert [warning in text for text in result.warnings[:1]] == [True] if warning else not result.warnings
+
+
+def test_a_gauge_lost_within_the_chord_and_exchanged_dimensions_are_asked_about() -> None:
+    early = np.where(S > 0.004, np.nan, S)
     with pytest.raises(InputError, match="chord_range"):
-        d3039.reduce(Curve(curve.force_n / 2 * np.where(curve.strain > 0.004, 1.1, 2), early), WIDTH, THICKNESS)
-
-
-def test_what_comes_after_the_maximum_force_does_not_count() -> None:
-    curve = steady()
-    force = np.concatenate([curve.force_n, [50.0, 20.0, 0.0]])
-    strain = np.concatenate([curve.strain, [0.001, 0.0, -0.002]])
-    result = d3039.reduce(Curve(force, strain), WIDTH, THICKNESS)
-    assert result.modulus_pa == pytest.approx(40e9, rel=1e-12)
-    assert result.ultimate_strain == pytest.approx(0.01)
+        d3039.reduce(Curve(F / 2 * np.where(S > 0.004, 1.1, 2), early), WIDTH, THICKNESS)
+    assert "are they exchanged" in d3039.reduce(steady(), THICKNESS, WIDTH).warnings[0]
 
 
 def test_a_knee_is_found_where_it_is_and_nowhere_else() -> None:
@@ -171,27 +172,12 @@ def test_a_knee_that_a_later_bend_hides_in_the_whole_curve_is_found_near_the_cho
     assert "knee at 20" in warning
 
 
-def test_an_extensometer_that_jumps_leaves_no_ultimate_strain_and_the_same_modulus() -> None:
-    curve = steady()
-    strain = curve.strain.copy()
-    strain[150:] += 0.19
-    result = d3039.reduce(Curve(curve.force_n, strain), WIDTH, THICKNESS)
-    assert result.ultimate_strain is None
-    assert result.modulus_pa == pytest.approx(40e9, rel=1e-12)
-    assert "jumps at point 151" in result.warnings[0]
-
-
 def test_noise_yield_and_a_machine_that_changes_its_rate_are_no_jumps() -> None:
     rng = np.random.default_rng(3)
     noisy = np.linspace(0, 0.012, 400) + rng.normal(0, 20e-6, 400)
     rates = np.concatenate([np.linspace(0, 0.002, 200), np.linspace(0.0029, 0.02, 20)])
     yielding = np.concatenate([np.linspace(0, 0.004, 200), 0.004 + 0.03 * np.linspace(0.005, 1, 200) ** 2])
     assert [jump(x) for x in (noisy, rates, yielding, STRAIN)] == [None] * 4
-
-
-def test_exchanged_dimensions_are_asked_about() -> None:
-    result = d3039.reduce(steady(), THICKNESS, WIDTH)
-    assert "are they exchanged" in result.warnings[0]
 
 
 # --- batches of coupons -------------------------------------------------------------------------------------------------

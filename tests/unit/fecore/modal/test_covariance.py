@@ -1,7 +1,5 @@
 """What identification says of its own errors: held to formulas written out anew."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """FRFs with faults: what identification leaves out, names or refuses."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -10,7 +8,7 @@ import pytest
 
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
-from fecore.modal import Options, identify, set_with_gaps
+from fecore.modal import identify, set_with_gaps
 from fecore.modal.screening import screen
 from tests.support.beams import LINES, PAPER_HZ, PAPER_ZETA, assert_papers_modes, paper_frfs
 
@@ -133,18 +131,3 @@ def test_an_frf_of_quite_another_scale_is_named_with_the_one_it_is_judged_by(goo
     others = screen(replace(good, values=loud)).refused
     assert len(others) == 32
     assert all("where 33Z/8Z reaches" in one.reason for one in others)
-
-
-def test_what_cannot_be_used_is_refused_with_a_reason(good: FrfSet) -> None:
-    with pytest.raises(IdentificationError, match="dead channel"):
-        identify(replace(good, values=np.zeros_like(good.values)))
-    with pytest.raises(IdentificationError, match="lines"):
-        identify(good.band(100.0, 116.0))
-    with pytest.raises(InputError, match="band_hz"):
-        identify(good, Options(band_hz=(2000.0, 3000.0)))
-    with pytest.raises(InputError, match="frfs"):
-        identify([])
-    with pytest.raises(InputError, match="variance"):
-        identify(replace(good, variance=np.zeros(good.values.shape)))
-    with pytest.raises(InputError, match="highest_order"):
-        Options(highest_order=1)

@@ -1,7 +1,5 @@
 """Two modes under one pole: parted by several references, and one mode left as one."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,17 +1,17 @@
-"""The refinement's derivatives, the linear stage on clean data, and the noise model."""
-
-from __future__ import annotations
+"""Derivatives of the refinement, the linear stage, the noise model, and what stands against one fault of measured FRFs each."""
 
 import numpy as np
 import pytest
 
-from fecore.frf import Dof, FrfSet
+from benchmarks.made_frfs import KINDS
+from fecore.frf import Dof
 from fecore.modal import identify
 from fecore.modal.arrangement import arrange, split_sides
 from fecore.modal.basis import Terms
+from fecore.modal.leakage import leakage
 from fecore.modal.lscf import linear_poles
 from fecore.modal.noise import line_scatter
-from fecore.modal.refinement import evaluate, moved, refine
+from fecore.modal.refinement import evaluate, moved
 from fecore.updating.residual_noise import residual_variance
 from tests.support.beams import ABOVE_HZ, ABOVE_ZETA, PAPER_HZ, PAPER_ZETA, paper_frfs
 
@@ -35,15 +35,6 @@ def test_gradient_and_information_against_differences() -> None:
     step = 1e-6 * np.random.default_rng(1).standard_normal(true.parameters)
     moved_chi = evaluate(clean, moved(true, step), variance).chi_squared
     assert moved_chi == pytest.approx(step @ best.information @ step, rel=1e-3)
-
-
-def test_refinement_comes_home_from_a_poor_start() -> None:
-    arrangement = arrange(paper_frfs(0.01, 3))
-    variance = line_scatter(arrangement.values, arrangement.measured, 1.0)
-    hz, zeta = np.append(PAPER_HZ, ABOVE_HZ[0]), np.append(PAPER_ZETA, ABOVE_ZETA[0])
-    fit = refine(arrangement, Terms(hz * 1.01, zeta * [0.5, 2, 0.5, 2, 0.5, 2], (0,)), variance)
-    assert np.allclose(fit.terms.frequency_hz[:5], PAPER_HZ, rtol=1e-3)
-    assert np.allclose(fit.terms.damping_ratio[:5], PAPER_ZETA, rtol=0.01)
 
 
 def test_linear_stage_is_exact_on_clean_data_and_biased_on_noisy() -> None:
@@ -81,17 +72,19 @@ def test_fixed_dofs_are_the_fewest_that_touch_all_pairs() -> None:
     assert split_sides(((a, c), (c, b)))[1] == (c,)
 
 
-def test_a_chain_of_masses_without_any_noise() -> None:
-    """Rounding alone decides between terms; once the cost rose by more than all that was left of it."""
-    rng = np.random.default_rng(24)
-    k = rng.uniform(0.5, 2, 3)
-    stiffness = np.diag(k + np.append(k[1:], 0)) - np.diag(k[1:], 1) - np.diag(k[1:], -1)
-    share = rng.uniform(0.001, 0.02)  # c = share k
-    hz = np.append(1e-5, np.arange(1, 401) * 1e-3)
-    w = 2 * np.pi * hz[:, None, None]
-    values = np.linalg.inv((1 + 1j * share * w) * stiffness - w**2 * np.eye(3))[:, :, 0].T
-    dofs = tuple(Dof(i, 3) for i in (1, 2, 3))
-    found = identify(FrfSet(hz, values, dofs, dofs[:1] * 3, "receptance")).modes
-    true = np.sqrt(np.linalg.eigvalsh(stiffness))
-    np.testing.assert_allclose(found.frequency_hz, true / (2 * np.pi), rtol=1e-9)
-    np.testing.assert_allclose(found.damping_ratio, share * true / 2, rtol=1e-6)
+@pytest.mark.parametrize("seed", [2, 4002])
+def test_a_group_of_overlapping_modes_is_found_though_none_of_them_pays_alone(seed: int) -> None:
+    draw = KINDS["plate"](seed)
+    found = identify(draw.frfs).found
+    f = found.modes.frequency_hz[[why is None for why in found.doubt]]
+    for true in draw.frequency_hz[~draw.optional]:
+        assert np.min(np.abs(f / true - 1)) < 0.002, f"{true:.2f} Hz is lost; found {f}"
+
+
+def test_leakage_is_left_out_only_where_there_is_some() -> None:
+    draw = KINDS["bridge"](5)
+    cut, said = leakage(arrange(draw.frfs))
+    assert 0.5 < cut.frequency_hz[0] < draw.frequency_hz[0]
+    assert "leakage below" in said[0]
+    for clean in (paper_frfs(0.05, 1), paper_frfs(0.0)):
+        assert leakage(arrange(clean))[1] == []

@@ -1,16 +1,11 @@
 """Shapes at typed-in poles."""
 
-from __future__ import annotations
-
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from fecore.correlation import mac
-from fecore.errors import IdentificationError, InputError
 from fecore.frf import Dof, FrfSet
-from fecore.modal import set_with_gaps, shapes_at_poles
+from fecore.modal import shapes_at_poles
 from tests.support.beams import (
     ABOVE_HZ,
     ABOVE_ZETA,
@@ -51,27 +46,6 @@ def test_shape_standard_deviations_match_the_scatter() -> None:
     assert np.sqrt(np.mean(errors) / np.mean(stated)) == pytest.approx(1, abs=0.25)
 
 
-def test_a_hit_along_minus_z_is_not_one_along_plus_z() -> None:
-    frfs = paper_frfs(0.0)
-    turned = list(frfs.references)
-    turned[4] = Dof(5, -3)
-    values = frfs.values.copy()
-    values[4] *= -1
-    flipped = replace(frfs, values=values, references=tuple(turned))
-    first, _ = shapes_at_poles(frfs, ALL_HZ, ALL_ZETA)
-    second, _ = shapes_at_poles(flipped, ALL_HZ, ALL_ZETA)
-    assert second.dofs == first.dofs
-    assert np.allclose(second.shapes, first.shapes, atol=1e-12)
-
-
-def test_roving_sensor_and_roving_hammer_agree_by_reciprocity() -> None:
-    hammer = paper_frfs(0.0)
-    sensor = replace(hammer, responses=hammer.references, references=hammer.responses)
-    assert np.allclose(
-        shapes_at_poles(hammer, ALL_HZ, ALL_ZETA)[0].shapes, shapes_at_poles(sensor, ALL_HZ, ALL_ZETA)[0].shapes
-    )
-
-
 def test_two_references_with_missing_pairs_fit_one_shape() -> None:
     points = grid()
     shapes = cantilever_shapes(points)[:5]
@@ -107,25 +81,3 @@ def test_a_dof_that_only_a_reference_at_a_node_sees_is_unknown_and_not_the_large
     assert mac(shapes.real, shape[order])[0, 0] > 0.9
     unknown = [order.index(20), order.index(21)]
     assert np.all(shapes.sd[0, unknown] > 5 * np.median(shapes.sd[0]))
-
-
-def test_gaps_are_left_out_of_the_fit() -> None:
-    frfs = paper_frfs(0.0)
-    values = frfs.values.copy()
-    values[3, 100:140] = np.nan
-    values[:, 500] = np.inf
-    holed = set_with_gaps(frfs.frequency_hz, values, frfs.responses, frfs.references)
-    modes, _ = shapes_at_poles(holed, ALL_HZ, ALL_ZETA)
-    assert np.allclose(np.diag(mac(modes.shapes, cantilever_shapes(grid()))), 1, atol=1e-10)
-
-
-def test_unusable_poles_are_named() -> None:
-    frfs = paper_frfs(0.0)
-    with pytest.raises(InputError, match="damping_ratio"):
-        shapes_at_poles(frfs, np.array([25.0]), np.array([np.nan]))
-    with pytest.raises(InputError, match="frequency_hz"):
-        shapes_at_poles(frfs, np.array([-25.0]), np.array([0.1]))
-    with pytest.raises(IdentificationError, match="cannot be distinguished"):
-        shapes_at_poles(frfs, np.array([160.0, 160.0]), np.array([0.02, 0.02]))
-    with pytest.raises(IdentificationError, match="wider band"):
-        shapes_at_poles(frfs, PAPER_HZ, PAPER_ZETA, band_hz=(155.0, 158.0))

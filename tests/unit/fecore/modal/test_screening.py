@@ -1,7 +1,5 @@
 """What is left out of FRFs, or said of them, before modes are looked for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -18,8 +16,7 @@ def records(count: int) -> FrfSet:
 
 
 @pytest.mark.parametrize(
-    ("struck", "which"),
-    [(1, "1Z/99Z"), (5, ", ".join(f"{i}Z/99Z" for i in range(1, 6))), (6, "5Z/99Z and 1 more")],
+    ("struck", "which"), [(1, "1Z/99Z"), (5, ", ".join(f"{i}Z/99Z" for i in range(1, 6))), (6, "5Z/99Z and 1 more")]
 )
 def test_a_line_that_stands_alone_is_left_out_of_the_records_that_show_it(struck: int, which: str) -> None:
     frfs = records(24)
@@ -60,16 +57,6 @@ def test_frfs_of_exchanged_dofs_may_differ_by_a_session(part: float, kept: int) 
 def test_lines_are_listed_up_to_four() -> None:
     assert lines_in_words(np.array([1.0, 2.5])) == "1, 2.5 Hz"
     assert lines_in_words(np.arange(1.0, 7.0)) == "1, 2, 3, 4 … 6 Hz (6 lines)"
-
-
-@pytest.mark.parametrize(("part", "missing"), [("real", "imaginary"), ("imag", "real")])
-def test_half_of_an_frf_is_refused(part: str, missing: str) -> None:
-    frfs = records(4)
-    half = getattr(frfs.values[3], part).copy()
-    frfs.values[3] = half if part == "real" else 1j * half
-    (refused,) = screen(frfs).refused
-    assert refused.frf == "4Z/99Z"
-    assert f"has no {missing} part at any line" in refused.reason
 
 
 def test_copies_are_averaged_where_both_were_measured() -> None:

@@ -1,7 +1,5 @@
 """Hits that hold almost nothing: a dead channel, a pulse at the edge of its block, a point without one good hit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -110,6 +108,8 @@ def test_a_point_without_a_good_hit_has_no_frf_and_a_warning() -> None:
     none, single = (next(w for w in found.warnings if words in w) for words in ("no hit of point", "a single good hit"))
     assert none.startswith("no hit of point 2 is good, so there is no FRF")
     assert single.startswith("a single good hit at point 3")
+    assert found.frfs.variance is not None
+    assert np.isnan(found.frfs.variance).all(axis=1).tolist() == [False, True]
 
 
 def test_hits_left_out_one_and_all_have_no_mean() -> None:
@@ -126,11 +126,13 @@ def test_many_hits_of_a_point_are_compared_as_few_are() -> None:
 def test_frfs_in_parts_are_those_of_one_part() -> None:
     hits = [a_hit(n, point=point) for point in (1, 2, 3) for n in (1, 2, 3)]
     whole = processed(*hits)
-    *parts, found = process_in_parts(by_point(hits), shelf={}, part_bytes=1)
+    *parts, found = process_in_parts(by_point(hits), shelf={}, part_bytes=1, threads=3)
     assert isinstance(found, Findings)
     averages = [part for part in parts if isinstance(part, Averages)]
     assert len(averages) == 3
-    assert np.array_equal(np.concatenate([part.frfs.values for part in averages]), whole.frfs.values)
+    for of in (lambda part: part.frfs.values, lambda part: part.frfs.variance, lambda part: part.coherence):
+        assert np.array_equal(np.concatenate([of(part) for part in averages]), of(whole))
+    assert found.verdicts == whole.verdicts
     assert tuple(used for part in averages for used in part.used) == whole.used
     assert tuple(dof for part in averages for dof in part.frfs.references) == whole.frfs.references
     assert found.warnings == whole.warnings
@@ -180,6 +182,7 @@ def test_hits_in_the_shortest_blocks_are_taken() -> None:
     found = processed(*(Hit(cut(hit.force), (cut(hit.responses[0]),), RATE, hit.number) for hit in hits))
     assert [v.accepted for v in found.verdicts] == [True] * 3
     assert found.frfs.values.shape == (1, 25)
+    assert processed(*hits, processing=Processing(band_hz=(99.9, 101.1))).frfs.frequency_hz.size == 2
 
 
 @pytest.mark.parametrize("response", [DEAD, pulse()], ids=["dead", "rigid"])

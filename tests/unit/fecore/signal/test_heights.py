@@ -1,13 +1,10 @@
 """A sensitivity that is wrong by ten is named where a processing can know it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fecore.errors import InputError
 from fecore.frf import Dof, FrfSet
 from fecore.signal import Hit, Processing, Strip, Windows, by_point, process
 from fecore.signal.heights import Heights
@@ -30,16 +27,15 @@ def _strip(bench: Bench) -> Strip:
     return Strip(mass, mass * (2 * np.pi * body.frequency_hz[first] / wave**2) ** 2)
 
 
-@pytest.mark.parametrize("factor", [10.0, 0.1])
-@pytest.mark.parametrize(("seed", "kind"), [(21, "clamped"), (22, "free"), (23, "clamped")])
+@pytest.mark.parametrize(("seed", "kind", "factor"), [(21, "clamped", 10.0), (22, "free", 0.1)])
 def test_a_whole_campaign_by_what_a_strip_of_its_mass_shows(seed: int, kind: str, factor: float) -> None:
     bench, _, simulated = campaign(np.random.default_rng(seed), kind, 4, 3, 0.0)
     known = Processing(strip=_strip(bench))
     hits = [one.hit for one in simulated]
     assert not any("strip" in w for w in process(by_point(hits), known).warnings)
-    wrong = process(by_point([_scaled(hit, factor) for hit in hits]), known).warnings
-    assert any("strip of this mass" in w and "sensitivity" in w for w in wrong)
-    assert all(v.accepted for v in process(by_point([_scaled(hit, factor) for hit in hits]), known).verdicts)
+    wrong = process(by_point([_scaled(hit, factor) for hit in hits]), known)
+    assert any("strip of this mass" in w and "sensitivity" in w for w in wrong.warnings)
+    assert all(v.accepted for v in wrong.verdicts)
 
 
 def test_a_strong_window_is_named_where_it_makes_a_campaign_low() -> None:
@@ -89,8 +85,3 @@ def test_a_pair_measured_both_ways_with_unlike_heights_is_named() -> None:
     (said,) = _wrong(frfs)
     assert "point 1 hit at point 2 is 10 times lower than that of the opposite way" in said
     assert _wrong(replace(frfs, values=np.array([one, 1.2 * one]))) == []
-
-
-def test_a_strip_without_mass_is_refused() -> None:
-    with pytest.raises(InputError, match="mass_per_length"):
-        Strip(0.0, 1.0)

@@ -1,7 +1,5 @@
 """Where hits landed, in millimetres, on shapes and simulated hammer tests whose truth is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,20 +8,7 @@ import pytest
 from fecore.frf import Dof
 from fecore.signal import Finding, Processing, by_point, process
 from fecore.signal.placing import locate
-from fecore.signal.slopes import plane, slopes
 from tests.support.hammer import Bench, Simulated, random_body, random_laboratory
-
-
-def test_slopes_of_a_wave_are_found_where_points_are_near_and_unknown_where_they_are_far() -> None:
-    x = np.array([0.0, 0.05, 0.13, 0.2, 0.27, 0.33, 0.41, 0.5])
-    places = plane(np.column_stack((np.zeros(8), 0.01 * np.cos(7 * x), x)))  # along z: axes go by extent
-    np.testing.assert_array_equal(places[:, 0], x)
-    waves = np.array([6.0, 15.0])
-    found, variance = slopes(places, np.sin(waves * x[:, None] + 0.4), 3)
-    assert (np.abs(found[0] - waves * np.cos(waves * x[3] + 0.4)) < 0.02 * waves).all()
-    assert (np.sqrt(variance[0]) < 0.1 * waves).all()
-    _, short = slopes(places, np.sin(160.0 * x[:, None] + 0.4), 3)  # 39 mm long between points 70 mm apart
-    assert np.sqrt(short[0, 0]) > 15.0  # /m, of a share of one: the wave is said to be unknown
 
 
 @pytest.mark.parametrize("kind", ["clamped", "free", "plate"])
@@ -64,8 +49,12 @@ def test_a_point_alone_and_points_of_unknown_place_are_not_located() -> None:
     assert locate([(0.1, 0.0, 0.0)] * 8, [shares] * 8) == [{}] * 8  # all at one place
 
 
+Places = dict[int, tuple[float, float, float]]
+Tour = tuple[list[Simulated], Places]
+
+
 @pytest.fixture(scope="module")
-def tour() -> tuple[Bench, list[Simulated], dict[int, tuple[float, float, float]]]:
+def tour() -> Tour:
     """Ten points of a free strip, four hits each; the fourth of point 4 and of point 8 lies 12 mm off."""
     rng = np.random.default_rng(12)
     body = random_body(rng, "free")
@@ -77,13 +66,11 @@ def tour() -> tuple[Bench, list[Simulated], dict[int, tuple[float, float, float]
         for label, place in places.items()
         for n in (1, 2, 3, 4)
     ]
-    return bench, hits, {label: (x, y, 0.0) for label, (x, y) in places.items()}
+    return hits, {label: (x, y, 0.0) for label, (x, y) in places.items()}
 
 
-def test_hits_off_their_place_are_named_in_millimetres_and_good_ones_stay(
-    tour: tuple[Bench, list[Simulated], dict[int, tuple[float, float, float]]],
-) -> None:
-    _, simulated, positions = tour
+def test_hits_off_their_place_are_named_in_millimetres_and_good_ones_stay(tour: Tour) -> None:
+    simulated, positions = tour
     hits = [s.hit for s in simulated]
     found = process(by_point(hits), Processing(positions=positions, overrules={(Dof(8, 3), 4): True}))
     for verdict, s in zip(found.verdicts, simulated, strict=True):
@@ -95,13 +82,11 @@ def test_hits_off_their_place_are_named_in_millimetres_and_good_ones_stay(
             assert "mm from where most hits of the point did; the limit is 9.7" in place.sentence
 
 
-def test_without_positions_places_are_judged_by_typical_distances(
-    tour: tuple[Bench, list[Simulated], dict[int, tuple[float, float, float]]],
-) -> None:
-    _, simulated, positions = tour
+def test_without_positions_places_are_judged_by_typical_distances(tour: Tour) -> None:
+    simulated, positions = tour
     hits = [s.hit for s in simulated]
 
-    def places(chosen: dict[int, tuple[float, float, float]]) -> list[Finding]:
+    def places(chosen: Places) -> list[Finding]:
         verdicts = process(by_point(hits), Processing(positions=chosen)).verdicts
         return [f for v in verdicts for f in v.findings if f.criterion == "place"]
 

@@ -43,6 +43,14 @@ def warm(n: int = 30, lowest: float = 5, highest: float = 35, seed: int = 2) -> 
     return replace(s, estimate=s.estimate * (1 - 0.001 * (t - 20)))
 
 
+def warm_but(temperatures: dict[int, float]) -> Series:
+    """With other temperatures stated at some campaigns."""
+    series = warm()
+    t = series.covariates["temperature_c"].copy()
+    t[list(temperatures)] = list(temperatures.values())
+    return replace(series, covariates={"temperature_c": t})
+
+
 def test_a_loss_raises_one_alarm_that_says_when_and_how_much() -> None:
     trend = assess({"Ex": stiffness(loss_from=11)}, WATCH).parameters["Ex"]
     assert [m.state for m in trend.timeline] == [State.NORMAL] * 3 + [State.ALARM] * 3
@@ -101,11 +109,6 @@ def test_an_unchanged_structure_is_normal_and_a_rise_is_no_fall() -> None:
     assert set(both.statistic) == {"fall", "rise"}
 
 
-def test_a_pending_period_waits() -> None:
-    trend = assess({"Ex": stiffness(loss_from=11)}, replace(WATCH, pending=2)).parameters["Ex"]
-    assert [m.state for m in trend.timeline[3:]] == [State.PENDING, State.ALARM, State.ALARM]
-
-
 def test_an_acknowledged_alarm_stays_acknowledged_while_outside() -> None:
     seen = Acknowledgement("Ex", dates(14)[12] + timedelta(days=1))
     trend = assess({"Ex": stiffness(loss_from=11)}, WATCH, acknowledgements=[seen]).parameters["Ex"]
@@ -161,10 +164,7 @@ def test_seasons_are_regressed_out() -> None:
 
 
 def test_extrapolation_beyond_the_baselines_temperatures_is_said_and_widens() -> None:
-    series = warm()
-    t = series.covariates["temperature_c"].copy()
-    t[20], t[21] = 60.0, 21.0
-    hot = replace(series, covariates={"temperature_c": t}, labels=tuple(f"c{i}" for i in range(30)))
+    hot = warm_but({20: 60.0, 21: 21.0})
     baseline, watched, _ = fit_baseline(hot, 12, ("temperature_c",))
     scores = score(baseline, watched)
     assert np.flatnonzero(scores.extrapolated).tolist() == [8]
@@ -175,10 +175,7 @@ def test_extrapolation_beyond_the_baselines_temperatures_is_said_and_widens() ->
 
 
 def test_a_missing_temperature_is_judged_with_the_spread_that_it_may_cause() -> None:
-    series = warm()
-    t = series.covariates["temperature_c"].copy()
-    t[20] = np.nan
-    unknown = replace(series, covariates={"temperature_c": t}, labels=tuple(f"c{i}" for i in range(30)))
+    unknown = warm_but({20: np.nan})
     baseline, watched, _ = fit_baseline(unknown, 12, ("temperature_c",))
     scores = score(baseline, watched)
     spread = abs(baseline.fit.coefficients[1]) * np.sqrt(baseline.variance[0])
@@ -190,11 +187,7 @@ def test_a_missing_temperature_is_judged_with_the_spread_that_it_may_cause() -> 
 
 
 def test_a_baseline_campaign_without_temperature_is_left_out_and_named() -> None:
-    series = warm()
-    t = series.covariates["temperature_c"].copy()
-    t[3] = np.nan
-    series = replace(series, covariates={"temperature_c": t}, labels=tuple(f"c{i}" for i in range(30)))
-    trend = assess({"Ex": series}, Watch({"Ex": "fall"}, 12, ("temperature_c",))).parameters["Ex"]
+    trend = assess({"Ex": warm_but({3: np.nan})}, Watch({"Ex": "fall"}, 12, ("temperature_c",))).parameters["Ex"]
     assert "c3" not in trend.baseline.labels
     assert trend.baseline.labels[-1] == "c12"
     assert trend.notes[0] == "left out of the baseline, a covariate is missing: c3"
@@ -206,15 +199,6 @@ def test_overstated_standard_deviations_are_noticed() -> None:
     series = stiffness()
     vague = replace(series, standard_deviation=np.full(14, 0.02 * 32e9))
     assert "larger than the scatter" in assess({"Ex": vague}, WATCH).parameters["Ex"].notes[0]
-
-
-def test_a_family_shares_its_false_alarms() -> None:
-    one, two = WATCH, replace(WATCH, directions={"Ex": "fall", "a0": "both"})
-    assert two.side_probability == pytest.approx(one.side_probability / 3)
-    alone = assess({"Ex": stiffness()}, one).parameters["Ex"].limits
-    family = assess({"Ex": stiffness(), "a0": replace(stiffness(seed=9), name="a0")}, two).parameters["Ex"].limits
-    assert family.chart > alone.chart
-    assert family.score > alone.score
 
 
 def test_the_false_alarm_rate_of_a_family_is_held() -> None:

@@ -92,15 +92,6 @@ def test_limits_hold_for_a_short_baseline(chart: Chart, n: int) -> None:
     assert called / 4000 == pytest.approx(0.2, abs=3.5 * np.sqrt(0.2 * 0.8 / 4000) + 0.005)
 
 
-def test_limits_fall_with_the_rate_and_share_it() -> None:
-    chart = Chart("ewma")
-    tight, wide = control_limits(chart, 0.01, 24), control_limits(chart, 0.3, 24)
-    assert tight.chart > wide.chart
-    assert tight.score > wide.score
-    assert alarm_probability(chart, wide, 24) == pytest.approx(0.3, rel=2e-3)
-    assert alarm_probability(Chart("shewhart"), Limits(wide.score), 24) == pytest.approx(0.15, rel=2e-3)
-
-
 def is_called(chart: Chart, limits: Limits, scores: np.ndarray, pending: int) -> bool:
     outside = chart.outside(scores, limits)[1]
     return bool(np.any(np.convolve(outside, np.ones(pending), "valid") >= pending))

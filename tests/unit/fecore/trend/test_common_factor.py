@@ -41,7 +41,7 @@ def test_humidity_that_was_not_recorded_is_said_at_the_baseline() -> None:
     assert "humidity" in example
 
 
-@pytest.mark.parametrize(("correlation", "scatter"), [(0.0, 0.004), (0.9, 0.0), (1.0 - 1e-6, 0.0)])
+@pytest.mark.parametrize(("correlation", "scatter"), [(0.0, 0.004), (0.9, 0.0)])
 def test_own_scatter_or_shared_noise_is_called_no_oftener_than_stated(correlation: float, scatter: float) -> None:
     false = np.mean(
         [moves_together(baseline(seed, noise_correlation=correlation, scatter=scatter)) for seed in range(100)]

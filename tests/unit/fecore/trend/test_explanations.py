@@ -21,10 +21,8 @@ from fecore.updating.recipe import Recipe
 from tests.support.strips import NOMINAL, STRIP, TRUTH
 
 MODES, BASELINE, AFTER = 8, 12, 3
-THEORY, NOISE = (
-    0.0005,
-    0.0003,
-)  # relative errors of a frequency: of a plate theory, the same each time; of a measurement
+# Relative errors of a frequency: of a plate theory, the same each time; of a measurement.
+THEORY, NOISE = 0.0005, 0.0003
 BY_KELVIN = {"Ex": -0.0005, "Ey": -0.001, "Gxy": -0.001, "Gxz": -0.001, "Gyz": -0.001}
 BODY = Specimen(*STRIP, NOMINAL, "free", divisions=(16, 3))
 PLACES = np.array(
@@ -109,13 +107,12 @@ def test_a_sensor_that_nobody_stated_is_called_a_mass() -> None:
     assert 0.003 < np.median([size for each in right for size, _ in each.sizes.values()]) < 0.0055
 
 
-@pytest.mark.parametrize("loss", [-0.01, -0.03])
-def test_a_loss_of_stiffness_is_called_stiffness(loss: float) -> None:
-    found = [ranked(seed, {"Ex": loss}) for seed in range(10)]
+def test_a_loss_of_stiffness_is_called_stiffness() -> None:
+    found = [ranked(seed, {"Ex": -0.01}) for seed in range(10)]
     right = [each[0] for each in found if each[0].kind == "stiffness"]
     assert len(right) >= 9
     assert np.mean([list(each.sizes) == ["Ex"] for each in right]) >= 0.9
-    assert np.mean([each.sizes["Ex"][0] for each in right if "Ex" in each.sizes]) == pytest.approx(loss, rel=0.1)
+    assert np.mean([each.sizes["Ex"][0] for each in right if "Ex" in each.sizes]) == pytest.approx(-0.01, rel=0.1)
 
 
 def test_a_loss_of_several_moduli_is_more_than_humidity_does() -> None:

@@ -1,17 +1,16 @@
 """The paper's cantilever as fixtures: its body, its model, its measured modes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from fecore.body.specimen import Specimen
-from fecore.frf import along_z
 from fecore.updating.forward import ForwardModel
-from fecore.updating.parameters import parametrise
+from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.recipe import Recipe
 from tests.support.cantilever import COUPONS, PARAMETERS, TABLE_4, grid
+from tests.support.draws import Drawn, beam
+from tests.support.fits import COARSE, forward_model
 
 
 @pytest.fixture(scope="session")
@@ -21,9 +20,19 @@ def nominal() -> Specimen:
 
 @pytest.fixture(scope="session")
 def forward(nominal: Specimen) -> ForwardModel:
-    points = grid()
-    places = np.array(list(points.values()))[:, :2]
-    return ForwardModel(nominal, parametrise(nominal, PARAMETERS), along_z(points), places, 12)
+    return forward_model(nominal, 12, *PARAMETERS, points=grid())
+
+
+@pytest.fixture(scope="session")
+def drawn() -> Drawn:
+    """A laboratory's FRFs of a cantilever like it."""
+    return beam(0)
+
+
+@pytest.fixture(scope="session")
+def identified(drawn: Drawn) -> Measurement:
+    """The same with its modes handed in, where a test is not about identification: the results keep their bits."""
+    return replace(drawn.measurement, modes=prepare(drawn.measurement, COARSE, Recipe()).modes)
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """A measured mode that may be none: its weight in a fit, what the posterior makes of it, and what the user gets."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -10,17 +8,17 @@ import scipy
 
 from fecore.modes import MeasuredModes
 from fecore.updating.belief import over_sets, stray_cost, weights_of
-from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import alone_cost
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import LinearProblem, Mixture
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
-from tests.support.draws import BEAM, beam
+from tests.support.draws import Drawn
+from tests.support.fits import COARSE
 
 RANDOM = np.random.default_rng(8)
 COUNT, SIZE = 5, 2
-COARSE = replace(BEAM, divisions=(20, 2))
 RECIPE = Recipe(damping_models=("rayleigh",))
 
 
@@ -104,31 +102,17 @@ def test_what_is_certain_costs_what_it_did() -> None:
     assert stray_cost(weights, np.array([1.0, 0.6]), np.array([3.0, 1.5]), 0.001) == pytest.approx(expected)
 
 
-@pytest.fixture(scope="module")
-def measured() -> tuple[Measurement, MeasuredModes]:
-    """The points of a drawn cantilever, and its five modes as if somebody had typed them in."""
-    measurement = beam(0).measurement
-    modes = prepare(measurement, COARSE, RECIPE).modes
-    assert modes is not None
-    return Measurement(None, measurement.points, replace(modes, probability=None)), replace(modes, probability=None)
-
-
-def updated(measured: tuple[Measurement, MeasuredModes], modes: MeasuredModes, probability: object) -> UpdateResult:
+def updated(drawn: Drawn, modes: MeasuredModes, probability: object) -> UpdateResult:
+    """By modes alone, as if somebody had typed them in."""
     given = None if probability is None else np.asarray(probability, dtype=float)
-    return update(replace(measured[0], modes=replace(modes, probability=given)), COARSE, RECIPE)
+    modes = replace(modes, probability=given)
+    return update(Measurement(None, drawn.measurement.points, modes), COARSE, RECIPE)
 
 
-def test_typed_modes_and_modes_of_probability_one_are_one(measured: tuple[Measurement, MeasuredModes]) -> None:
-    typed, certain = (updated(measured, measured[1], p) for p in (None, np.ones(5)))
-    for one, other in zip(typed.parameters, certain.parameters, strict=True):
-        assert other.estimate == pytest.approx(one.estimate, rel=1e-9)
-        assert other.interval_95 == pytest.approx(one.interval_95, rel=1e-9)
-        assert [entry.source for entry in one.budget] == [entry.source for entry in other.budget]
-
-
-def test_a_false_pole_pulls_by_its_probability(measured: tuple[Measurement, MeasuredModes]) -> None:
+def test_a_false_pole_pulls_by_its_probability(drawn: Drawn, identified: Measurement) -> None:
     """In place of the second bending mode stands a pole of its shape, 5 % too high."""
-    modes = measured[1]
+    modes = identified.modes
+    assert modes is not None
     false = replace(modes, frequency_hz=modes.frequency_hz * np.where(np.arange(5) == 1, 1.05, 1.0))
     left = [0, 2, 3, 4]
     both = [*left, *(5 + row for row in left)]
@@ -141,8 +125,8 @@ def test_a_false_pole_pulls_by_its_probability(measured: tuple[Measurement, Meas
         modes.dofs,
         modes.covariance[np.ix_(both, both)],
     )
-    found = {p: updated(measured, false, np.where(np.arange(5) == 1, p, 1.0)) for p in (0.6, 0.999)}
-    truth = {p.name: p for p in updated(measured, without, None).parameters}
+    found = {p: updated(drawn, false, np.where(np.arange(5) == 1, p, 1.0)) for p in (0.6, 0.999)}
+    truth = {p.name: p for p in updated(drawn, without, None).parameters}
 
     def moved(result: UpdateResult, name: str) -> float:
         (found,) = (p for p in result.parameters if p.name == name)
@@ -157,13 +141,11 @@ def test_a_false_pole_pulls_by_its_probability(measured: tuple[Measurement, Meas
     assert found[0.999].verdict.level == "with_care"
 
 
-def test_a_mode_in_doubt_that_alone_fixes_a_constant_leaves_it_wide(
-    measured: tuple[Measurement, MeasuredModes],
-) -> None:
+def test_a_mode_in_doubt_that_alone_fixes_a_constant_leaves_it_wide(drawn: Drawn, identified: Measurement) -> None:
     """The third mode alone is torsion. Where it may be none, so may the shear modulus be what the prior says."""
     shear = {}
     for p in (0.6, 0.99):
-        result = updated(measured, measured[1], np.where(np.arange(5) == 2, p, 1.0))
+        result = updated(drawn, identified.modes, np.where(np.arange(5) == 2, p, 1.0))
         (shear[p],) = (each for each in result.parameters if each.name == "Gxy")
     wide, narrow = shear[0.6], shear[0.99]
     assert wide.estimate == pytest.approx(narrow.estimate, rel=1e-3)

@@ -1,7 +1,5 @@
 """Several campaigns of one material: what they share, what they show together, and whether they agree."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +7,6 @@ import pytest
 
 from examples.one_material import paper_bar
 from fecore.body.specimen import OrientedSpecimen, Specimen
-from fecore.modes import MeasuredModes
 from fecore.updating.campaigns import (
     MATERIAL_PARAMETERS,
     Campaign,
@@ -19,12 +16,9 @@ from fecore.updating.campaigns import (
     update_campaigns,
 )
 from fecore.updating.elastic import fit
-from fecore.updating.forward import ForwardModel
-from fecore.updating.inputs import Inputs
 from fecore.updating.laws import common_damping
-from fecore.updating.layout import Coupon
-from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.posterior import SCATTER
+from tests.support.fits import at_prior, forward_model
 from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, panel
 
 
@@ -39,9 +33,7 @@ def together(campaigns: list[Campaign]) -> CampaignsResult:
 
 
 def frequencies(body: Specimen, count: int = 10) -> np.ndarray:
-    prior = parametrise(body, [Parameter("Ex")])
-    forward = ForwardModel(body, prior, (), np.zeros((0, 2)), count, reduced=False)
-    return forward.solve(prior.prior_mean).frequency_hz
+    return at_prior(forward_model(body, count, "Ex", reduced=False)).frequency_hz
 
 
 def test_a_clamp_that_hardly_yields_is_rigid_and_the_angle_is_a_constant() -> None:
@@ -53,8 +45,7 @@ def test_a_clamp_that_hardly_yields_is_rigid_and_the_angle_is_a_constant() -> No
     # A root spring lowers the first mode of a beam by (1 + 2 EI/kL)^-1 in λ to first order: ω falls by some 2 %.
     assert frequencies(yielding)[0] / frequencies(plain)[0] == pytest.approx(0.981, abs=0.004)
     turned = replace(firm, fibre_angle=angle + 0.05)
-    prior = parametrise(firm, [Parameter("fibre_angle")])
-    there = ForwardModel(firm, prior, (), np.zeros((0, 2)), 10, reduced=False).solve(np.array([angle + 0.05]))
+    there = forward_model(firm, 10, "fibre_angle", reduced=False).solve(np.array([angle + 0.05]))
     exact = replace(turned, clamp_compliance=1e-6 * turned.bending_modulus / firm.bending_modulus)
     np.testing.assert_allclose(there.frequency_hz, frequencies(exact), rtol=1e-7)
 
@@ -127,40 +118,15 @@ def test_the_odd_one_out_is_named_with_a_number(campaigns: list[Campaign]) -> No
     assert "campaign strip 45 as one of another material" in result.verdict.reasons[0]
 
 
-def test_scatter_widens_and_coupons_narrow(campaigns: list[Campaign], together: CampaignsResult) -> None:
+def test_scatter_between_specimens_widens(campaigns: list[Campaign], together: CampaignsResult) -> None:
     one_material = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0))
     scattering = update_campaigns(campaigns[:2], CampaignsRecipe(scatter=0.05))
-    weighed = update_campaigns(
-        campaigns[:2], CampaignsRecipe(scatter=0), [Coupon("Ex", TRUTH["Ex"], 0.005 * TRUTH["Ex"])]
-    )
-    firm, loose, known = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering, weighed))
+    firm, loose = ({p.name: p for p in r.parameters}["Ex"] for r in (one_material, scattering))
     assert one_material.scatter is None
     assert scattering.scatter is not None
     assert together.scatter is not None
     assert loose.standard_deviation > 1.2 * firm.standard_deviation
-    assert known.standard_deviation < 0.7 * firm.standard_deviation
-    assert known.budget[0].source == "coupons"
     assert any(entry.source == "scatter between specimens" for entry in loose.budget)
-
-
-BODY = OrientedSpecimen(*STRIP, NOMINAL, "free", divisions=(16, 3))
-MODES = MeasuredModes(np.array([400.0, 1100.0]), np.full(2, np.nan))
-
-
-def test_shapes_beyond_the_stated_width_are_told_of_their_campaign(campaigns: list[Campaign]) -> None:
-    """The strips' shapes reach 0.9 of the width of 30 mm, so 0.1 mm beyond the edge where 26.8 mm are stated."""
-    strip = campaigns[0]
-    narrow = replace(strip, body=replace(strip.body, width=0.0268), inputs=replace(strip.inputs, width_sd=0.0))
-    found = update_campaigns([narrow, campaigns[1]])
-    (warning,) = [text for text in found.warnings if "beyond" in text]
-    assert warning.startswith(
-        "campaign strip 0: points 1, 3, 4, 6 and 14 more lie beyond the width of 26.8 mm, by up to 0.1 mm: the width or"
-    )
-
-
-def test_inputs_known_exactly_are_no_unknowns() -> None:
-    layout = lay_out([Campaign("a", "s", BODY, MODES, inputs=Inputs.exact())], MATERIAL_PARAMETERS, 0.0)
-    assert layout.labels == layout.shared
 
 
 def test_one_damping_law_of_the_material_explains_all_campaigns(campaigns: list[Campaign]) -> None:

@@ -1,7 +1,5 @@
 """What a laboratory does not know exactly: inputs, clamps, windows, delays, and how each reaches the intervals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -16,31 +14,16 @@ from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.excursions import excursions
-from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
-from fecore.updating.parameters import Parameter, parametrise
+from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.plausibility import looks_windowed
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import UpdateResult
 from tests.support.cantilever import MEASURED_HZ, PARAMETERS
-from tests.support.draws import BEAM, beam
-from tests.support.fits import update_elastic
-
-# What is not about the mesh is updated on a coarse one.
-COARSE = replace(BEAM, divisions=(20, 2))
-
-
-@pytest.fixture(scope="module")
-def drawn() -> tuple[Measurement, dict[str, float]]:
-    return beam(0).measurement, beam(0).true
-
-
-@pytest.fixture(scope="module")
-def identified(drawn: tuple[Measurement, dict[str, float]]) -> Measurement:
-    """With its modes handed in."""
-    return replace(drawn[0], modes=prepare(drawn[0], COARSE, Recipe()).modes)
+from tests.support.draws import Drawn
+from tests.support.fits import COARSE, at_prior, forward_model, update_elastic
 
 
 @pytest.fixture(scope="module")
@@ -50,20 +33,7 @@ def exact(identified: Measurement) -> UpdateResult:
 
 
 def frequencies(specimen: Specimen | BeamSpecimen, count: int = 12) -> np.ndarray:
-    forward = ForwardModel(
-        specimen, parametrise(specimen, [Parameter(next(iter(specimen.nominal)))]), (), np.zeros((0, 2)), count
-    )
-    return forward.solve(forward.parametrisation.prior_mean).frequency_hz
-
-
-@pytest.mark.parametrize("boundary", ["cantilever", "free"])
-def test_length_and_width_are_constants_of_the_same_mesh(nominal: Specimen, boundary: str) -> None:
-    """Powers of the stretches stand for another mesh exactly: only the solver's round-off is left."""
-    body = replace(nominal, boundary=boundary, divisions=(10, 2))
-    parametrisation = parametrise(body, [Parameter("length"), Parameter("width")])
-    stretched = ForwardModel(body, parametrisation, (), np.zeros((0, 2)), 12, reduced=False)
-    found = stretched.solve(np.array([0.51, 0.039])).frequency_hz
-    np.testing.assert_allclose(found, frequencies(replace(body, length=0.51, width=0.039)), rtol=1e-6)
+    return at_prior(forward_model(specimen, count, next(iter(specimen.nominal)))).frequency_hz
 
 
 def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
@@ -75,8 +45,7 @@ def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
     sprung = replace(
         nominal, supports=edges(start="simply_supported"), springs=(Spring("root", per_metre, 5, edge="start"),)
     )
-    forward = ForwardModel(nominal, parametrise(nominal), (), np.zeros((0, 2)), 12)
-    state = forward.solve(forward.parametrisation.prior_mean)
+    state = at_prior(forward_model(nominal, 12))
     (rotation,) = [
         each
         for each in excursions(state, replace(Inputs.exact(), clamp_compliance_sd=share), ())
@@ -90,8 +59,8 @@ def test_a_clamps_rotation_is_that_of_a_spring(nominal: Specimen) -> None:
 
 
 def result_with(nominal: Specimen, parameters: tuple[Parameter, ...], inputs: dict[str, float]) -> ElasticResult:
-    parametrisation = parametrise(nominal, parameters).with_inputs(inputs)
-    forward = ForwardModel(nominal, parametrisation, (), np.zeros((0, 2)), 12)
+    forward = forward_model(nominal, 12, *parameters)
+    forward = replace(forward, parametrisation=forward.parametrisation.with_inputs(inputs))
     return update_elastic(forward, MeasuredModes(MEASURED_HZ, np.full(5, np.nan)))
 
 
@@ -115,9 +84,9 @@ def test_constants_with_a_common_scale_are_not_identifiable(nominal: Specimen) -
 
 
 def test_what_is_not_stated_widens_and_what_is_known_does_not(
-    drawn: tuple[Measurement, dict[str, float]], identified: Measurement, exact: UpdateResult
+    drawn: Drawn, identified: Measurement, exact: UpdateResult
 ) -> None:
-    true, default = drawn[1], update(identified, COARSE)
+    true, default = drawn.true, update(identified, COARSE)
     wide, narrow = ({p.name: p for p in result.parameters} for result in (default, exact))
     assert wide["Ex"].standard_deviation > 5 * narrow["Ex"].standard_deviation
     below, above = (abs(end - wide["Ex"].estimate) for end in wide["Ex"].interval_95)
@@ -165,15 +134,13 @@ def test_frfs_that_look_windowed_are_used_with_care_until_somebody_says() -> Non
     assert looks_windowed(omega[:2], own[:2] + 6 / omega[:2], 0.5) is None
 
 
-def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(
-    drawn: tuple[Measurement, dict[str, float]], identified: Measurement
-) -> None:
+def test_a_delay_between_channels_is_found_and_leaves_the_damping_alone(drawn: Drawn, identified: Measurement) -> None:
     inputs = Inputs(window_rate=0.0)
-    delay, frfs = -80e-6, drawn[0].frfs
+    delay, frfs = -80e-6, drawn.measurement.frfs
     assert frfs is not None
     late = replace(frfs, values=frfs.values * np.exp(-1j * frfs.omega * delay))
     clean = update(replace(identified, inputs=inputs), COARSE)
-    result = update(replace(drawn[0], frfs=late, inputs=inputs), COARSE)
+    result = update(replace(drawn.measurement, frfs=late, inputs=inputs), COARSE)
     assert result.channel_delay_s == pytest.approx(delay, abs=1e-6)
     for one, other in zip(result.parameters[-2:], clean.parameters[-2:], strict=True):
         assert one.estimate == pytest.approx(other.estimate, rel=0.005), one.name

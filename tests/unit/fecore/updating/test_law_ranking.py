@@ -1,7 +1,5 @@
 """The ranking of damping laws against generalised least squares written out, and what it says in words."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Damping by mechanism: shares of strain energy, the laws on them, and their place in the ladder."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,8 +14,8 @@ from fecore.body.mechanisms import SUPPORTS, mechanism_names, mechanism_weights
 from fecore.body.supports import Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, ModalDamping, beyond, damping_rate
 from fecore.errors import InputError
-from fecore.frf import FrfSet, along_z
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.frf import FrfSet
+from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.law_problem import Nuisance
@@ -25,22 +23,17 @@ from fecore.updating.laws import LawRanking, laws_of, mechanism_laws, rank_laws
 from fecore.updating.measured_ratios import MeasuredRatios
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.misfit import FrfMisfit
-from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
 from tests.support.cantilever import grid, hammer_tour
-from tests.support.draws import BEAM
+from tests.support.fits import COARSE, at_prior, forward_model
 
 LINES = np.arange(2.0, 1001.0, 2.0)
-COARSE = replace(BEAM, divisions=(20, 2))
 LOSS = np.array([45.0, 0.015, 0.031])  # a0 in 1/s, and loss factors of a glass laminate: fibres and shear
 
 
-def solved(body: Body, count: int = 8, parameters: tuple[Parameter, ...] | None = None) -> ForwardState:
-    prior = parametrise(body) if parameters is None else parametrise(body, parameters)
-    places = np.array(list(grid().values()))[:, :2]
-    forward = ForwardModel(body, prior, along_z(grid()), places, count)
-    return forward.solve(prior.prior_mean)
+def solved(body: Body, count: int = 8, *parameters: str) -> ForwardState:
+    return at_prior(forward_model(body, count, *parameters, points=grid()))
 
 
 def ranked(state: ForwardState, hz: FloatArray, ratio: FloatArray, noise: float = 0.0) -> LawRanking:
@@ -59,11 +52,11 @@ ASKEW = replace(cantilever(TABLE_4_UPDATED), fibre_angle=0.4)
 )
 def test_shares_are_whole_and_sum_to_one(body: Body) -> None:
     """Σ_q ∂c/∂ln q = c, so every mode's energy is given away once."""
-    prior = parametrise(body, (Parameter(next(iter(body.nominal))),))
+    state = solved(body, 8, next(iter(body.nominal)))
+    prior = state.forward.parametrisation
     constants, springs = prior.split(prior.constants(prior.prior_mean))
     whole = np.concatenate([body.stiffness_coefficients(constants), springs])
     np.testing.assert_allclose(mechanism_weights(body, constants, springs).sum(axis=0), whole, rtol=1e-12)
-    state = solved(body, parameters=(Parameter(next(iter(body.nominal))),))
     np.testing.assert_allclose(state.strain.sum(axis=1), 1.0, rtol=1e-6)  # the reduced basis' own tolerance
     assert (SUPPORTS in mechanism_names(body)) == (body is SPRUNG)
 
@@ -163,10 +156,7 @@ def test_how_shares_move_loss_factors_agrees_with_a_refit() -> None:
     assert frfs is not None
     model = state.frf_model(frfs.responses, frfs.references)
     nuisance = Nuisance(
-        np.arange(12),
-        np.zeros(12),
-        np.where(np.arange(12) < 5, np.inf, 0.01),
-        np.where(np.arange(12) < 5, 0.02, 2.0),
+        np.arange(12), np.zeros(12), np.where(np.arange(12) < 5, np.inf, 0.01), np.where(np.arange(12) < 5, 0.02, 2.0)
     )
 
     def fitted(strain: FloatArray) -> DampingFit:

@@ -1,7 +1,5 @@
 """Close modes whose shapes are mixed otherwise than the model's: their shares of strain energy, and the ranking of laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

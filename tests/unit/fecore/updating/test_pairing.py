@@ -1,7 +1,5 @@
 """Which mode is which where there are no shapes: by order, from several starts, with the rival in the result."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
@@ -14,16 +12,16 @@ import pytest
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
-from fecore.frf import Dof, along_z
+from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating import pairing
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import missed_cost, pair_in_order, pair_likest, pair_with, probability_seen
-from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from tests.support import draws
+from tests.support.fits import at_prior, forward_model
 
 SPRUCE = OrthotropicMaterial(Ex=12e9, Ey=0.9e9, Gxy=0.75e9, Gxz=0.7e9, Gyz=0.06e9, nu_xy=0.37, density=420.0)
 SEEN = 0.05  # of the largest amplitude at the FRF's point
@@ -58,29 +56,19 @@ def cost(pairs: tuple[tuple[int, int], ...], measured: np.ndarray, model: np.nda
     return float(fixed + (scatter + (factors[:, 0] / pairing._FACTOR_SD) ** 2 / 2).min())
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_no_other_alignment_costs_less(seed: int) -> None:
-    """All alignments of three measured with five modes of a model, tried one by one."""
-    random = np.random.default_rng(seed)
-    model = np.cumsum(random.uniform(1, 30, 5)) + 20
-    measured = np.sort(random.choice(model, 3, replace=False) * random.uniform(0.8, 1.25) * random.uniform(0.9, 1.1, 3))
-    seen = random.uniform(0.05, 0.95, 5)
-    found = pair_in_order(measured, model, seen).pairs
-    best = min(cost(pairs, measured, model, seen) for pairs in alignments(3, 5))
-    assert cost(found, measured, model, seen) == pytest.approx(best, rel=1e-12)
-
-
-def test_more_measured_modes_than_the_model_has() -> None:
-    """Three of the model with four measured ones, of which one at least stays alone; the model's come in any order."""
-    for seed in range(6):
+@pytest.mark.parametrize(("n", "m"), [(3, 5), (4, 3)], ids=["more of the model", "more measured ones"])
+def test_no_other_alignment_costs_less(n: int, m: int) -> None:
+    """All alignments of n measured with m modes of a model, tried one by one; the model's come in any order."""
+    for seed in range(12):
         random = np.random.default_rng(seed)
-        measured, seen = np.cumsum(random.uniform(1, 30, 4)) + 20, random.uniform(0.05, 0.95, 3)
-        model = np.sort(random.choice(measured, 3, replace=False) * random.uniform(0.9, 1.1, 3))
+        most = np.cumsum(random.uniform(1, 30, max(n, m))) + 20
+        few = np.sort(random.choice(most, min(n, m), replace=False) * random.uniform(0.9, 1.1, min(n, m)))
+        measured, model = (random.uniform(0.8, 1.25) * few, most) if n < m else (most, few)
+        seen, order = random.uniform(0.05, 0.95, m), random.permutation(m)
         found = pair_in_order(measured, model, seen)
-        best = min(cost(pairs, measured, model, seen) for pairs in alignments(4, 3))
+        best = min(cost(pairs, measured, model, seen) for pairs in alignments(n, m))
         assert cost(found.pairs, measured, model, seen) == pytest.approx(best, rel=1e-12)
-        assert sorted((*found.unpaired_measured, *(i for i, _ in found.pairs))) == list(range(4))
-        order = random.permutation(3)
+        assert sorted((*found.unpaired_measured, *(i for i, _ in found.pairs))) == list(range(n))
         turned = pair_in_order(measured, model[order], seen[order])
         assert [(i, order[j]) for i, j in turned.pairs] == list(found.pairs)
         assert found.mac is None
@@ -224,9 +212,8 @@ def test_the_likest_are_partners_however_unlike() -> None:
 def test_one_frf_and_priors_a_third_off() -> None:
     """A free plate hit near a corner: every modulus of the prior is 34 % off, and the modes come back with their partners."""
     body = Specimen(0.4, 0.25, 0.003, SPRUCE, "free", divisions=(8, 6))
-    known = parametrise(body)
-    place = np.array([[0.015, -0.11]])
-    state = ForwardModel(body, known, along_z((7,)), place, 12, reduced=False).solve(known.prior_mean)
+    place = {7: (0.015, -0.11, 0.0)}
+    state = at_prior(forward_model(body, 12, points=place, reduced=False))
     height = np.abs(state.shapes[:8, 0])
     visible = np.flatnonzero(height > SEEN * height.max())
     hz = state.frequency_hz[visible] * (1 + 0.001 * np.random.default_rng(3).standard_normal(visible.size))
@@ -234,7 +221,7 @@ def test_one_frf_and_priors_a_third_off() -> None:
     modes = MeasuredModes(hz, np.full(hz.size, 0.006), shapes, (Dof(7, 3),))
     off = {name: getattr(SPRUCE, name) / 1.34 for name in ("Ex", "Ey", "Gxy", "Gxz", "Gyz")}
     stated = replace(body, material=replace(SPRUCE, **off))
-    measurement = Measurement(None, {7: (0.015, -0.11, 0.0)}, modes, inputs=Inputs.exact())
+    measurement = Measurement(None, place, modes, inputs=Inputs.exact())
     result = update(measurement, stated)
     assert result.pairing.by == "order"
     assert [partner.model - 1 for partner in result.pairing.partners] == list(visible)

@@ -1,7 +1,5 @@
 """The whole job on FRFs of the core's own, and on the independent sets where they are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +9,15 @@ from fecore.errors import InputError, UpdatingError
 from fecore.modal import set_with_gaps
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import ReferenceFit, fit_reference
-from fecore.updating.measurement import Measurement, prepare
+from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import DEFAULT_LAWS, HoldOut, Recipe
 from fecore.updating.result import UpdateResult
 from fecore.updating.sampling import run_chain
-from tests.support.draws import BEAM, beam
+from tests.support.draws import BEAM, Drawn, beam
+from tests.support.fits import COARSE
 
-# What is not about the mesh is updated on a coarse one, whose bias is far below what the sets are drawn with.
-COARSE = replace(BEAM, divisions=(20, 2))
 PARAMETERS = ("Ex", "Ey", "Gxy", "Gxz", "a0", "a1")
 
 
@@ -31,29 +28,16 @@ def inside(result: UpdateResult, true: dict[str, float]) -> dict[str, bool]:
 
 
 @pytest.fixture(scope="module")
-def measured() -> tuple[Measurement, dict[str, float]]:
-    return beam(0).measurement, beam(0).true
+def result(drawn: Drawn) -> UpdateResult:
+    return update(drawn.measurement, COARSE)
 
 
-@pytest.fixture(scope="module")
-def result(measured: tuple[Measurement, dict[str, float]]) -> UpdateResult:
-    return update(measured[0], COARSE)
-
-
-@pytest.fixture(scope="module")
-def identified(measured: tuple[Measurement, dict[str, float]]) -> Measurement:
-    """The same with its modes handed in, where a test is not about identification: the results keep their bits."""
-    return replace(measured[0], modes=prepare(measured[0], COARSE, Recipe()).modes)
-
-
-def test_intervals_hold_the_truth_as_often_as_they_say(
-    measured: tuple[Measurement, dict[str, float]], result: UpdateResult
-) -> None:
+def test_intervals_hold_the_truth_as_often_as_they_say(drawn: Drawn, result: UpdateResult) -> None:
     """Four sets with a wrong model; here 88 % of 24 intervals must hold."""
-    held = list(inside(result, measured[1]).values())
+    held = list(inside(result, drawn.true).values())
     for seed, body in enumerate((BEAM, COARSE, COARSE), start=1):  # the first on the mesh that an update chooses
-        drawn = beam(seed)
-        held += list(inside(update(drawn.measurement, body), drawn.true).values())
+        other = beam(seed)
+        held += list(inside(update(other.measurement, body), other.true).values())
     assert len(held) == 4 * len(PARAMETERS)
     assert np.mean(held) >= 0.88
 
@@ -67,9 +51,9 @@ def test_every_eighth_frf_is_held_out_and_predicted_with_its_interval(result: Up
     assert result.correlation.updated.sac.size == 29
 
 
-def test_held_out_points_and_band_are_not_seen_by_the_fit(measured: tuple[Measurement, dict[str, float]]) -> None:
+def test_held_out_points_and_band_are_not_seen_by_the_fit(drawn: Drawn) -> None:
     """Spoiling what is held out must leave every estimate as it was, to the bit."""
-    measurement, _ = measured
+    measurement = drawn.measurement
     recipe = Recipe(hold_out=HoldOut(points=(4, 7), band_hz=(500.0, 600.0)))
     spoilt = measurement.frfs.values.copy()
     rows = [i for i, dof in enumerate(measurement.frfs.references) if dof.point in (4, 7)]
@@ -82,11 +66,6 @@ def test_held_out_points_and_band_are_not_seen_by_the_fit(measured: tuple[Measur
     assert other.correlation.held_out_frfs.coverage_95 < one.correlation.held_out_frfs.coverage_95
     assert one.correlation.held_out_band is not None
     assert one.correlation.held_out_band.band_hz == (500.0, 600.0)
-
-
-def test_one_optimum_from_all_starts(result: UpdateResult) -> None:
-    assert result.damping_starts >= 4
-    assert len(result.damping_optima) == 1
 
 
 def test_a_tied_constant_has_the_doubt_of_its_tie(identified: Measurement) -> None:
@@ -120,7 +99,7 @@ def _not_converging(monkeypatch: pytest.MonkeyPatch, above_hz: float) -> None:
 
 
 def test_damping_of_fewer_modes_takes_the_place_of_a_fit_that_does_not_converge(
-    identified: Measurement, measured: tuple[Measurement, dict[str, float]], monkeypatch: pytest.MonkeyPatch
+    identified: Measurement, drawn: Drawn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = update(identified, COARSE)
     assert identified.modes is not None
@@ -129,21 +108,23 @@ def test_damping_of_fewer_modes_takes_the_place_of_a_fit_that_does_not_converge(
     said = next(f for f in found.findings if f.kind == "damping_narrowed")
     assert "did not converge" in said.text
     one, other = ({p.name: p for p in each.parameters} for each in (whole, found))
-    assert other["a0"].estimate == pytest.approx(measured[1]["a0"], abs=4 * other["a0"].standard_deviation)
+    assert other["a0"].estimate == pytest.approx(drawn.true["a0"], abs=4 * other["a0"].standard_deviation)
     assert other["a1"].standard_deviation > one["a1"].standard_deviation  # fewer modes say less
 
 
 def test_damping_ratios_take_the_place_of_frfs_that_no_fit_converges_on(
-    identified: Measurement, measured: tuple[Measurement, dict[str, float]], monkeypatch: pytest.MonkeyPatch
+    identified: Measurement, drawn: Drawn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     _not_converging(monkeypatch, 0.0)
     found = update(identified, COARSE)
     assert any(f.kind == "damping_of_ratios" for f in found.findings)
     a0 = next(p for p in found.parameters if p.name == "a0")
-    assert a0.estimate == pytest.approx(measured[1]["a0"], abs=4 * a0.standard_deviation)
+    assert a0.estimate == pytest.approx(drawn.true["a0"], abs=4 * a0.standard_deviation)
 
 
-def test_a_rayleigh_body_is_called_adequate(result: UpdateResult) -> None:
+def test_a_rayleigh_body_has_one_optimum_and_is_called_adequate(result: UpdateResult) -> None:
+    assert result.damping_starts >= 4
+    assert len(result.damping_optima) == 1
     laws = {law.name: law for law in result.damping_models}
     assert set(laws) == set(DEFAULT_LAWS)
     assert laws["rayleigh"].preferred
@@ -151,9 +132,9 @@ def test_a_rayleigh_body_is_called_adequate(result: UpdateResult) -> None:
 
 
 @pytest.fixture(scope="module")
-def few(measured: tuple[Measurement, dict[str, float]]) -> Measurement:
+def few(drawn: Drawn) -> Measurement:
     """Every fourth FRF, for the joint update."""
-    return replace(measured[0], frfs=measured[0].frfs.select(list(range(0, 33, 4))))
+    return replace(drawn.measurement, frfs=drawn.measurement.frfs.select(list(range(0, 33, 4))))
 
 
 @pytest.fixture(scope="module")
@@ -161,8 +142,8 @@ def joint(few: Measurement) -> UpdateResult:
     return update(few, COARSE, Recipe(method="joint"))
 
 
-def test_joint_update_needs_no_modes(measured: tuple[Measurement, dict[str, float]], joint: UpdateResult) -> None:
-    true = measured[1]
+def test_joint_update_needs_no_modes(drawn: Drawn, joint: UpdateResult) -> None:
+    true = drawn.true
     assert joint.identification is None
     found = {p.name: p for p in joint.parameters}
     for name in PARAMETERS:  # six intervals of one set: three standard deviations, which one in 60 sets misses
@@ -181,13 +162,10 @@ def test_joint_update_takes_gaps_for_no_data(few: Measurement, joint: UpdateResu
         assert one.standard_deviation == pytest.approx(other.standard_deviation, rel=0.1), one.name
 
 
-@pytest.mark.parametrize("law", ["modal", "generalised"])
-def test_joint_update_searches_with_the_law_asked_for(
-    measured: tuple[Measurement, dict[str, float]], few: Measurement, law: str
-) -> None:
-    true = measured[1]
-    joint = update(few, COARSE, Recipe(method="joint", damping_models=(law,)))
-    assert joint.damping_models[0].name == law
+def test_joint_update_searches_with_the_law_asked_for(drawn: Drawn, few: Measurement) -> None:
+    true = drawn.true
+    joint = update(few, COARSE, Recipe(method="joint", damping_models=("generalised",)))
+    assert joint.damping_models[0].name == "generalised"
     found = {p.name: p for p in joint.parameters}
     for name in ("Ex", "Gxy", "Gxz"):
         assert abs(found[name].estimate - true[name]) < 3 * found[name].standard_deviation, name
@@ -198,21 +176,17 @@ def test_joint_update_searches_with_the_law_asked_for(
     np.testing.assert_allclose(ratio, (true["a0"] / omega + true["a1"] * omega) / 2, rtol=0.06)
 
 
-def test_joint_update_refuses_an_unknown_law_before_it_searches(
-    measured: tuple[Measurement, dict[str, float]],
-) -> None:
+def test_joint_update_refuses_an_unknown_law_before_it_searches(drawn: Drawn) -> None:
     reported: list[float] = []
     recipe = Recipe(method="joint", damping_models=("coulomb",))
     with pytest.raises(InputError) as caught:
-        update(measured[0], COARSE, recipe, lambda _, share: reported.append(share))
+        update(drawn.measurement, COARSE, recipe, lambda _, share: reported.append(share))
     assert caught.value.field == "damping_models.0"
     assert max(reported) <= 0.4  # the share at which the search begins
 
 
-def test_shapes_tell_what_frequencies_do(
-    measured: tuple[Measurement, dict[str, float]], identified: Measurement, result: UpdateResult
-) -> None:
-    true = measured[1]
+def test_shapes_tell_what_frequencies_do(drawn: Drawn, identified: Measurement, result: UpdateResult) -> None:
+    true = drawn.true
     shaped = update(identified, COARSE, Recipe(use_shapes=True))
     assert all(inside(shaped, true)[name] for name in ("Ex", "Gxy", "Gxz"))
     # As shares of the estimates: their coordinates are logarithms.

@@ -1,27 +1,17 @@
 """Where to hit next: forecasts that come true, and points that keep what the whole tour would show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import OrientedSpecimen
 from fecore.body.supports import PointMass
-from fecore.frf import along_z
 from fecore.updating.campaigns import update_campaigns
-from fecore.updating.forward import ForwardModel
 from fecore.updating.layout import Coupon
-from fecore.updating.parameters import parametrise
 from fecore.updating.plans import PlannedCoupons, PlannedTest, best_points, plan_tests
-from tests.support.strips import NOMINAL, STRIP, TRUTH, measured
-
-
-def tour(length: float, width: float) -> tuple[tuple[float, float], ...]:
-    return tuple((float(x), y) for x in np.linspace(length / 11, length, 11) for y in (-width / 2, 0.0, width / 2))
+from tests.support.strips import NOMINAL, STRIP, TRUTH, measured, tour
 
 
 def strip(angle: float, specimen: str, boundary: str = "free") -> PlannedTest:
@@ -75,50 +65,6 @@ def test_exchanges_find_a_pair_that_no_greedy_choice_begins_with(count: int, cho
 
     assert set(best_points(information, range(4), count)) == chosen
     assert set(best_points(blind, range(4), count)) == chosen
-
-
-def random_beam(random: np.random.Generator) -> PlannedTest:
-    """A beam of any laminate and boundary, loudly disturbed so that it matters where it is hit."""
-    length, thickness = random.uniform(0.3, 0.8), random.uniform(0.004, 0.012)
-    width = random.uniform(0.05, 0.2) * length
-    E, G = random.uniform(10e9, 120e9), random.uniform(3e9, 8e9)
-    material = OrthotropicMaterial(E, random.uniform(8e9, 12e9), G, G, 0.8 * G, 0.28, 1800.0)
-    boundary = random.choice(["cantilever", "free"])
-    body = OrientedSpecimen(length, width, thickness, material, boundary, divisions=(14, 2))  # type: ignore[arg-type]
-    first = np.sqrt(E / 1800.0) * thickness / length**2
-    return PlannedTest("beam", body, 12 * first, tour(length, width), 32, noise=0.3, damping_ratio=0.02)
-
-
-def effective_independence(shapes: np.ndarray, count: int) -> tuple[int, ...]:
-    """The points that effective independence would keep (Kammer, J. Guid. Control Dyn. 14, 1991), to compare a plan with.
-
-    Of (n, p) shapes the point that adds least to the independence of the modes is left out, one after the other.
-    """
-    kept = list(range(shapes.shape[1]))
-    while len(kept) > count:
-        phi = shapes[:, kept].T
-        share = np.einsum("pn,nm,pm->p", phi, np.linalg.pinv(phi.T @ phi), phi)
-        kept.pop(int(np.argmin(share)))
-    return tuple(kept)
-
-
-def test_eight_points_keep_the_whole_tour_and_beat_effective_independence() -> None:
-    random = np.random.default_rng(17)
-    near, better = [], []
-    for _ in range(8):
-        test = random_beam(random)
-        (whole,) = plan_tests([test]).forecasts
-        (chosen,) = plan_tests([test], count=8).forecasts
-        prior = parametrise(test.body)
-        forward = ForwardModel(test.body, prior, along_z(range(33)), np.array(test.points), 12)
-        shapes = forward.solve(prior.prior_mean).shapes[: whole.frequencies_hz.size]
-        kept = effective_independence(shapes, 8)
-        (theirs,) = plan_tests([replace(test, hit=kept)]).forecasts
-        near.append(whole.information - chosen.information < np.log(1.1))
-        better.append(chosen.information > theirs.information)
-        assert len(set(chosen.points)) == 8
-    assert np.mean(near) >= 0.8
-    assert np.mean(better) >= 0.7
 
 
 def test_an_added_mass_is_in_the_forecast() -> None:

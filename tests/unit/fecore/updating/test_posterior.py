@@ -1,7 +1,5 @@
 """Statistics of an update: the posterior, deviations from a law, and what is found in words."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy
@@ -13,13 +11,7 @@ from fecore.updating.measured_ratios import (
     log_likelihood_of_deviations,
     scale_of_deviations,
 )
-from fecore.updating.posterior import (
-    LinearProblem,
-    Mixture,
-    identifiability,
-    log_likelihood,
-    spread_over,
-)
+from fecore.updating.posterior import LinearProblem, Mixture, identifiability, log_likelihood, spread_over
 from fecore.updating.result import Finding
 
 RANDOM = np.random.default_rng(5)

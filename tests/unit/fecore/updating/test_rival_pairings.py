@@ -1,7 +1,5 @@
 """Modes that may be others, as without shapes: what is tried beside the likeliest partners, and what the intervals span."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -12,7 +10,7 @@ import pytest
 from fecore.body.laminate import OrthotropicMaterial
 from fecore.body.specimen import Specimen
 from fecore.correlation import Pairing
-from fecore.frf import Dof, along_z
+from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic import SwingingError, fit
 from fecore.updating.elastic_result import REFUTED, ElasticResult
@@ -23,10 +21,10 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.measurement import Measurement
 from fecore.updating.pairing import exchanged, pair_held, partners_of
-from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
-from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, Identifiability, spread_over
+from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF
 from fecore.updating.result import ParameterEstimate, UpdateResult
+from tests.support.fits import at_prior, forward_model
 from tests.support.plates import PAPER
 
 STATED = OrthotropicMaterial(Ex=30e9, Ey=30e9, Gxy=11e9, Gxz=11e9, Gyz=11e9, nu_xy=0.3, density=2000.0)
@@ -56,19 +54,17 @@ def test_exact_beam_frequencies_come_to_an_end_between_two_pairings() -> None:
 
 
 @pytest.fixture(scope="module")
-def five() -> tuple[ElasticResult, MeasuredModes]:
+def elastic() -> ElasticResult:
     """Five bending modes of a strip with Ex 33, Gxy 9 and Gxz 8 GPa; torsion at 940 and 1890 Hz was not measured."""
-    modes = typed(*FIVE)
-    forward = ForwardModel(STRIP, parametrise(STRIP), (), np.zeros((0, 2)), 12)
+    layout = Layout.of_one(forward_model(STRIP, 12), typed(*FIVE))
     shares: list[float] = []
-    found = update_from_several_starts(Layout.of_one(forward, modes), shares.append, use_shapes=False, seed=0)
+    found = update_from_several_starts(layout, shares.append, use_shapes=False, seed=0)
     assert sorted(shares) == shares
     assert (shares[0], shares[-1]) == pytest.approx((0, 1), abs=0.1)
-    return found, modes
+    return found
 
 
-def test_intervals_span_the_pairings_that_are_not_ruled_out(five: tuple[ElasticResult, MeasuredModes]) -> None:
-    elastic, _ = five
+def test_intervals_span_the_pairings_that_are_not_ruled_out(elastic: ElasticResult) -> None:
     column = elastic.updated.forward.parametrisation.names.index("Gxy")
     assert elastic.standing
     assert all(rival.evidence <= REFUTED for rival in elastic.standing)
@@ -92,18 +88,14 @@ def test_intervals_span_the_pairings_that_are_not_ruled_out(five: tuple[ElasticR
         assert any(entry.source == OTHER_PARTNERS for entry in found[name].budget) == wider[place]
 
 
-def test_a_pairing_that_tunes_a_constant_more_finely_has_less_evidence(
-    five: tuple[ElasticResult, MeasuredModes],
-) -> None:
-    elastic, _ = five
+def test_a_pairing_that_tunes_a_constant_more_finely_has_less_evidence(elastic: ElasticResult) -> None:
     tuned = replace(elastic)
     vars(tuned)["inverse"] = elastic.inverse / 4
     less = elastic.theta.size * np.log(2)  # of each coordinate half of the prior meets the data
     assert evidence(tuned)[1] - evidence(elastic)[1] == pytest.approx(less, rel=1e-9)
 
 
-def test_what_residuals_and_modes_without_a_partner_cost(five: tuple[ElasticResult, MeasuredModes]) -> None:
-    elastic, _ = five
+def test_what_residuals_and_modes_without_a_partner_cost(elastic: ElasticResult) -> None:
     residual = elastic.problem.residual
     exact = replace(elastic, problem=replace(elastic.problem, residual=np.zeros(5)))
     squares = 1 + float(residual @ residual) / DISCREPANCY**2 / DISCREPANCY_DOF
@@ -116,8 +108,7 @@ def test_what_residuals_and_modes_without_a_partner_cost(five: tuple[ElasticResu
     assert _behind((1, 12.0), (1, 10.0)) == 2.0
 
 
-def test_a_result_is_doubtful_where_another_start_may_do_better(five: tuple[ElasticResult, MeasuredModes]) -> None:
-    elastic, _ = five
+def test_a_result_is_doubtful_where_another_start_may_do_better(elastic: ElasticResult) -> None:
     sd = elastic.prior.xi_sd
 
     def doubtful(misfit: float, sds: float, alone: tuple[int, ...] = ()) -> bool:
@@ -161,30 +152,18 @@ def test_held_partners_stay_the_same_where_kinds_cross() -> None:
     assert (missed.pairs, missed.unpaired_measured, missed.unpaired_model) == (((0, 0),), (1,), (1,))
 
 
-def test_what_is_known_of_a_parameter_is_less_where_pairings_differ() -> None:
-    known = tuple(Identifiability(name, clear, 0.9, ("c",)) for name, clear in (("a", True), ("b", True), ("c", False)))
-    wider = spread_over(known, np.diag([0.2, 0.6, 0.1]), np.ones(3))
-    assert [(each.identifiable, each.confounded_with) for each in wider] == [
-        (True, ("c",)),
-        (False, ("c",)),
-        (False, ("c",)),
-    ]
-    assert [each.information for each in wider] == pytest.approx([0.8, 0.4, 0.9])
-    assert spread_over(known[:1], np.array([[2.0]]), np.ones(1))[0].information == 0
-
-
 def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_pairing_held() -> None:
     """Fibres at -8° make bending and torsion veer 1 % apart; the shapes are those of fibres along, in the other order."""
     material = replace(PAPER, Ey=10e9, nu_xy=0.2)
-    places = np.array([(x, y) for x in np.linspace(0.1, 0.5, 5) for y in (-0.018, 0.018)])
+    points = dict(enumerate((float(x), y) for x in np.linspace(0.1, 0.5, 5) for y in (-0.018, 0.018)))
 
     def strip(angle: float) -> ForwardModel:
         body = Specimen(0.5, 0.04, 0.01, material, divisions=(20, 2), fibre_angle=angle)
-        return ForwardModel(body, parametrise(body), along_z(range(len(places))), places, 9)
+        return forward_model(body, 9, points=points)
 
     forward = strip(-np.radians(8))
     truth = forward.parametrisation.prior_mean * np.array([1, 1, 1.2, 1])
-    solved, along = forward.solve(truth), strip(0.0).solve(forward.parametrisation.prior_mean)
+    solved, along = forward.solve(truth), at_prior(strip(0.0))
     shapes = solved.shapes[:5].astype(complex)
     shapes[2], shapes[3] = along.shapes[3], along.shapes[2]
     dofs = tuple(Dof(point, 3) for point in forward.points)

@@ -1,7 +1,5 @@
 """A body that hangs freely or stands on soft springs is damped in its rigid motion by these, whatever its own law is."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 
@@ -11,14 +9,14 @@ import pytest
 from fecore.body.specimen import Specimen
 from fecore.body.supports import Spring
 from fecore.dynamics.damping_laws import RAYLEIGH, damping_rate
-from fecore.frf import Dof, FrfSet, along_z
+from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
-from fecore.updating.forward import ForwardModel, ForwardState
+from fecore.updating.forward import ForwardState
 from fecore.updating.measurement import Measurement
-from fecore.updating.parameters import parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.result import UpdateResult
 from tests.support.cantilever import grid, hammer_tour
+from tests.support.fits import at_prior, forward_model
 
 LAW = np.array([30.0, 8e-6])
 LINES = np.arange(2.0, 1200.0, 2.0)
@@ -32,10 +30,7 @@ def hanging(updated_by_paper: Specimen) -> Specimen:
 
 
 def solved(specimen: Specimen) -> ForwardState:
-    points = grid()
-    places = np.array(list(points.values()))[:, :2]
-    forward = ForwardModel(specimen, parametrise(specimen), along_z(points), places, 14)
-    return forward.solve(forward.parametrisation.prior_mean)
+    return at_prior(forward_model(specimen, 14, points=grid()))
 
 
 def measured(state: ForwardState, rate: np.ndarray, lines: np.ndarray = LINES) -> Measurement:
@@ -55,12 +50,11 @@ def coefficients(result: UpdateResult) -> np.ndarray:
     return np.array([rows["a0"].estimate, rows["a1"].estimate])
 
 
-@pytest.mark.parametrize("factor", [0.0, 3.0])
-def test_rigid_modes_of_a_free_body_tell_nothing_of_its_law(hanging: Specimen, factor: float) -> None:
-    """Rates from nothing to three times a0: taken for the law's they moved a0 by -6 to +2 %."""
+def test_rigid_modes_of_a_free_body_tell_nothing_of_its_law(hanging: Specimen) -> None:
+    """Rates of three times a0: taken for the law's they moved a0 by 2 %."""
     state = solved(hanging)
     rate = damping_rate(RAYLEIGH, LAW, state.modes.omega)
-    rate[: state.modes.rigid] *= factor
+    rate[: state.modes.rigid] *= 3
     result = update(measured(state, rate), hanging)
     # The noise leaves 0.05 % of a0.
     np.testing.assert_allclose(coefficients(result), LAW, rtol=3e-3)

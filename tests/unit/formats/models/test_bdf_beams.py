@@ -11,9 +11,9 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.structure import Structure
 from fecore.body.supports import Support
 from modalbase.formats.models.bdf import read_bdf
-from modalbase.formats.models.bdf.shapes import SHAPES
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
-from tests.support.shells import matrices
+from modalbase.formats.models.shapes import NASTRAN
+from tests.support.bodies import pencil
 
 BAR = "GRID,1,,0.,0.,0.\nGRID,2,,2.,0.,0.\nMAT1,1,2.1+11,,.3,7850.\n"
 
@@ -45,7 +45,7 @@ def test_plane_1_is_that_of_the_orientation_vector() -> None:
         {block.set: beam},
         supports=(Support("root"),),
     )
-    K, M = matrices(structure)
+    K, M = pencil(structure)
     values, shapes = scipy.sparse.linalg.eigsh(K, 2, M, sigma=0, v0=np.ones(K.shape[0]))
     moved = np.abs(shapes[-6:]) / np.abs(shapes[-6:-3]).max(axis=0)  # the last node is the tip
     for omega, tip, second, axis in zip(np.sqrt(values), moved.T, (2e-8, 4.5e-8), (0, 2), strict=True):
@@ -179,9 +179,9 @@ DIMENSIONS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", sorted(SHAPES))
+@pytest.mark.parametrize("kind", sorted(NASTRAN))
 def test_a_section_by_its_dimensions(kind) -> None:
-    found = SHAPES[kind][1](DIMENSIONS[kind])
+    found = NASTRAN[kind](*DIMENSIONS[kind])
     area, yy, zz, yz = by_points(kind, DIMENSIONS[kind])
     assert found.area == pytest.approx(area, rel=2e-3)  # of the raster
     assert found.inertia[:2] == pytest.approx((zz, yy), rel=2e-3)
@@ -189,22 +189,18 @@ def test_a_section_by_its_dimensions(kind) -> None:
 
 
 def test_torsion_by_bredt_and_st_venant() -> None:
-    square = SHAPES["BAR"][1]([0.02, 0.02])
+    square = NASTRAN["BAR"](0.02, 0.02)
     assert square.torsion == pytest.approx(0.1406 * 0.02**4, rel=3e-3)
-    box = SHAPES["BOX"][1]([0.061, 0.081, 0.001, 0.001])
+    box = NASTRAN["BOX"](0.061, 0.081, 0.001, 0.001)
     assert box.torsion == pytest.approx(4 * (0.06 * 0.08) ** 2 * 0.001 / (2 * 0.14), rel=1e-9)
-    assert SHAPES["L"][1]([0.05, 0.05, 0.002, 0.002]).torsion == pytest.approx(0.002**3 / 3 * 0.098, rel=1e-9)
+    assert NASTRAN["L"](0.05, 0.05, 0.002, 0.002).torsion == pytest.approx(0.002**3 / 3 * 0.098, rel=1e-9)
 
 
 def test_shear_centres() -> None:
     """Of a channel outside its web by 3b²t/(6bt + ht'), of an angle and a T where the walls meet."""
-    channel = SHAPES["CHAN"][1]([0.041, 0.082, 0.002, 0.002])
+    channel = NASTRAN["CHAN"](0.041, 0.082, 0.002, 0.002)
     e = 3 * 0.04**2 / (6 * 0.04 + 0.08)
     thin = 0.04**2 / (2 * 0.04 + 0.08)  # the centroid from the web
     assert channel.centroid == pytest.approx((0.0, e + thin), abs=2e-4)
-    assert (
-        SHAPES["T"][1]([0.06, 0.08, 0.004, 0.004]).centroid[0]
-        < 0
-        < SHAPES["T2"][1]([0.06, 0.08, 0.004, 0.004]).centroid[0]
-    )
-    assert SHAPES["I"][1]([0.08, 0.05, 0.05, 0.004, 0.006, 0.006]).centroid == pytest.approx((0, 0), abs=1e-12)
+    assert NASTRAN["T"](0.06, 0.08, 0.004, 0.004).centroid[0] < 0 < NASTRAN["T2"](0.06, 0.08, 0.004, 0.004).centroid[0]
+    assert NASTRAN["I"](0.08, 0.05, 0.05, 0.004, 0.006, 0.006).centroid == pytest.approx((0, 0), abs=1e-12)

@@ -188,11 +188,15 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (
             ARRAYS,
             {**MAPPING, "channels": [{"variable": "force"}]},
-            "channels.0.quantity: is missing; .*0.point: is missing",
+            "channels.0.quantity: is missing, .*0.point: is missing",
         ),
-        (ARRAYS, _channel(1, variable=7), "mapping.channels.1.variable: is not a name"),
+        (ARRAYS, _channel(1, variable=7), "mapping.channels.1.variable: is 7, expected a name"),
         (ARRAYS, _channel(0, sensitivity="2 mV/N"), "channels.0.sensitivity: is '2 mV/N', expected a number"),
-        (ARRAYS, _channel(0, window_rate_per_s=-1), "channels.0.window_rate_per_s: is -1, expected 0 or more"),
+        (
+            ARRAYS,
+            _channel(0, window_rate_per_s=-1),
+            "channels.0.window_rate_per_s: is -1, expected a number, 0 or more",
+        ),
         (ARRAYS, _channel(0, point="point"), "channels.0.point: is 'point', expected a number or {\"variable\": name}"),
         (_named(acc=np.zeros((2, 3, 256))), MAPPING, r"acc: has shape \(2, 3, 256\), expected one block or a table"),
         (_named(acc=RESPONSE * 1j), MAPPING, "acc: holds complex numbers: it is no time block; FRFs go to POST frfs"),
@@ -359,7 +363,7 @@ def test_blocks_of_an_archive_are_taken_as_a_service_kept_them(tmp_path: Path) -
         ({"archived": 1}, "expected true or false"),
         ({"hit": [4, "7"]}, "expected a number"),
         ({"hit": [4, 5, 6]}, "has 3 values, expected one for each"),
-        ({"channels": [force, {**other, "label": "a"}]}, "is no list of texts"),
+        ({"channels": [force, {**other, "label": "a"}]}, "expected a list of texts"),
         ({"channels": [force, {**other, "label": ["a"]}]}, "has 1 labels for 2 blocks"),
         ({"channels": [force, {**other, "start_sample": [-1, 0]}]}, "whole numbers from 0"),
     ):
