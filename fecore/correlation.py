@@ -6,8 +6,6 @@ returned as NaN, for that
 entry alone: a dead channel must not hide the others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -15,8 +15,6 @@ A point is an object of the caller's, which knows its own misfit: what it holds 
 method's business. So bounds, logarithms and parameters on a manifold are all in `move`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Generic, Literal, Protocol, TypeVar

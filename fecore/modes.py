@@ -1,7 +1,5 @@
 """Measured modes: natural frequencies, damping ratios and shapes with their uncertainty, however they were found."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

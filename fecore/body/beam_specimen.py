@@ -1,7 +1,5 @@
 """An isotropic strip as a Timoshenko beam: a structure whose section follows from its width and thickness."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

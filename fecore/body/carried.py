@@ -1,7 +1,5 @@
 """Springs and masses as parts of a model: a row of operators at each place where they act."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray

@@ -1,7 +1,5 @@
 """The clamp of a body in space that gives way: a rigid block over the clamped nodes, on an even bed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import TypeVar
 

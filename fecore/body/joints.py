@@ -15,8 +15,6 @@ taken away; and a torsion 0.1 G t⁴, t⁴ the geometric mean of the walls'. No 
 positive whatever the size of the elements. All is linear in E, G and density; d is nominal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -5,8 +5,6 @@ opposite within `TURN` are one wall that passes; any other element is a wall tha
 wall ends at another, or more than two elements meet. Edges with the same walls that touch make a line.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

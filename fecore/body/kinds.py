@@ -1,7 +1,5 @@
 """What modes are: shares of their motion by kind, of flat bodies and of folded ones, and of their strain energy by set."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

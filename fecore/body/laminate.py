@@ -9,8 +9,6 @@ and the inertias per area I0 = ∫ρ dz, I1 = ∫ρz dz, I2 = ∫ρz² dz (`feco
 γxz and γyz, follows from equilibrium (`balanced_shear`).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Points on surfaces: the nearest point of the shells and beams, and what moves there."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

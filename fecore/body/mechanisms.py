@@ -10,8 +10,6 @@ For a shell whose constants are Ex, Ey, Gxy, Gxz and Gyz these are bending along
 its own: it couples bending along and across. An isotropic beam has E and G, which its constants E and ν stand for.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import FloatArray

@@ -1,7 +1,5 @@
 """Bodies that are structures by other names of their constants."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray

@@ -6,8 +6,6 @@ whole element that integral is the element's own sum over its points. So what is
 negative, whatever the size of the elements.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -5,8 +5,6 @@ thickness; its coefficients c(q) are the entries of A, B, D and S (`fecore.body.
 closed forms take complex constants too, so that their derivatives are complex steps.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -3,8 +3,6 @@
 A specimen names its constants as coupons do (`Ex`, `thickness`); `strip.E1` and `strip.t` of its structure follow from them.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Its constants are those of its sections by set, `flange.E1`, `web.t`, and closed
 c(q) and m(q) of its affine model (`fecore.body.constants.Body`). Sets that share a material have a common prior.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property

@@ -14,8 +14,6 @@ prior is the normal distribution with the same 95 % interval, so its standard de
 The three-part failure code of ASTM D3039 says type, area and location: LGM is lateral, in the gauge length, middle.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

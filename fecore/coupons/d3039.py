@@ -16,8 +16,6 @@ strain at which they intersect. A transition is reported only where the curve ha
 than a cubic, which has as many coefficients and no knee, and their slopes must differ.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ offset strength              where the line τ = G (γ − 0.2 %) meets the curv
 τ_max                        the largest τ at or below γ = 5 %; beyond it fibres have turned too far
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ Every law gives the modal damping rate c_k = 2 ζ_k ω_k (1/s) of a mode from it
 (`mechanism_laws`) also see where a mode's strain energy sits; the laws here do not look at it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Small dense symmetric matrices, such as those of a reduced system: factorised, and their largest eigenpairs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -7,8 +7,6 @@ shears, damps more than the fibres, which bend. With the share U_mk of mode k's 
     c_k = a₀ + ω_k² Σ_m b_m U_mk                 viscous rates, of which the Rayleigh law is the case of equal b_m.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -15,8 +15,6 @@ whose products with K_kV are stored too (Balabanov and Nouy, Adv. Comput. Math. 
 the error is too large the full model is solved and its modes join the basis.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain

@@ -11,8 +11,6 @@ made. Its part is carried by G, whose eigenvalues are the cluster's eigenvalue d
 All functions take sparse matrices over the dofs, or dense ones over a reduced basis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TypeAlias
 

@@ -10,8 +10,6 @@ a real function. A mobility or accelerance is α times s or s². Everything is l
 poles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

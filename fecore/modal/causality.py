@@ -12,8 +12,6 @@ standard normal for noise alone, and below 0 for FRF i as it should be. By Parse
 from line to line as noise does.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.modal.arrangement import Arrangement

@@ -1,7 +1,5 @@
 """Stabilisation diagram: linear poles of all orders, and which of them come back from order to order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -12,8 +12,6 @@ makes them, are one in this series. Drift and poles are found in turn while the 
 independent lines) than the series with the twins and without.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -19,8 +19,6 @@ A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity
 poles.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

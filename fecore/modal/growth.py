@@ -7,8 +7,6 @@ residual, and so on (orthogonal matching pursuit) while Akaike's price of 2 for 
 refined together, poles that no longer pay leave, and the residual offers new candidates, a few rounds in all.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

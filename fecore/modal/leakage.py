@@ -1,7 +1,5 @@
 """Leakage next to 0 Hz: what a record that did not die away, or drifts, leaves in its first lines."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

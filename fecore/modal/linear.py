@@ -8,8 +8,6 @@ the coefficients that the lines do not determine (a singular value below round-o
 and touches no other coefficient.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -15,8 +15,6 @@ pole of the structure comes back from order to order and from window to window; 
 The estimate is biased by noise: it is a start for the refinement and the stuff of the stabilisation diagram, nothing more.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

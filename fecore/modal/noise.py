@@ -4,8 +4,6 @@ Where the FRF set carries a variance (from coherence and averages) it is used, a
 noise is what changes from line to line without memory. A fit leaves more: its variance follows the local misfit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy
 

@@ -12,8 +12,6 @@ From there the poles and l are refined by least squares over all lines. The shap
 eliminated (variable projection): the skirts of neighbours are as large as what parts the two modes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """FRFs as they come, to what modes can be sought in: what can be used, with a noise that the records bear out."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

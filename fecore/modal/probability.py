@@ -12,8 +12,6 @@ weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covarian
 give drops out. The weights' own variance v of the logit a widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

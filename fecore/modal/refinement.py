@@ -12,8 +12,6 @@ inner products of all FRFs come from one matrix product over the lines, since ev
 2n derivative columns.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 

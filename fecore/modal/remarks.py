@@ -1,7 +1,5 @@
 """What a user should know of the modes that were found, and of what the fit leaves."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray

@@ -4,8 +4,6 @@ For fixed poles the FRFs are linear in residues and residual terms; see `basis` 
 squares.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

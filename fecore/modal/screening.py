@@ -5,8 +5,6 @@ their reason. What cannot be seen in FRFs alone is not guessed: the wrong sign o
 dof turns that entry of every shape and leaves no trace in the data.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

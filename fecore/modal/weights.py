@@ -7,8 +7,6 @@ mode within d goes with d, so that of the distance is at least 0.5. For two mode
 with its share of what is known of the distance: 4, as for four or five points, ± 3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 PRIOR_MEAN = np.array([3.2, 1.15, 6.9, 1.0, 1.0, 4.0, 1.0])

@@ -1,7 +1,5 @@
 """Time blocks of a hammer test: one channel's block, and the hit that several channels recorded together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, get_args

@@ -17,8 +17,6 @@ two hits, weighted by 1/s_b², s_b the campaign's median of |l_b|, all bands sha
     g = m³/(m² + v),    m the weighted mean of l_b, v its weighted variance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

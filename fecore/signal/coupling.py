@@ -11,8 +11,6 @@ for f_c = 0.5 Hz, which a fit of damping takes up. So the tail of all hits toget
 over the blocks with an offset of its own for each, and stands in place of the noise behind the window.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ phase ±90° but for the delay. At every clear peak the rational function (a + b
 linear least squares; the residues' phases, up to half turns, over all peaks give d: the maximum of Σ cos(2(φ + ω d)).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a processing is asked, and what it answers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -23,8 +23,6 @@ weight of `_PRIOR` degrees of freedom; the mean over lines stays what was seen. 
 variance is not known (NaN).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, get_args
 

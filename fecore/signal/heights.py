@@ -14,8 +14,6 @@ Three things are known of heights before any model is fitted:
   clamp.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

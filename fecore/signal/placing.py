@@ -13,8 +13,6 @@ The place of the point is where most of its hits lie: the mean of those within `
 to all others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

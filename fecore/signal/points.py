@@ -2,8 +2,6 @@
 sees them: how they are judged, how coherent the good ones are, and each hit's own FRF beside their average.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ they are given in parts. So where the shelf is on disk, memory holds the hits of
 of each hit.
 """
 
-from __future__ import annotations
-
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -3,8 +3,6 @@
 All of it is a few passes over the block, because a campaign has thousands.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

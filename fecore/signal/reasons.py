@@ -1,7 +1,5 @@
 """What is said of a hit: each of its numbers in a sentence with the limit that alone would refuse it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

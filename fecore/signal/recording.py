@@ -4,8 +4,6 @@ A recording comes in chunks and is read twice. The first reading keeps only the 
 short hops, by which the hits are found; the second cuts. So memory does not grow with the samples.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 

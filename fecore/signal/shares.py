@@ -7,8 +7,6 @@ FRFs, real and imaginary parts side by side, over a sample of hits, so no mode h
 a band. A hit whose FRF is far higher than others in a band, as a faulty one may be, counts there as much as they do.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -16,8 +16,6 @@ what one pair leaves open and what the pairs differ by. So a slope is well known
 against the wave's length, and said to be unknown where not.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Spectra of hits under one set of windows, on one set of frequency lines."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from dataclasses import replace

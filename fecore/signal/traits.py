@@ -16,8 +16,6 @@
 Of several channels the one that objects most speaks: the smallest `floor`, the largest of all else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache

@@ -11,8 +11,6 @@ and a window has none. Noise that does not fall shows that there is no window, a
 the converter's step shows nothing: most samples are then as the one before, and s says how often drift crosses a step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

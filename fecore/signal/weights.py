@@ -4,8 +4,6 @@
 the number counts by it; where there is a `centre` too, by that of the campaign's own level.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 LEAST = 1e-12  # that a number is taken for before its logarithm

@@ -16,8 +16,6 @@ modes fall is read from the spectra of the first and the second half of the resp
 ln(P1/P2)/(2 t_half). The mode that falls slowest decides, so a loud fast mode does not hide a quiet slow one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -6,8 +6,6 @@ charts each gets 1/m of the probability of a call within the horizon, which hold
 parameters (Bonferroni).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime

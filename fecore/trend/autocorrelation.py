@@ -23,8 +23,6 @@ which the weighted probability of a call is what it is at κ = 1 for φ = 0. The
 the simulation lacks in numbers mostly cancels.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

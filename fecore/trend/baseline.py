@@ -31,8 +31,6 @@ The two ends are the textbook's: where the s_i vanish, v = RSS/(n − p) and ν 
 scatter, ν is large and intervals are normal.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -19,8 +19,6 @@ Where a change was called that is a ramp, the rate is the ramp's, from its onset
 says nothing about the speed after it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime

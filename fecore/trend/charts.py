@@ -27,8 +27,6 @@ g = the variance of the baseline's mean over that of a campaign (1/n for n equal
 (Gauss–Hermite) and q (Gauss–Legendre in probability).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal, overload

@@ -12,8 +12,6 @@ variance of (Σ |w_j| s_j)² at most, however it is correlated. Only where the v
 both together say it wrongly no more often.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

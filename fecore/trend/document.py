@@ -1,7 +1,5 @@
 """A judged parameter as plain JSON: what is stored of it, shown and drawn. Dates are ISO, in the zone of the series."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -13,8 +13,6 @@ hΣ/u with u ~ χ²_ν/ν, ν = N + n + 2 (a t distribution), and a exactly. All
 are the candidates of one, such as the points where a mass may be.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -2,8 +2,6 @@
 of a monitor: which are watched, against which baseline, and how often it may call in vain.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -14,8 +14,6 @@ An alarm stays until somebody has seen it, even where the chart comes back or ca
 inside nor outside: the count towards k, and that an alarm was acknowledged, live on behind `no data`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta

@@ -5,8 +5,6 @@ by MAC at the degrees of freedom that all of them share, and by frequency. Witho
 decides. A mode that no track continues begins one; a track that a campaign misses waits for the next.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

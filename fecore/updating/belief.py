@@ -16,8 +16,6 @@ with w < ½ have no weight. The posterior about it holds the sets that differ fr
 its odds. Where P = 1 for all, as where somebody typed the modes in, nothing of this changes a result.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy
 

@@ -1,7 +1,5 @@
 """Campaigns of one material or body, and how their unknowns are laid out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

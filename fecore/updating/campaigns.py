@@ -1,7 +1,5 @@
 """Updating several campaigns of one material together: the entry point, and how the campaigns are laid out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 A monitor explains its alarms by it; it also shows which modes each parameter moves.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

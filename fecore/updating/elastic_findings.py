@@ -1,7 +1,5 @@
 """What looks wrong with an elastic update, and what it means for the use of its result."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.body.locate import place_in_words

@@ -12,8 +12,6 @@ partners for ever: then the fit is made with each of the pairings that it went t
 evidence is near the best one's then takes part in the intervals (`ElasticResult.spanning`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise

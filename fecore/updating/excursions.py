@@ -12,8 +12,6 @@ to where they would be something. What each does to the natural frequencies is e
 - fibres askew by an angle change it by the angle's square, so the model is solved with them at one standard deviation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal

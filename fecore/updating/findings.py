@@ -4,8 +4,6 @@ A row of `FINDINGS` has a level (what it means for the use of the result; None: 
 first), the sentence, and what to do about it. `found` makes a finding of a row and of its numbers.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple

@@ -13,8 +13,6 @@ starts from the best of many draws from the prior, compared by the logarithm of 
 are wide.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

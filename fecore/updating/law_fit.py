@@ -14,8 +14,6 @@ Rigid-body modes, and those that move on the springs of the supports, are damped
 on and not by the law: each has a rate of its own.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

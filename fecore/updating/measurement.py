@@ -1,7 +1,5 @@
 """What was measured, made ready for updating: usable FRFs, what is held out of them, modes with shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -15,8 +15,6 @@ Random Matrices, 3rd ed., 2). Measured shapes ψ say more: their mean square off
 of the largest entry, and counts once a mode, as its errors at the points are not independent.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

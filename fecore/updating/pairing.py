@@ -12,8 +12,6 @@ their order as constants move are a matter for several starts (`elastic_starts`)
 that are held are named by their kind, so that they stay the same where modes of two kinds cross.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 The one entry point of updating, for a notebook as for the service.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 

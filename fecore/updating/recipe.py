@@ -1,7 +1,5 @@
 """Recipes: how a measurement is to be used. Data only, so the same recipe can be run again years later."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Literal
 

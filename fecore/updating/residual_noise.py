@@ -4,8 +4,6 @@ v_il = a_i² + b_i² |H_il|² covers the electronics' floor and the scatter of h
 regression of |r|² on (1, |H|²) with weights 1/v², the scoring iteration of the Gaussian likelihood.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray

@@ -15,8 +15,6 @@ Forster, Kendall's Advanced Theory of Statistics 2B, 11)
 All of them are compared, and the posterior is their mixture.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """From the stages to the result that users read; of a stage that failed, or had no data, what it leaves."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

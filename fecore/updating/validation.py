@@ -5,8 +5,6 @@ by each mode's own deviation from the model in frequency and in damping, and by 
 is carried through the derivatives of the FRF, for real and imaginary parts apart.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ which vanish in any rigid motion. One Gauss point with two nodes and two with th
 more. The strain of a fibre at r = y n₁ + z n₂ is ε + z κ₁ − y κ₂.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

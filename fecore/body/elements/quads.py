@@ -9,8 +9,6 @@ bend in the surface as the rotations about the normal at their ends ask (Allman,
 the membrane, its mid-side nodes led by the corners.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -4,8 +4,6 @@ An element knows no section: it gives rows of eight strains (ε₁₁ ε₂₂ �
 the area that each of its points stands for, so that ∫BᵀCB dA is a sum of products. The drilling has points of its own.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

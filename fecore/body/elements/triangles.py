@@ -5,8 +5,6 @@ Comput. Struct. 82, 2004); its membrane strain is constant. Sides that bend as t
 better in its plane, and lock it in a twisted thin shell (.02 of the deflection in place of .6).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.arrays import FloatArray
