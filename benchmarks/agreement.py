@@ -6,8 +6,6 @@ cent of the band from its ends on; this needs no truth. Of each set the table gi
 and the CPU seconds of the whole, and names what differs.
 """
 
-from __future__ import annotations
-
 import itertools
 import time
 from collections.abc import Iterator, Sequence

@@ -15,8 +15,6 @@ what becomes of modes and of others, are printed for the weights in use. Poles t
 `CALIBRATE_SEEDS` (default 10) draws of each kind; the printed table replaces the one in `fecore/modal/weights.py`.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Sequence

@@ -12,8 +12,6 @@ and each feature's worth by leaving it out. A bad hit that does not bias its FRF
 The arguments are campaigns of each half, and the first seed.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

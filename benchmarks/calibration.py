@@ -1,7 +1,5 @@
 """How good a calibrated probability is: what `calibrate` of poles and `calibrate_hits` of hits print alike."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

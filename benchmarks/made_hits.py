@@ -14,8 +14,6 @@ times what three in four good hits of the campaign are off it, in one of the eig
 excited range.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

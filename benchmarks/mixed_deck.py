@@ -2,8 +2,6 @@
 file to update.
 """
 
-from __future__ import annotations
-
 import resource
 import time
 from itertools import count

@@ -5,8 +5,6 @@ coupons' panel, off the material's by a scatter of 2 %, each coupon by 5 %. One 
 another brings, or a cantilever of the same, or coupons. Then it is made, and the default update has it all.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace

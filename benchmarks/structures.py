@@ -3,8 +3,6 @@
 The solids are quadratic bricks by another code, with true dimensions and constants (`shared/blind-open/structures`).
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import time

@@ -5,8 +5,6 @@ at corners. Profiles drawn at random are measured and updated from what a labora
 constants, damping, supports and points are others in each draw.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

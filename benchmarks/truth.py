@@ -11,8 +11,6 @@ S >= 0.1, is the mode; the others are `SPLIT`, no modes of their own, but nothin
 scores they count as no modes, as a user would have one mode twice.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import scipy
 

@@ -5,8 +5,6 @@ of .02 %. Its moduli, dimensions and density are drawn as a laboratory has them 
 zone's true factor is its mean, 1/s = ∫ dx/s(x)/L; it is false where nothing is damaged and its 95 % interval says otherwise.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ of both falls by 0.1 % a kelvin; Ex of the north one falls by 1 % a year on top.
 April 2023, and again in October 2024, and nobody noticed the months between. From 2025 on another hammer is used.
 """
 
-from __future__ import annotations
-
 import argparse
 from datetime import UTC, datetime
 from math import cos, pi

@@ -3,8 +3,6 @@
 python -m examples.joint_update
 """
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

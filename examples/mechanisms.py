@@ -6,8 +6,6 @@ through the bending modes. A law by the shares of strain energy misses no mode b
     python -m examples.mechanisms
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from examples.paper.published import TABLE_3_DAMPING, TABLE_3_MEASURED_HZ, TABLE_4_UPDATED, cantilever

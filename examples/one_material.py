@@ -6,8 +6,6 @@ calls the material softer. Together they say both: one modulus, and how much the
     python -m examples.one_material
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from examples.paper.published import FREE_LENGTH, FREE_MEASURED_HZ, TABLE_3_MEASURED_HZ, TABLE_4_COUPONS, material

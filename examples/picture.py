@@ -5,8 +5,6 @@
 The paper prints no FRFs; these are made from its updated constants and damping, with noise (`examples/paper/synthesis.py`).
 """
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

@@ -6,8 +6,6 @@ of one ply come back from them.
     python -m examples.plies
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 python -m examples.where_to_hit_next
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from examples.one_material import paper_bar

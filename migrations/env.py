@@ -2,8 +2,6 @@
 `alembic revision --autogenerate`, on the database of `MODALBASE_DATABASE_URL`.
 """
 
-from __future__ import annotations
-
 from alembic import context
 from sqlalchemy import Connection
 

@@ -1,7 +1,5 @@
 """Section 4: the FRP cantilever. Elastic constants from Table 3's modes, damping from FRFs synthesised from them."""
 
-from __future__ import annotations
-
 from functools import cached_property
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Section 4: the same beam hung freely, L = 501 mm, four modes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

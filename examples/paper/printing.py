@@ -1,7 +1,5 @@
 """Tables on a terminal: our figure beside the paper's, and sentences on where they differ."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """What Mondal and Chakraborty (2015) print, with the errata of this project's docs where a figure cannot be as printed."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.body.beam_specimen import BeamSpecimen

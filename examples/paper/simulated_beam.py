@@ -1,7 +1,5 @@
 """Section 3: an isotropic cantilever of three-node beam elements, simulated; five bending modes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

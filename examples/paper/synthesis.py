@@ -5,8 +5,6 @@ higher modes have the damping that the caller says. So everything that follows f
 and what depends on shapes is ours.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from fecore.body.beam_specimen import BeamSpecimen

@@ -1,7 +1,5 @@
 """Stage 2 from stated starts, as the paper tests it (Figs. 3 and 11): do all of them reach one point?"""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ singular value decomposition U S Vᵀ; its leading rows UᵀH/a are themselves F
 conjugate symmetry of the series. Poles are searched in these; residues, covariance and verdicts come from all FRFs.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

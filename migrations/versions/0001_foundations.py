@@ -1,7 +1,5 @@
 """Users, keys, projects, members, audit trail, jobs, and the queue's own schema."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

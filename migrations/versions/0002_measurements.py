@@ -1,7 +1,5 @@
 """Structures, campaigns, imports, grid points, FRFs, mode sets and coupons."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

@@ -1,7 +1,5 @@
 """Update jobs and their results."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

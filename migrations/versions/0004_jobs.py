@@ -1,7 +1,5 @@
 """Jobs: versions that watchers follow, losses, the request that asked, fair claims, checkpoints; priorities."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

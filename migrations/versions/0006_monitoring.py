@@ -1,7 +1,5 @@
 """Monitors with their series, runs and assessments; alarms and their history; webhooks and deliveries."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

@@ -1,7 +1,5 @@
 """Raw curves of coupons."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

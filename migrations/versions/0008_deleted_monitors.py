@@ -1,7 +1,5 @@
 """Monitors that are deleted: hidden, and brought back."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

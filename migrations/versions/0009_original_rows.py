@@ -1,7 +1,5 @@
 """Chunks of uploaded files that fill a page each, in the table itself; larger ones, of earlier versions, stay as they are."""
 
-from __future__ import annotations
-
 from alembic import op
 
 revision = "0009_original_rows"

@@ -1,7 +1,5 @@
 """Jobs: the ticket of the engine that runs each, which its heartbeats watch over in place of leases of our own."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

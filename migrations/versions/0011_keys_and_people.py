@@ -2,8 +2,6 @@
 trail that nothing changes: a trigger refuses it, and what an event names may be purged without touching the event.
 """
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

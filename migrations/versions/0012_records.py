@@ -1,7 +1,5 @@
 """Time blocks of hammer tests, their processings, and what an FRF knows of the one that made it."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

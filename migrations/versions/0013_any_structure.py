@@ -1,7 +1,5 @@
 """A structure may be any body: geometry and density are what an update needs, an identification does without."""
 
-from __future__ import annotations
-
 from alembic import op
 
 revision = "0013_any_structure"

@@ -1,7 +1,5 @@
 """Browser sessions: a cookie that stands for a key, kept as the SHA-256 of its token."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

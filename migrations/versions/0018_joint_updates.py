@@ -1,7 +1,5 @@
 """Joint updates: one posterior of a material from several campaigns."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

@@ -1,7 +1,5 @@
 """Structures and campaigns state how well they know what they hand in."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

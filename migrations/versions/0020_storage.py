@@ -1,7 +1,5 @@
 """What each project stores, entered as it is stored; what is there already is entered once for each campaign and kind."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

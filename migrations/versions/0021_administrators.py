@@ -1,7 +1,5 @@
 """Administrators: users who may look after other users by REST. Nobody is one until the operator says so."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

@@ -1,7 +1,5 @@
 """Structures state steps and tapers of their thickness."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

@@ -1,7 +1,5 @@
 """Files of every format come in by imports; time blocks name the import that brought them."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

@@ -1,7 +1,5 @@
 """A project with processings can be purged: its jobs may go before the processings that they are of."""
 
-from __future__ import annotations
-
 from alembic import op
 
 revision = "0026_purged_processings"

@@ -1,7 +1,5 @@
 """Decisions about hits are kept: who accepted or refused one by hand, when and why."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

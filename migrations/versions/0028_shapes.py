@@ -1,7 +1,5 @@
 """Structures can be bodies in space, by their shape."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

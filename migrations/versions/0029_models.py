@@ -1,7 +1,5 @@
 """Structures can be models that users send: decks, with what was read of them."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects.postgresql import JSONB

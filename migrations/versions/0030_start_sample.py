@@ -1,7 +1,5 @@
 """A time block says where in its recording it begins."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

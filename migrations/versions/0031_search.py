@@ -1,7 +1,5 @@
 """What a search asks: constants and verdicts of results in rows, words of structures and campaigns, and indexes."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

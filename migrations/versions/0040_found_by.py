@@ -1,7 +1,5 @@
 """The constants of a result and its campaign stand in its row, so that a search for results reads one table."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

@@ -1,7 +1,5 @@
 """Tags and free metadata of projects, structures, campaigns, FRFs and results, and what a project demands of them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import sqlalchemy as sa

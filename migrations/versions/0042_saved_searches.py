@@ -1,7 +1,5 @@
 """Searches that are kept under a name."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

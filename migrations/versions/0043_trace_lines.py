@@ -1,7 +1,5 @@
 """A file's trace lines, which say how its points are joined."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

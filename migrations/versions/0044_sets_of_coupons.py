@@ -1,7 +1,5 @@
 """The sets of a body in space that a batch of coupons is of."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

@@ -1,7 +1,5 @@
 """Instruments with their calibrations; and constants of results that have no column, such as those of sets."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

@@ -1,7 +1,5 @@
 """Forecasts: a structure's nominal model, solved before anything is measured."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

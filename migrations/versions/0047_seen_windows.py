@@ -1,7 +1,5 @@
 """How well the exponential window is known that a processing saw in the noise of hits."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

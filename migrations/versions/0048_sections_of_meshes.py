@@ -1,7 +1,5 @@
 """Sections that a user states of the sets of a mesh."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 

@@ -1,7 +1,5 @@
 """What each campaign was measured with, a row for each instrument: searched by index, with the calibration that counted."""
 
-from __future__ import annotations
-
 import sqlalchemy as sa
 from alembic import op
 from sqlalchemy.dialects import postgresql

@@ -1,7 +1,5 @@
 """A calibration's sensitivity of 0, which was taken, says that none is stated."""
 
-from __future__ import annotations
-
 from alembic import op
 
 revision = "0055_sensitivities"

@@ -1,7 +1,5 @@
 """Forecasts over HTTP: a structure is solved before it is measured, and says where to hit."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Matrices of a solver over HTTP: they go in, are solved before a test, and an update finds the factor of each part."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 from functools import cache

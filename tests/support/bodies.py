@@ -1,7 +1,5 @@
 """Matrices and natural modes of any body, at its nominal constants or at others."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csc_array
 

@@ -1,7 +1,5 @@
 """Our own models as matrices, as another solver would hand them out."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 

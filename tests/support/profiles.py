@@ -1,7 +1,5 @@
 """A small angle profile of pultruded glass, measured: FRFs across both walls of a body that is not as it was stated."""
 
-from __future__ import annotations
-
 from functools import cache
 from itertools import count
 from typing import Any

@@ -1,7 +1,5 @@
 """A plate with a rib of 20-node bricks, as a user of CalculiX has it: its matrices part by part, and FRFs of its modes."""
 
-from __future__ import annotations
-
 import io
 import subprocess
 import tempfile

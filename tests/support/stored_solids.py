@@ -1,7 +1,5 @@
 """Profiles and a panel of solids that another code solved, beside the project, as structures of shells."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Users' models without a server: kept as arrays and made again, made bodies, handed back as decks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What pages show: joined points, documents a line each, findings at a result's head, bars of parameters."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

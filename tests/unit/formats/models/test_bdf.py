@@ -1,7 +1,5 @@
 """Nastran bulk data, as pre-processors and people write it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

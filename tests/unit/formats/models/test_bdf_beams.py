@@ -1,7 +1,5 @@
 """Sections, axes and offsets of Nastran's bars and beams, against closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import scipy

@@ -1,8 +1,6 @@
 # ruff: noqa: E501 - a row of the table of bad decks is one line
 """Bad decks of Nastran: each a sentence with line, card, field, what was expected."""
 
-from __future__ import annotations
-
 import pickle
 import re
 

@@ -1,8 +1,6 @@
 # ruff: noqa: E501 - a row of the table of bad files is one line
 """Models as matrices, in the forms in which solvers hand them out."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A Nastran deck that goes back to its user with updated numbers."""
 
-from __future__ import annotations
-
 import difflib
 
 import pytest
