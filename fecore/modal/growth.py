@@ -73,7 +73,11 @@ def grow(
         candidates = np.append(_in_residual(arrangement, fit), first) if fit.terms.pairs else first
         if not fit.terms.pairs and len(fit.residual) <= _FEW:
             fit = _as_all_leave(arrangement, fit, candidates[:most], noise)
-        added = _chosen(arrangement, fit, candidates, most - fit.terms.pairs, beside)
+        room = most - fit.terms.pairs
+        added = _chosen(arrangement, fit, candidates, room, beside)
+        if not fit.terms.pairs and not added.size:
+            # A first pole that most of the FRFs' own variance is gains no more than that: it pays for the combinations alone.
+            added = _chosen(arrangement, fit, candidates, room, 0)
         if not added.size:
             break
         larger = refine(arrangement, with_poles(fit.terms, added), fit.variance, steps=STEPS, enough=ENOUGH)
