@@ -6,13 +6,17 @@ import numpy as np
 import scipy
 
 from fecore.modal.arrangement import Arrangement
+from fecore.modal.screening import FEWEST_LINES
 
 _DROWNED = 0.3  # square of the jumps from line to line over the power: nothing but noise
 _RAISED = 10.0  # power of such lines next to 0 Hz over that at their end, from which they are leakage
 
 
 def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
-    """Leave out the lines next to 0 Hz in which the FRFs jump from line to line as noise does, and rise towards 0 Hz."""
+    """Leave out the lines next to 0 Hz in which the FRFs jump from line to line as noise does, and rise towards 0 Hz.
+
+    FRFs that are noise nearly to their last line stay whole: there is nothing that leakage stands before.
+    """
     values = arrangement.values
     power = np.sum(np.abs(values) ** 2, axis=0)
     jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
@@ -20,7 +24,8 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     rough = scipy.ndimage.median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
     drowned = int(np.argmax(rough < _DROWNED))
     first = drowned + 1  # `rough` is of the lines between others
-    if not drowned or np.mean(power[:first]) < _RAISED * power[first]:
+    left = power.size - first
+    if not drowned or left < FEWEST_LINES or np.mean(power[:first]) < _RAISED * power[first]:
         return arrangement, []
     cut = replace(
         arrangement,

@@ -17,7 +17,9 @@ from fecore.frf import FrfSet
 from fecore.modal.arrangement import FEW, Arrangement, arrange, pair_label
 from fecore.modal.causality import turned_backwards
 
-_FEWEST_LINES = 16  # that an FRF must have in the band
+FEWEST_LINES = 16
+"""That an FRF must have in the band."""
+
 _SPIKE = 400.0  # jump squared over the local median of jumps squared
 _SHARED = 0.25  # share of the FRFs that may show a spike at one line
 _ALONE = (
@@ -145,8 +147,8 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
                 f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches {largest[strongest]:.2g}: a dead "
                 "channel, or the scale of one of the two is wrong; check cable and scale"
             )
-        elif lines < _FEWEST_LINES:
-            found[row] = f"has only {lines} measured lines in the band, at least {_FEWEST_LINES} are needed"
+        elif lines < FEWEST_LINES:
+            found[row] = f"has only {lines} measured lines in the band, at least {FEWEST_LINES} are needed"
         elif np.ptp(arrangement.values[row, arrangement.measured[row]]) == 0:
             found[row] = "is the same number at all lines: not a measurement"
         elif not np.any(arrangement.values[row].imag) or not np.any(arrangement.values[row].real):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.made_frfs import KINDS
+from benchmarks.made_frfs import KINDS, Harsh
+from fecore.errors import IdentificationError
 from fecore.frf import Dof
 from fecore.modal import identify
 from fecore.modal.arrangement import arrange, split_sides
@@ -88,3 +89,11 @@ def test_leakage_is_left_out_only_where_there_is_some() -> None:
     assert "leakage below" in said[0]
     for clean in (paper_frfs(0.05, 1), paper_frfs(0.0)):
         assert leakage(arrange(clean))[1] == []
+
+
+def test_noise_that_rises_to_0_hz_is_no_leakage_but_for_a_line_by_chance() -> None:
+    """White and as 1/f: the last line alone stands out of the jumps; nothing is left out, and no mode is found."""
+    noise = KINDS["quiet"](5009, Harsh.drawn(5009)).frfs
+    assert leakage(arrange(noise))[1] == []
+    with pytest.raises(IdentificationError, match="no mode"):
+        identify(noise)
