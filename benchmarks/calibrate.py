@@ -83,7 +83,7 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
     """Add the poles of a fit with the truth about them."""
     hz, zeta = fitted.fit.terms.frequency_hz, fitted.fit.terms.damping_ratio
     evidence = evidence_of(fitted.arrangement, fitted.fit)
-    ratio, rows = design(fitted.arrangement, evidence)
+    ratio, rows = design(evidence)
     of = modes_of_poles(draw, fitted.arrangement, fitted.fit)
     use = in_band(fitted.arrangement, hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)
     use &= hz >= 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0)

@@ -34,7 +34,9 @@ _CULLS = 2  # turns of probability and refinement
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
-_COMPANY_BELOW = 0.3  # probability below which a pole beside a better one is its company
+_RATHER = (
+    0.5  # probability below which a pole is rather no mode: company of a better one, and what it takes up is error
+)
 
 Report = Callable[[str, float], None]
 
@@ -165,7 +167,7 @@ def _without_company(data: _Data, fit: Level) -> Level:
         if not fit.terms.pairs:
             break
         evidence = evidence_of(data.arrangement, fit)
-        p = probability(data.arrangement, evidence, fit.terms.damping_ratio)
+        p = probability(evidence, fit.terms.damping_ratio)
         gone = _company(data.arrangement, fit.terms, p) | (evidence.apart < _ONE)
         if not gone.any():
             break
@@ -177,9 +179,9 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
     """(n,) poles in band that are hardly modes and overlap one with a better probability."""
     width = terms.frequency_hz * terms.damping_ratio
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
-    good = p >= _COMPANY_BELOW
+    good = p >= _RATHER
     return np.asarray(
-        (p < _COMPANY_BELOW) & in_band(arrangement, terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1)
+        (p < _RATHER) & in_band(arrangement, terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1)
     )
 
 
@@ -195,8 +197,8 @@ def _last(data: _Data, fit: Level) -> Fit:
 def _shared(arrangement: Arrangement, fit: Fit) -> FloatArray:
     """(n,) error of each pole's curve that all FRFs share; what poles that are rather no modes take up is error too."""
     evidence = evidence_of(arrangement, fit)
-    p = probability(arrangement, evidence, fit.terms.damping_ratio)
-    gone = (p < 0.5) & in_band(arrangement, fit.terms.frequency_hz) & ~evidence.tone
+    p = probability(evidence, fit.terms.damping_ratio)
+    gone = (p < _RATHER) & in_band(arrangement, fit.terms.frequency_hz) & ~evidence.tone
     alone = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
     shared = shared_error(arrangement, fit)
     shared[~gone] = np.maximum(shared[~gone], shared_error(arrangement, alone))

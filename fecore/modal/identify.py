@@ -162,8 +162,8 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
 
 def _verdict(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> _Verdict:
     terms = fit.terms
-    p = probability(arrangement, evidence, terms.damping_ratio)
-    said = features(arrangement, evidence, terms.frequency_hz, terms.damping_ratio)
+    p = probability(evidence, terms.damping_ratio)
+    said = features(evidence, terms.frequency_hz, terms.damping_ratio)
     order = np.argsort(terms.frequency_hz, kind="stable")
     order = order[in_band(arrangement, terms.frequency_hz)[order]]
     refused = tuple(

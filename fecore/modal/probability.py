@@ -4,12 +4,12 @@
 
 lg = log₁₀, with the features of `evidence` and Λ = ln p₁(r)/p₀(r), the densities of the phase for modes and for others,
 
-    p₁ = 0.98 e^{-(1-r)/σ}/√(πσ(1-r)) + 0.02 (1+r)/(2π√(1-r²)),    p₀ = 0.3/(π√(1-r²)) + 0.7 N(r; 0, 0.4),
+    p₁ = 0.8 e^{-(1-r)/σ}/√(πσ(1-r)) + 0.2 (1+r)/(2π√(1-r²)),    p₀ = 0.2/(π√(1-r²)) + 0.8/2,    σ = 0.1.
 
-σ = 0.1, or 0.06 with p₀ = 1/(π√(1-r²)) for fewer than four FRFs. Both have the same root at r = 1, so Λ stays finite. A
-mode's phase θ is off by up to 90°, by other channels or overlapping modes, but not in proportion: (1+r)/2 = cos²θ. The
-weights b are a Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot
-give drops out. The weights' own variance v of the logit a widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
+A mode's phase θ is off by up to 90° where another pole overlaps it or a spring is not linear, but not in proportion: (1+r)/2 =
+cos²θ. What is no mode has any phase: one for all FRFs, or each its own, whose median r spreads evenly. The weights b are a
+Bayesian fit (`python -m benchmarks calibrate`), with a covariance. A feature that a set cannot give drops out. The weights' own
+variance v of the logit a widens P towards ½ (MacKay 1992): P = σ(a/√(1 + πv/8)).
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
-from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.evidence import USUAL, Evidence
 from fecore.modal.weights import COVARIANCE, MEAN
 
-_SIGMA, _SIGMA_OF_FEW = 0.1, 0.06
-_STRAY = 0.02  # share of the modes whose phase is anything
-_AT_ODDS = 0.4  # standard deviation of r for what is no mode
-_ANY = 0.3  # share of these whose phase is anything
-_EDGE = 1e-6  # of r at ±1
+_SIGMA = 0.1  # of 1 - r of modes
+_STRAY = 0.2  # share of the modes whose phase is anything up to 90°
+_ANY = 0.2  # share of what is no mode that has one phase for all FRFs
+_EDGE = 1e-6  # of r at -1
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
 _DOUBLE = 0.15  # distance below which two poles are rather one mode
 _ALONE = 0.99  # distance from which a pole is alone
@@ -41,21 +39,17 @@ class Feature:
     words: str  # what it says, in words of the field
 
 
-def phase_ratio(r: FloatArray, frfs: int) -> FloatArray:
-    """Λ(r) = ln p₁(r)/p₀(r)."""
-    r = np.clip(r, -1 + _EDGE, 1 - _EDGE)
-    sigma = _SIGMA if frfs >= FEW else _SIGMA_OF_FEW
-    arcsine = 1 / (np.pi * np.sqrt(1 - r**2))
-    of_modes = (1 - _STRAY) * np.exp(-(1 - r) / sigma) / np.sqrt(np.pi * sigma * (1 - r))
-    of_modes += _STRAY * arcsine * (1 + r) / 2
-    spread = np.exp(-(r**2) / (2 * _AT_ODDS**2)) / (_AT_ODDS * np.sqrt(2 * np.pi))
-    of_others = arcsine if frfs < FEW else _ANY * arcsine + (1 - _ANY) * spread
+def phase_ratio(r: FloatArray) -> FloatArray:
+    """Λ(r) = ln p₁(r)/p₀(r), both densities times π√(1-r²)."""
+    r = np.clip(r, _EDGE - 1, 1)
+    usual = np.sqrt(np.pi * (1 + r) / _SIGMA) * np.exp(-(1 - r) / _SIGMA)
+    of_modes = (1 - _STRAY) * usual + _STRAY * (1 + r) / 2
+    of_others = _ANY + (1 - _ANY) * np.pi * np.sqrt(1 - r**2) / 2
     return np.asarray(np.log(of_modes / of_others))
 
 
-def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, FloatArray]:
+def design(evidence: Evidence) -> tuple[FloatArray, FloatArray]:
     """(n,) Λ, and (n, 7) what the weights multiply."""
-    frfs = len(arrangement.pairs)
     x = np.stack(
         [
             np.ones(evidence.phase.size),
@@ -68,12 +62,12 @@ def design(arrangement: Arrangement, evidence: Evidence) -> tuple[FloatArray, Fl
         ],
         axis=1,
     )
-    return phase_ratio(evidence.phase, frfs), np.where(np.isnan(x), 0.0, x)
+    return phase_ratio(evidence.phase), np.where(np.isnan(x), 0.0, x)
 
 
-def probability(arrangement: Arrangement, evidence: Evidence, damping_ratio: FloatArray) -> FloatArray:
+def probability(evidence: Evidence, damping_ratio: FloatArray) -> FloatArray:
     """(n,) P of each pole; 0 of one that cannot be a mode."""
-    ratio, x = design(arrangement, evidence)
+    ratio, x = design(evidence)
     return np.where(no_mode(evidence, damping_ratio), 0.0, judged(ratio, x, MEAN, COVARIANCE))
 
 
@@ -95,11 +89,9 @@ def predictive(logit: FloatArray, variance: FloatArray) -> FloatArray:
 NAMES = ("phase", "rise", "share", "damping", "apart", "shape", "reach")
 
 
-def features(
-    arrangement: Arrangement, evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatArray
-) -> list[tuple[Feature, ...]]:
+def features(evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatArray) -> list[tuple[Feature, ...]]:
     """The features of each pole, those that weigh most first."""
-    ratio, x = design(arrangement, evidence)
+    ratio, x = design(evidence)
     added = np.concatenate([ratio[:, None], x[:, 1:] * MEAN[1:]], axis=1)
     out = []
     for k in range(len(x)):
