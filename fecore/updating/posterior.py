@@ -93,9 +93,12 @@ def _information(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
     return np.maximum(1 - np.diag(covariance) / prior_sd**2, 0)
 
 
-def root(covariance: FloatArray) -> FloatArray:
-    """R with RRᵀ = a covariance that may be singular; scaled first, as SI units spread over fifteen decades."""
-    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+def root(covariance: FloatArray, of: FloatArray | None = None) -> FloatArray:
+    """R with RRᵀ = a covariance that may be singular; scaled first, as SI units spread over fifteen decades.
+
+    A difference of two covariances may be no covariance: it is scaled as the larger one, `of`, and what is negative is left out.
+    """
+    scale = np.sqrt(np.maximum(np.diag(covariance if of is None else of), 1e-300))
     value, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
     factor: FloatArray = scale[:, None] * vectors * np.sqrt(np.maximum(value, 0))
     return factor

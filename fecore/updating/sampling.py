@@ -119,7 +119,7 @@ def sample_posterior(
     count = min(len(first.samples), len(second.samples))
     xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)
     if elastic.in_doubt:  # the chain is that of the modes with their weights
-        doubt = root(elastic.mixture.total - elastic.given.total)
+        doubt = root(elastic.mixture.total - elastic.given.total, elastic.mixture.total)
         xi = xi + random.standard_normal(xi.shape) @ doubt.T
     theta = prior.theta(xi)
     a = random.permutation(second.samples)[:count] + (theta - elastic.theta) @ damping.by_elastic.T

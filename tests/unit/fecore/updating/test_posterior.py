@@ -11,7 +11,7 @@ from fecore.updating.measured_ratios import (
     log_likelihood_of_deviations,
     scale_of_deviations,
 )
-from fecore.updating.posterior import LinearProblem, Mixture, identifiability, log_likelihood, spread_over
+from fecore.updating.posterior import LinearProblem, Mixture, identifiability, log_likelihood, root, spread_over
 from fecore.updating.result import Finding
 
 RANDOM = np.random.default_rng(5)
@@ -162,3 +162,14 @@ def test_what_is_known_exactly_has_an_interval_of_no_width() -> None:
     weight, scale = np.array([0.4, 0.6]), np.array([0.01, 0.02])
     assert ScaleMixture(weight, scale).reach(0.0, 0.0) == 0.0
     assert Mixture(weight, np.zeros((2, 3)), np.stack([np.eye(3)] * 2), scale).reach(np.zeros(3)) == (0.0, 0.0)
+
+
+def test_the_root_of_a_difference_of_covariances_is_no_larger_than_the_difference() -> None:
+    """Of Ex 1e-9 less and of Gxy nothing is left but what both share: scaled by itself its root was of the order of 1e139."""
+    larger = np.diag([8.4e-4, 1.0e-3])
+    difference = np.array([[-1e-9, 1e-8], [1e-8, 0.0]])
+    assert np.max(np.abs(root(difference, larger))) < np.sqrt(2e-8)
+    exact = np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
+    np.testing.assert_allclose(
+        root(exact, larger) @ root(exact, larger).T, exact, rtol=1e-12
+    )  # where it is a covariance
