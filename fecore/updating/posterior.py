@@ -96,7 +96,7 @@ def _information(covariance: FloatArray, prior_sd: FloatArray) -> FloatArray:
 def root(covariance: FloatArray, of: FloatArray | None = None) -> FloatArray:
     """R with RRᵀ = a covariance that may be singular; scaled first, as SI units spread over fifteen decades.
 
-    A difference of two covariances may be no covariance: it is scaled as the larger one, `of`, and what is negative is left out.
+    A difference of two covariances may be none: it is scaled as the larger one, `of`, and what is negative is left out.
     """
     scale = np.sqrt(np.maximum(np.diag(covariance if of is None else of), 1e-300))
     value, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
