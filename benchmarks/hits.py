@@ -71,12 +71,8 @@ def hits_habits(campaigns: int = 3, seed: int = 5) -> None:
     """Good hits thrown away and faults found under the habits of instruments and hands, a tenth of the hits with a fault."""
     table = Table("", "habit:32", "good hits:d", "thrown away:.1%", "for:20", "faulty found:20")
     for habit in HABITS:
-        rng, made, found, reasons = (
-            np.random.default_rng([seed, zlib.crc32(habit.encode())]),
-            Counter[str](),
-            Counter[str](),
-            Counter[str](),
-        )
+        rng = np.random.default_rng([seed, zlib.crc32(habit.encode())])
+        made, found, reasons = (Counter[str]() for _ in range(3))
         for number in range(campaigns):
             _, places, simulated = campaign(rng, KINDS[number % 3], 8, 5, 0.1, make=partial(HabitBench, habit=habit))
             for one, why in zip(simulated, _judged(simulated, places), strict=True):

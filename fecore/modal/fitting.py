@@ -34,9 +34,7 @@ _CULLS = 2  # turns of probability and refinement
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
 _COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
-_RATHER = (
-    0.5  # probability below which a pole is rather no mode: company of a better one, and what it takes up is error
-)
+_RATHER = 0.5  # probability below which a pole is rather no mode, and what it takes up is error of its neighbours
 
 Report = Callable[[str, float], None]
 
