@@ -18,7 +18,7 @@ from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, Route
 
 F0, ZETA, STEP, LINES, AVERAGES, COHERENCE = 100.0, 0.01, 0.05, 4000, 5, 0.98
 VIEWER = "[data-frf-viewer]"
@@ -88,8 +88,7 @@ def test_frfs_are_laid_over_one_another_read_and_copied(running: Browser, servic
         page.context.grant_permissions(["clipboard-read", "clipboard-write"])
         drawn(page, VIEWER)
         cursors_read_what_was_made(page)
-        page.select_option("[data-all]", "1+z")
-        until(lambda: said(page).get("s") == "*", "all of the reference")
+        what_is_still_read_is_copied_whole(page, factors)
         singular_values_are_those_of_one_column(page, factors)
         page.select_option("[data-other]", other)
         page.wait_for_selector("[data-frfs] option:has-text('second')", state="attached")
@@ -131,6 +130,21 @@ def cursors_read_what_was_made(page: Page) -> None:
         page.keyboard.press("ArrowRight")
     assert said(page)["b"] == "0.15"
     assert "B − A: -99.85 Hz" in page.inner_text("[data-readings] thead")
+
+
+def what_is_still_read_is_copied_whole(page: Page, factors: tuple[float, ...]) -> None:
+    """A copy that is asked for while FRFs are on their way has all that were chosen."""
+    held: list[Route] = []
+    page.route("**/data?format=npz", lambda route: held.append(route))  # Playwright takes no built-in
+    page.select_option("[data-all]", "1+z")
+    until(lambda: said(page).get("s") == "*" and len(held) == len(factors) - 1, "all of the reference, two on their way")
+    page.click("[data-do=csv]")
+    for route in held:
+        route.continue_()
+    page.unroute("**/data?format=npz")
+    page.wait_for_selector("[data-note]:has-text('CSV copied')")
+    rows = str(page.evaluate("navigator.clipboard.readText()")).splitlines()
+    assert len(rows) == 1 + len(factors) * LINES
 
 
 def singular_values_are_those_of_one_column(page: Page, factors: tuple[float, ...]) -> None:

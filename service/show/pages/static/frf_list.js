@@ -7,7 +7,7 @@ const AT_ONCE = 6; // requests that a browser sends one host at a time
 
 class FrfList {
   /* `view` is the viewer: its source, its parts, and what it does when the choice has changed. */
-  constructor(view) { this.view = view; this.rows = []; this.loaded = new Map(); this.asked = 0; }
+  constructor(view) { this.view = view; this.rows = []; this.loaded = new Map(); this.asked = 0; this.shown = null; }
 
   /* Names are those of places, so that an address says the same after another import. */
   add(campaign, first = false) {
@@ -59,17 +59,17 @@ class FrfList {
     this.choose((row) => (more && row.option.selected) || row === mine[next]);
   }
 
-  /* What was chosen in the meantime wins. */
-  async load() {
-    const mine = ++this.asked;
+  /* What was chosen in the meantime wins; `shown` ends once the last choice is drawn. */
+  load() { return (this.shown = this.showChosen(++this.asked)); }
+  async showChosen(mine) {
     const rows = this.chosen();
     this.view.remember();
     const wanted = rows.flatMap((row, i) => this.curvesOf(row, i, rows.length));
     this.view.say(wanted.length > 20 ? `Reading ${wanted.length} FRFs …` : "");
     const { found, faults } = await this.read(wanted, () => mine === this.asked);
-    if (mine !== this.asked) return;
+    if (mine !== this.asked) return this.shown;
     const place = (curve) => wanted.findIndex((w) => w.path === curve.path);
-    this.view.show(found.sort((a, b) => place(a) - place(b)), faults, rows);
+    return this.view.show(found.sort((a, b) => place(a) - place(b)), faults, rows);
   }
   /* Measured, and where a model is laid over them what it predicts: the initial one beside a single FRF alone. */
   curvesOf(row, i, count) {

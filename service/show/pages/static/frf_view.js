@@ -121,13 +121,14 @@ class FrfView {
   /* What the buttons and keys do. */
   acts() {
     const { zoom, cursors } = this;
-    const give = (name, kind, content) => handOver(name, kind, content, (text) => this.say(text));
+    /* What is copied is what was chosen, also where it is still being read. */
+    const give = async (name, kind, content) => { await this.list.shown; await handOver(name, kind, await content(), (text) => this.say(text)); };
     return {
       whole: () => zoom.to(...zoom.whole), closer: () => zoom.by(0.6), wider: () => zoom.by(1 / 0.6),
       before: () => cursors.step(-1, true), next: () => cursors.step(1, true), clear: () => cursors.clear(),
-      csv: () => give("csv", "text/csv", this.lines ? tableOfIndicator(this.lines, zoom.seen) : tableOfCurves(this.curves, this.quantity, zoom.seen)),
-      png: async () => give("png", "image/png", await pictureOf(this.panels, css("--ground"))),
-      svg: () => give("svg", "image/svg+xml", drawingOf(this.panels, { text: css("--text"), line: css("--hint"), ground: css("--ground") })),
+      csv: () => give("csv", "text/csv", () => (this.lines ? tableOfIndicator(this.lines, zoom.seen) : tableOfCurves(this.curves, this.quantity, zoom.seen))),
+      png: () => give("png", "image/png", () => pictureOf(this.panels, css("--ground"))),
+      svg: () => give("svg", "image/svg+xml", () => drawingOf(this.panels, { text: css("--text"), line: css("--hint"), ground: css("--ground") })),
     };
   }
   listen() {
