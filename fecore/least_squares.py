@@ -25,6 +25,7 @@ from fecore.arrays import FloatArray
 
 _FIRST_DAMPING = 1e-3  # of the scaled matrix, whose diagonal is 1
 _LEAST_RELIEF = 0.1  # of the damping after a step as good as foretold
+_FLAT = float(np.finfo(np.float64).eps)  # curvature for each parameter that round-off alone gives
 _STUCK = 1e12  # damping beyond which no step will help
 
 
@@ -48,6 +49,7 @@ class Iterate(Protocol):
 
 
 P = TypeVar("P", bound=Iterate)
+Outcome = Literal["converged", "stuck", "exhausted", "singular"]
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class Minimum(Generic[P]):
     point: P  # the best point
     # `converged`; `stuck` where no step along the descent lowers E; `exhausted` after the most steps; `singular` where
     # a direction does not change E at all, so the minimum is no point
-    outcome: Literal["converged", "stuck", "exhausted", "singular"]
+    outcome: Outcome
 
 
 def minimise(
@@ -91,19 +93,17 @@ def minimise(
     """
     stopping = stopping or Stopping()
     point, damping, growth, stalled = first, _FIRST_DAMPING, 2.0, 0
+    outcome: Outcome = "exhausted"
     for trial in range(stopping.steps):
         visit(trial, point)
-        size = np.sqrt(np.diag(point.hessian))
-        if not np.all(size > 0):
+        if (principal := _principal(point)) is None:
             return Minimum(point, "singular")
-        scaled, slope = point.hessian / np.outer(size, size), point.descent / size
-        try:
-            gain = float(slope @ np.linalg.solve(scaled, slope)) / 2
-        except np.linalg.LinAlgError:
-            return Minimum(point, "singular")
-        if gain <= stopping.relative * point.cost + stopping.absolute:
-            return Minimum(point, "converged")
-        step = np.linalg.solve(scaled + damping * np.eye(size.size), slope) / size
+        size, curvature, axes = principal
+        along = axes.T @ (point.descent / size)
+        if float(along @ (along / curvature)) / 2 <= stopping.relative * point.cost + stopping.absolute:
+            outcome = "converged"
+            break
+        step = axes @ (along / (curvature + damping)) / size
         there = move(point, step)
         if there is not None and there.cost <= point.cost:
             fall = point.cost - there.cost
@@ -112,12 +112,26 @@ def minimise(
             damping *= max(_LEAST_RELIEF, 1 - (2 * fall / foretold - 1) ** 3)
             point, growth = there, 2.0
             if stalled >= stopping.stalled_steps:
-                return Minimum(point, "converged")
+                outcome = "converged"
+                break
         elif damping > _STUCK:
-            return Minimum(point, "stuck")
+            outcome = "stuck"
+            break
         else:
             damping, growth = damping * growth, 2 * growth
-    return Minimum(point, "exhausted")
+    return Minimum(point, outcome if curvature[0] > _FLAT * size.size else "singular")
+
+
+def _principal(point: Iterate) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """√diag H, and the principal curvatures and axes of H scaled by it; None where a parameter does not change E at all.
+
+    Curvatures are at least what round-off gives: a step along a flat direction stays finite.
+    """
+    size = np.sqrt(np.diag(point.hessian))
+    if not np.all(size > 0) or not np.all(np.isfinite(point.hessian)):
+        return None
+    curvature, axes = np.linalg.eigh(point.hessian / np.outer(size, size))
+    return size, np.maximum(curvature, _FLAT * size.size), axes
 
 
 def unit_columns(rows: FloatArray) -> tuple[FloatArray, FloatArray]:
