@@ -87,7 +87,7 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/(bic|cost|discrepancy/\w+|significance)$", 2e-6, 0.0, 0.0),
         (r"_hz\b|/(measured_damping|damping_ratio)$|/stabilisation/", 5e-7, 0.0, 0.0),
         (r"/refused_poles/", 1e-4, 0.0, 0.0),
-        (r"/(drift|model_error|noise_ratio)$", 1e-6, 0.0, 0.0),
+        (r"/(drift|model_error|noise_ratio|memory_lines)$", 1e-6, 0.0, 0.0),
         (r"/features/", 1e-6, 1e-6, 0.0),
         # A few poles beside the modes of these hits are in the series or not by the last bits.
         (r"^update-hits-free-window/", 2e-2, 0.0, 1.0),
