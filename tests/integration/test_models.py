@@ -170,7 +170,7 @@ def test_a_mesh_comes_with_sections_of_its_sets(api: httpx.Client, bare: str) ->
     assert model["status"] == "succeeded", model["message"]
     assert model["sections"]["flange"]["isotropic"]["E_Pa"] == 7e10
     assert [(each["name"], each["elements"]) for each in model["found"]["sets"]] == [("flange", 2), ("the_web", 4)]
-    assert model["found"]["supports"] == [{"nodes": 5, "dofs": [1, 2, 3, 4, 5, 6], "line": 0}]
+    assert model["found"]["supports"] == [{"nodes": 5, "dofs": [1, 2, 3, 4, 5, 6], "line": 0, "file": None}]
     assert ok(api.get(f"{address}/mesh"))["blocks"][0]["set"] == "flange"
     page = api.get(str(api.base_url.copy_with(path=f"/ui/structures/{bare}"))).text
     assert "angle.msh" in page

@@ -151,7 +151,7 @@ def _beam(name: str, section: BeamSection, values: Mapping[str, float]) -> Itera
         if constant not in section.places:
             raise FormatError(
                 f"{name}.{constant}",
-                f"does not stand in the deck, which gives the section of line {section.line} in another way",
+                f"does not stand in the deck, which gives the section of {section.where} in another way",
             )
         if not _same(value, stated[constant]):
             yield Number(name, section.places[constant], value, said(f"{constant} of {name}", stated[constant], value))
@@ -180,7 +180,7 @@ def _as_stated(
         if key.startswith("angle"):
             raise FormatError(f"{name}.{key}", "angles are not written back; turn the deck's orientations or plies")
         if names.get(key, key) not in material.constants:
-            raise FormatError(f"{name}.{key}", f"{material.name} of line {material.line} has no such constant")
+            raise FormatError(f"{name}.{key}", f"{material.name} of {material.where} has no such constant")
     now = _isotropic(material, values) if material.is_isotropic else None
     if now is None:
         stated = (

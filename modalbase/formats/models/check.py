@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.model import Elements, FiniteElementModel, Floats, Integers, Link, ShellSection, where
+from modalbase.formats.models.model import Elements, FiniteElementModel, Floats, Integers, Link, ShellSection, Where
 
 CORNERS = {"quad4": 4, "quad8": 4, "tri3": 3, "tri6": 3, "beam2": 2, "beam3": 2}
 """Corners of elements; of a beam its ends."""
@@ -106,7 +106,7 @@ def _weigh(model: FiniteElementModel) -> None:
             mass = section.extra_mass + section.area * density[section.material]
         if mass < 0:
             raise FormatError(
-                where(section.line, section.file),
+                str(section.where),
                 f"the set {name} weighs {mass:.4g} with its non-structural mass, expected not below 0",
             )
 
@@ -117,8 +117,8 @@ def _led_once(model: FiniteElementModel) -> None:
         first = links.setdefault(link.node, link)
         if first is not link:
             raise FormatError(
-                where(link.line, link.file),
-                f"leads node {model.numbers[link.node]}, which line {first.line} leads already; "
+                str(link.where),
+                f"leads node {model.numbers[link.node]}, which {first.where} leads already; "
                 "have one constraint lead all its dofs",
             )
     try:
@@ -127,7 +127,7 @@ def _led_once(model: FiniteElementModel) -> None:
         circle = error.args[1]
         named = " → ".join(str(model.numbers[node]) for node in circle)
         first = links[circle[0]]
-        raise FormatError(where(first.line, first.file), f"nodes lead one another in a circle: {named}") from error
+        raise FormatError(str(first.where), f"nodes lead one another in a circle: {named}") from error
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:
@@ -163,13 +163,13 @@ def _hangs_together(model: FiniteElementModel) -> None:
     has_element = np.zeros(len(model.nodes), dtype=bool)
     for block in model.elements:
         has_element[part[block.nodes].ravel()] = True
-    for line, node, what in [
-        *((mass.line, mass.node, "a mass") for mass in model.masses),
-        *((spring.line, spring.node, "a spring") for spring in model.springs),
+    for where, node, what in [
+        *((mass.where, mass.node, "a mass") for mass in model.masses),
+        *((spring.where, spring.node, "a spring") for spring in model.springs),
     ]:
         if not has_element[part[node]]:
             raise FormatError(
-                f"line {line}",
+                str(where),
                 f"{what} is on node {model.numbers[node]}, which no element, link or spring joins to the model",
             )
     roots = np.flatnonzero(has_element & (part == np.arange(len(part))))
@@ -189,7 +189,7 @@ def _hangs_together(model: FiniteElementModel) -> None:
 
 def _not_used(model: FiniteElementModel) -> str:
     """Cards that were not used and may have joined parts."""
-    cards = [f"{each.card} of line {each.lines[0]}: {each.loss}" for each in model.ignored if each.changes]
+    cards = [f"{each.card} of {Where(each.lines[0], each.file)}: {each.loss}" for each in model.ignored if each.changes]
     return f". Not used was {'; '.join(cards[:NAMED])}" if cards else ""
 
 

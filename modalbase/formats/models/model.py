@@ -18,9 +18,15 @@ Integers = NDArray[np.int64]
 Kind = Literal["quad4", "quad8", "tri3", "tri6", "beam2", "beam3"]
 
 
-def where(line: int, file: str = "") -> str:
-    """The place of an error."""
-    return f"{file} line {line}" if file else f"line {line}"
+@dataclass(frozen=True, slots=True)
+class Where:
+    """The line in which something begins."""
+
+    line: int  # from 1, of its file
+    file: str = ""  # of an INCLUDE, empty for the deck itself
+
+    def __str__(self) -> str:
+        return f"{self.file} line {self.line}".lstrip()
 
 
 @dataclass(frozen=True)
@@ -55,7 +61,7 @@ class Elements:
 
     def where(self, k: int) -> str:
         """The place of an element's error; empty where the file has no lines."""
-        return where(int(self.lines[k]), self.files[k] if self.files else "") if self.lines[k] else ""
+        return str(Where(int(self.lines[k]), self.files[k] if self.files else "")) if self.lines[k] else ""
 
 
 @dataclass(frozen=True)
@@ -66,9 +72,8 @@ class Material:
     # `E`, `nu` and `G` of an isotropic one; else `E1`, `E2`, `nu12`, `G12`, `G13`, `G23`, and `E3`, `nu13`, `nu23`
     # where stated; `density` where stated
     constants: Mapping[str, float]
-    line: int  # where it begins
+    where: Where
     places: Mapping[str, Place] = field(default_factory=dict)  # of the constants
-    file: str = ""  # of an INCLUDE, empty for the deck itself
 
     @property
     def is_isotropic(self) -> bool:
@@ -91,10 +96,9 @@ class ShellSection:
     """Plies from the bottom to the top along the elements' normal."""
 
     plies: tuple[Ply, ...]  # the stack
-    line: int  # where it begins
+    where: Where
     offset: float = 0.0  # from the nodes to the middle of the stack along the normal
     extra_mass: float = 0.0  # non-structural mass per area
-    file: str = ""  # of an INCLUDE, empty for the deck itself
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -110,13 +114,12 @@ class BeamSection:
     area: float  # of the section
     inertia: tuple[float, float, float]  # ∫z² dA, ∫y² dA and ∫yz dA of places y n₁ + z n₂ from the centroid
     torsion: float  # J
-    line: int  # where it begins
+    where: Where
     # factors κ of the areas that resist shear along axes 1 and 2; None where the deck has them rigid in shear
     shear: tuple[float, float] | None = (5 / 6, 5 / 6)
     extra_mass: float = 0.0  # non-structural mass per length
     # of `area`, `I1`, `I2`, `J`, where the deck states them themselves
     places: Mapping[str, Place] = field(default_factory=dict)
-    file: str = ""  # of an INCLUDE, empty for the deck itself
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -130,7 +133,7 @@ class PointMass:
 
     node: int
     mass: float
-    line: int
+    where: Where
     inertia: tuple[tuple[float, float, float], ...] = ((0.0,) * 3,) * 3
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -147,7 +150,7 @@ class Spring:
     node: int
     dof: int
     stiffness: float
-    line: int
+    where: Where
     second: int | None = None
     second_dof: int | None = None
     direction: tuple[float, float, float] | None = None
@@ -164,10 +167,9 @@ class Link:
     node: int
     leaders: tuple[int, ...]
     dofs: tuple[int, ...]
-    line: int
+    where: Where
     weights: tuple[float, ...] = ()
     axes: Floats | None = None
-    file: str = ""  # of an INCLUDE, empty for the deck itself
 
 
 @dataclass(frozen=True)
@@ -176,7 +178,7 @@ class Support:
 
     nodes: Integers
     dofs: tuple[int, ...]
-    line: int
+    where: Where
     axes: Floats | None = None
 
 
@@ -185,10 +187,11 @@ class Ignored:
     """Cards that were not used."""
 
     card: str  # name, such as `*CONTACT PAIR` or `PLOAD4`
-    lines: tuple[int, ...]  # where they stand
+    lines: tuple[int, ...]  # where they stand in `file`
     loss: str  # what is lost by that, in a sentence
     # whether modes and frequencies change; such a card stops an import unless the user accepts it by name
     changes: bool = False
+    file: str = ""  # of an INCLUDE, empty for the deck itself
 
 
 @dataclass(frozen=True)
@@ -222,7 +225,7 @@ class Placed(Protocol):
     """What stands in a line: a card, or a row of one."""
 
     @property
-    def line(self) -> int:
+    def where(self) -> Where:
         """Where it begins."""
 
 
@@ -230,14 +233,18 @@ class Losses:
     """Cards that were not used, or not as their solver would."""
 
     def __init__(self) -> None:
-        self._lines: defaultdict[tuple[str, str, bool], list[int]] = defaultdict(list)
+        self._noted: defaultdict[tuple[str, str, bool, str], list[int]] = defaultdict(list)
 
-    def add(self, where: Placed | int, card: str, loss: str, changes: bool = False) -> None:
+    def add(self, of: Placed | Where, card: str, loss: str, changes: bool = False) -> None:
         """Note a card, or a line of one, under a name."""
-        self._lines[card, loss, changes].append(where if isinstance(where, int) else where.line)
+        where = of if isinstance(of, Where) else of.where
+        self._noted[card, loss, changes, where.file].append(where.line)
 
     @property
     def found(self) -> tuple[Ignored, ...]:
         """All of it, what changes modes first."""
-        every = [Ignored(card, tuple(lines), loss, changes) for (card, loss, changes), lines in self._lines.items()]
+        every = [
+            Ignored(card, tuple(lines), loss, changes, file)
+            for (card, loss, changes, file), lines in self._noted.items()
+        ]
         return tuple(sorted(every, key=lambda each: not each.changes))

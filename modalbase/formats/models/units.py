@@ -219,7 +219,7 @@ def _nonsense(material: Material, u: Units, units: str) -> str:
     if _within(density, _DENSITIES) and _within(E, _MODULI) and _within(float(np.sqrt(E / density)), _SPEEDS):
         return ""
     return (
-        f"in {units} the material {material.name} (line {material.line}) has the density {density:.4g} kg/m³ and the modulus "
+        f"in {units} the material {material.name} ({material.where}) has the density {density:.4g} kg/m³ and the modulus "
         f"{E:.3g} Pa, which no solid has"
     )
 

@@ -43,7 +43,7 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
         )
     held = boundary == AS_MODELLED
     stated = model.supports if held else ()
-    supports = {f"support of line {s.line}": s for s in stated if not _is_askew(s)}
+    supports = {f"support {k} of {s.where}": s for k, s in enumerate(stated, start=1) if not _is_askew(s)}
     mesh = Mesh(
         model.nodes,
         tuple(_block(each, model) for each in model.elements),
@@ -123,7 +123,7 @@ def orthotropic(material: Material) -> OrthotropicMaterial:
     """
     c = material.constants
     if "density" not in c:
-        raise InputError(f"materials.{material.name}", f"of line {material.line} has no density: nothing would vibrate")
+        raise InputError(f"materials.{material.name}", f"of {material.where} has no density: nothing would vibrate")
     if material.is_isotropic:
         c = {
             **c,
@@ -177,7 +177,7 @@ def _askew(supports: Sequence[formats.Support]) -> list[Link]:
             if not _is_whole(support.dofs) and not np.allclose(axes[node], _axes(support), rtol=0, atol=1e-9):
                 raise InputError(
                     "boundary",
-                    f"as_modelled: the support of line {support.line} holds a node along other axes than another support; "
+                    f"as_modelled: the support of {support.where} holds a node along other axes than another support; "
                     "state them along the same",
                 )
             held[node] |= set(support.dofs)
@@ -206,12 +206,12 @@ def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]
             groups[spring.stiffness, count].append(spring)
     return tuple(
         NodeSpring(
-            f"spring_{members[0].line}",
+            f"spring {k} of {members[0].where}",
             stiffness,
             np.array([[s.node, s.second][:count] for s in members], dtype=np.int64),
             np.array([_stretch(s)[:count] for s in members]),
         )
-        for (stiffness, count), members in groups.items()
+        for k, ((stiffness, count), members) in enumerate(groups.items(), start=1)
     )
 
 

@@ -8,7 +8,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile
 from modalbase.formats.models.meshes import Stated, model_of_mesh, read_gmsh, read_uff_mesh, read_vtk, read_vtu
 from modalbase.formats.models.meshes.cells import plain
-from modalbase.formats.models.model import FiniteElementModel, Material, Ply, ShellSection
+from modalbase.formats.models.model import FiniteElementModel, Material, Ply, ShellSection, Where
 from modalbase.formats.models.units import units_of
 
 MESHES: Mapping[str, Callable[[bytes], MeshFile]] = {
@@ -66,7 +66,7 @@ def _stated(sections: Mapping[str, Mapping[str, Any]]) -> Stated:
         for ply in stated.get("plies") or [{**(stated.get("material") or stated["isotropic"]), **stated}]:
             own = {constant: ply[member] for member, constant in _CONSTANTS.items() if ply.get(member) is not None}
             plies.append(Ply(_named(own, name, materials), ply["thickness_m"], ply.get("angle_deg", 0.0)))
-        shells[name] = ShellSection(tuple(plies), 0)
+        shells[name] = ShellSection(tuple(plies), Where(0))
     axes = {name: tuple(stated["axis"]) for name, stated in sections.items() if stated.get("axis")}
     held = {
         name: tuple(dof - 1 for dof in stated["held_dofs"])
@@ -83,5 +83,5 @@ def _named(constants: dict[str, float], name: str, materials: dict[str, Material
     same = next((each.name for each in materials.values() if each.constants == constants), None)
     if same is None:
         same = name if name not in materials else f"{name}_{len(materials) + 1}"
-        materials[same] = Material(same, constants, 0)
+        materials[same] = Material(same, constants, Where(0))
     return same

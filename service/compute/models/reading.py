@@ -19,7 +19,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.check import sizes
 from modalbase.formats.models.inp import read_inp
-from modalbase.formats.models.model import BeamSection, FiniteElementModel, Ignored, ShellSection
+from modalbase.formats.models.model import BeamSection, FiniteElementModel, Ignored, ShellSection, Where
 from modalbase.formats.models.units import check, guess, in_si
 from modalbase.formats.npy import members_of
 from service.compute.models.bodies import body_of_model
@@ -225,7 +225,7 @@ def faults_of(read: Callable[[], Read]) -> Read:
 def _require_units(model: FiniteElementModel, units: str | None) -> None:
     massless = [m for m in model.materials.values() if "density" not in m.constants]
     if massless:
-        raise Invalid("file", f"the material {massless[0].name} (line {massless[0].line}) has no density")
+        raise Invalid("file", f"the material {massless[0].name} ({massless[0].where}) has no density")
     if units is not None:
         faults_of(lambda: check(model, units))
         return
@@ -242,7 +242,7 @@ def _require_accepted(model: FiniteElementModel, accepted: tuple[str, ...]) -> N
 
 
 def _lost(one: Ignored) -> str:
-    where = f"line {one.lines[0]}: " if any(one.lines) else ""
+    where = f"{Where(one.lines[0], one.file)}: " if any(one.lines) else ""
     return (
         f"{where}{one.card} would be left out ({one.loss}), which changes modes; "
         f"accept={_plain(one.card)} takes the model without it"
@@ -267,17 +267,19 @@ def describe(model: FiniteElementModel, body: Structure) -> dict[str, Any]:
         "mass_kg": float(shift @ (body.model.mass.at(masses) @ shift)),
         "sets": [_set(model, name) for name in model.sets],
         "materials": [
-            {"name": m.name, "line": m.line, "constants": dict(m.constants)} for m in model.materials.values()
+            {"name": m.name, **_place(m.where), "constants": dict(m.constants)} for m in model.materials.values()
         ][:MOST_LISTED],
         "masses": [
-            {"node": int(model.numbers[m.node]), "mass_kg": m.mass, "line": m.line} for m in model.masses[:MOST_LISTED]
+            {"node": int(model.numbers[m.node]), "mass_kg": m.mass, **_place(m.where)}
+            for m in model.masses[:MOST_LISTED]
         ],
         "supports": [
-            {"nodes": len(s.nodes), "dofs": [dof + 1 for dof in s.dofs], "line": s.line}
+            {"nodes": len(s.nodes), "dofs": [dof + 1 for dof in s.dofs], **_place(s.where)}
             for s in model.supports[:MOST_LISTED]
         ],
         "ignored": [
-            {"card": one.card, "lines": list(one.lines[:MOST_LISTED]), "loss": one.loss, "changes": one.changes}
+            {"card": one.card, "lines": list(one.lines[:MOST_LISTED]), "file": one.file or None}
+            | {"loss": one.loss, "changes": one.changes}
             for one in model.ignored
         ],
         "junctions": [
@@ -292,6 +294,10 @@ def describe(model: FiniteElementModel, body: Structure) -> dict[str, Any]:
     }
 
 
+def _place(where: Where) -> dict[str, Any]:
+    return {"line": where.line, "file": where.file or None}
+
+
 def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
     """A set with its section, area or length, and mass."""
     blocks = [block for block in model.elements if block.set == name]
@@ -301,7 +307,7 @@ def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
     if isinstance(section, BeamSection):
         per_length = model.materials[section.material].constants["density"] * section.area + section.extra_mass
         own = {"materials": [section.material], "length_m": size, "section_area_m2": section.area}
-        return {**said, **own, "mass_kg": per_length * size, "line": section.line}
+        return {**said, **own, "mass_kg": per_length * size, **_place(section.where)}
     per_area = float(_densities(model, section) @ [ply.thickness for ply in section.plies]) + section.extra_mass
     own = {
         "materials": list(dict.fromkeys(ply.material for ply in section.plies)),
@@ -309,7 +315,7 @@ def _set(model: FiniteElementModel, name: str) -> dict[str, Any]:
         "thickness_m": sum(ply.thickness for ply in section.plies),
         "plies": len(section.plies),
     }
-    return {**said, **own, "mass_kg": per_area * size, "line": section.line}
+    return {**said, **own, "mass_kg": per_area * size, **_place(section.where)}
 
 
 def _densities(model: FiniteElementModel, section: ShellSection) -> FloatArray:

@@ -76,7 +76,14 @@ class CountsOut(StrictModel):
     supports: int = Field(description="groups of nodes that are held")
 
 
-class SetOut(StrictModel):
+class PlacedOut(StrictModel):
+    """What stands in a deck or mesh."""
+
+    line: int = Field(description="where it begins")
+    file: str | None = Field(None, description="of an include that has it; null of the deck itself")
+
+
+class SetOut(PlacedOut):
     """Elements of one section."""
 
     name: str = Field(description="in small letters, as parameters have it")
@@ -89,31 +96,27 @@ class SetOut(StrictModel):
     plies: int | None = Field(None, description="number of them; null of beams")
     section_area_m2: float | None = Field(None, description="of a beam's section; null of shells")
     mass_kg: float = Field(description="of its elements")
-    line: int = Field(description="where the section begins in the deck")
 
 
-class ModelMaterialOut(StrictModel):
+class ModelMaterialOut(PlacedOut):
     """A material."""
 
     name: str = Field(description="as the deck has it")
-    line: int = Field(description="where it begins in the deck")
     constants: dict[str, float] = Field(description="SI")
 
 
-class ModelMassOut(StrictModel):
+class ModelMassOut(PlacedOut):
     """A mass at a node."""
 
     node: int = Field(description="the deck's number")
     mass_kg: float = Field(description="kg")
-    line: int = Field(description="where it stands in the deck")
 
 
-class ModelSupportOut(StrictModel):
+class ModelSupportOut(PlacedOut):
     """Nodes that are held."""
 
     nodes: int = Field(description="how many")
     dofs: list[int] = Field(description="1, 2, 3 along x, y, z; 4, 5, 6 about them")
-    line: int = Field(description="where it stands in the deck")
 
 
 class IgnoredOut(StrictModel):
@@ -121,6 +124,7 @@ class IgnoredOut(StrictModel):
 
     card: str = Field(description="its name")
     lines: list[int] = Field(description="where they stand")
+    file: str | None = Field(None, description="of an include that has them; null of the deck itself")
     loss: str = Field(description="what is lost by that")
     changes: bool = Field(description="whether modes change by that; the sender accepted it")
 

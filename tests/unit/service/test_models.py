@@ -12,7 +12,7 @@ from fecore.errors import InputError, ModelError
 from fecore.updating.parameters import default_parameters
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.inp import read_inp
-from modalbase.formats.models.model import Spring, Support
+from modalbase.formats.models.model import Spring, Support, Where
 from service.compute.models.bodies import body_of_model
 from service.compute.models.decks import DeckOrder, updated_deck
 from service.compute.models.keeping import kept, model_of
@@ -94,7 +94,7 @@ def test_sets_of_an_isotropic_material_have_one_free_modulus() -> None:
 
 def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:
     model = read_inp(STEEL)
-    spring = Spring(0, 0, 5.0, 1, direction=(0.0, 0.6, 0.8), arms=((0.1, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    spring = Spring(0, 0, 5.0, Where(1), direction=(0.0, 0.6, 0.8), arms=((0.1, 0.0, 0.0), (0.0, 0.0, 0.0)))
     (found,) = body_of_model(replace(model, springs=(spring,)), "as_modelled").springs
     np.testing.assert_allclose(found.rows[0, 0], [0, 0.6, 0.8, 0, -0.08, 0.06])
     assert body_of_model(replace(model, springs=(spring,))).springs == ()  # to the ground, which a free body has not
@@ -112,6 +112,30 @@ def hinged(dofs: str) -> bytes:
     return "\n".join(["BEGIN BULK", *cards]).encode()
 
 
+def plate(*cards: str) -> bytes:
+    """A plate of 15 nodes whose deck selects SPC = 1, with more cards."""
+    nodes = [f"GRID,{1 + 3 * i + j},,{i / 4},{j / 10},0." for i in range(5) for j in range(3)]
+    corners = [1 + 3 * i + j for i in range(4) for j in range(2)]
+    cells = [f"CQUAD4,{n},1,{n},{n + 3},{n + 4},{n + 1}" for n in corners]
+    properties = ["PSHELL,1,3,.01,3,,3", "MAT1,3,2.1+11,,.3,7850."]
+    return "\n".join(
+        ["SOL 103", "CEND", "SPC=1", "BEGIN BULK", *cards, *nodes, *cells, *properties, "ENDDATA"]
+    ).encode()
+
+
+def test_all_supports_and_springs_of_a_line_hold() -> None:
+    """An SPC holds two grids, each in its own way; a CBUSH has a stiffness along each axis; an include counts lines anew."""
+    deck = plate("SPC,1,1,123456,,3,123", "CBUSH,900,7,4,15,,,,0", "PBUSH,7,K,1.+4,2.+4,3.+4", "INCLUDE 'held.inc'")
+    model = read_bdf(deck, {"held.inc": b"\n\n\n\nSPC1,1,12,15\n"})
+    body = body_of_model(model, "as_modelled")
+    held = {int(body.mesh.node_sets[one.where][0]): one.dofs for one in body.supports if isinstance(one.where, str)}
+    assert held == {0: tuple(range(6)), 2: (0, 1, 2), 14: (0, 1)}
+    assert sorted(spring.stiffness for spring in body.springs) == [1e4, 2e4, 3e4]
+    assert len({spring.name for spring in body.springs}) == 3
+    assert solved(body)[0] > 1.0
+    assert [str(one.where) for one in model.supports] == ["line 5", "line 5", "held.inc line 5"]
+
+
 def test_a_mechanism_is_named() -> None:
     with pytest.raises(
         ModelError, match=r"mechanism: nothing resists a motion of 12 of 30 nodes, of pshell_2, .* \(2, "
@@ -123,18 +147,18 @@ def test_a_mechanism_is_named() -> None:
 
 def test_supports_askew_hold_along_their_axes() -> None:
     model, axes = read_inp(STEEL), np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
-    held = Support(np.array([0, 3]), (0, 1, 2), 9, axes)
+    held = Support(np.array([0, 3]), (0, 1, 2), Where(9), axes)
     (support,) = body_of_model(replace(model, supports=(held,)), "as_modelled").supports
     assert support.dofs == (0, 1, 2)
-    one, other = replace(held, dofs=(0,)), Support(np.array([3]), (2, 5), 10, axes)
+    one, other = replace(held, dofs=(0,)), Support(np.array([3]), (2, 5), Where(10), axes)
     first, second = body_of_model(replace(model, supports=(one, other)), "as_modelled").links
     assert ((first.node, first.dofs), (second.node, second.dofs)) == ((0, (0,)), (3, (0, 2, 5)))
-    fixed = replace(model, supports=(Support(np.array([1, 2]), tuple(range(6)), 8), one))
-    stiff = [Spring(node, 0, 1e13, 9, direction=tuple(axes[0])) for node in (0, 3)]
+    fixed = replace(model, supports=(Support(np.array([1, 2]), tuple(range(6)), Where(8)), one))
+    stiff = [Spring(node, 0, 1e13, Where(9), direction=tuple(axes[0])) for node in (0, 3)]
     sprung = replace(fixed, supports=fixed.supports[:1], springs=tuple(stiff))
     askew, by_springs = (body_of_model(each, "as_modelled") for each in (fixed, sprung))
     np.testing.assert_allclose(solved(askew), solved(by_springs), rtol=1e-5)
-    with pytest.raises(InputError, match=r"line \d+ holds a node along other axes"):
+    with pytest.raises(InputError, match="the support of line 9 holds a node along other axes"):
         body_of_model(replace(model, supports=(one, replace(other, axes=axes.T))), "as_modelled")
 
 

@@ -78,8 +78,8 @@ class Sections:
         if not material.is_isotropic:
             raise card.wrong(mid, "MID", f"a MAT1; {material.name} is not isotropic")
         mass = extra * self._deck.mass_factor
-        inertia, file = (second, first, mixed), card.file
-        return BeamSection(material.name, area, inertia, torsion, card.line, shear=shear, extra_mass=mass, file=file)
+        inertia = (second, first, mixed)
+        return BeamSection(material.name, area, inertia, torsion, card.where, shear=shear, extra_mass=mass)
 
     def _resisting(self, card: Card, section: BeamSection) -> BeamSection:
         """With a little of what a rod has none of."""
@@ -317,6 +317,6 @@ def _axes(along: Floats, axis: Floats) -> Floats:
 def _block(name: str, rows: list[_Row]) -> Elements:
     numbers, nodes, cards, axes, arms = zip(*rows, strict=True)
     offsets = np.array(arms) if np.any(arms) else None
-    lines, files = np.array([card.line for card in cards]), tuple(card.file for card in cards)
+    lines, files = np.array([card.where.line for card in cards]), tuple(card.where.file for card in cards)
     first = np.array(numbers), np.array(nodes), name, np.array(axes), lines
     return Elements("beam2", *first, offsets=offsets, files=files)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
-from modalbase.formats.models.model import Place, where
+from modalbase.formats.models.model import Place, Where
 
 _REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[ED][+-]?\d+|[+-]\d+)?")
 _PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:E[+-]?\d+)?")
@@ -34,9 +34,8 @@ class Row:
     """One line of a card."""
 
     start: int  # the card's field that its first field is
-    line: int  # from 1, of its file
     text: str  # the line in capitals, without its comment
-    file: str  # of an INCLUDE, else empty
+    where: Where
 
     @property
     def is_free(self) -> bool:
@@ -52,11 +51,11 @@ class Row:
         """Where its field of a number from 0, the name not counted, stands."""
         if not self.is_free:
             width = 16 if self.is_large else 8
-            return Place(self.line, 8 + width * column, 8 + width * (column + 1), self.file)
+            return Place(self.where.line, 8 + width * column, 8 + width * (column + 1), self.where.file)
         parts = self.text.split(",")
         parts += [""] * (column + 2 - len(parts))
         start = sum(len(part) + 1 for part in parts[: column + 1])
-        return Place(self.line, start, start + len(parts[column + 1]), self.file)
+        return Place(self.where.line, start, start + len(parts[column + 1]), self.where.file)
 
 
 @dataclass(slots=True)
@@ -73,14 +72,9 @@ class Card:
         return len(self.fields)
 
     @property
-    def line(self) -> int:
+    def where(self) -> Where:
         """Where it begins."""
-        return self.rows[0].line
-
-    @property
-    def file(self) -> str:
-        """That it stands in; empty for the deck itself."""
-        return self.rows[0].file
+        return self.rows[0].where
 
     def text(self, index: int) -> str:
         """A field; empty where there is none."""
@@ -154,7 +148,7 @@ class Card:
     def error(self, message: str, index: int | None = None) -> FormatError:
         """An error at this card, or at one of its fields."""
         row = self.rows[0] if index is None else self.row(index)
-        return FormatError(where(row.line, row.file), f"{self.title}: {message}")
+        return FormatError(str(row.where), f"{self.title}: {message}")
 
     def wrong(self, index: int, what: str, expected: str) -> FormatError:
         """An error at a field that does not hold what it should."""
@@ -173,7 +167,7 @@ def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
     for card in cards:
         number = card.integer(0, field)
         if found.setdefault(number, card) is not card:
-            raise card.error(f"the {noun} is there twice, first in line {found[number].line}", 0)
+            raise card.error(f"the {noun} is there twice, first in {found[number].where}", 0)
     return found
 
 
@@ -186,8 +180,7 @@ _QUOTED = re.compile(r"['\"]([^'\"]*)")
 class Line:
     """A line: as it stands, and in capitals without its comment."""
 
-    number: int
-    file: str
+    where: Where
     raw: str
     text: str
 
@@ -223,7 +216,7 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
             current, controlled = found.bulk, True
         elif begins:
             raise FormatError(
-                where(line.number, line.file), "a second BEGIN: superelements are not read; send the whole as one model"
+                str(line.where), "a second BEGIN: superelements are not read; send the whole as one model"
             )
         else:
             controlled |= word == ["CEND"]
@@ -241,7 +234,7 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
 
 
 def _last(lines: list[Line]) -> str:
-    return where(lines[-1].number, lines[-1].file) if lines else ""
+    return str(lines[-1].where) if lines else ""
 
 
 def _lines(
@@ -255,9 +248,10 @@ def _lines(
         number += 1
         if not text.startswith("INCLUDE") and text.lstrip()[:8].rstrip() != "INCLUDE":
             if text or raw[:1] == "$":
-                yield Line(number, file, raw, text.expandtabs(8) if "\t" in text else text)
+                yield Line(Where(number, file), raw, text.expandtabs(8) if "\t" in text else text)
             continue
-        first, name = number, raw.strip()[7:]
+        where, name = str(Where(number, file)), raw.strip()[7:]
+        first = number
         while name.count("'") == 1 and number < len(raws) and number < first + 10:  # a long path goes on
             name += raws[number].strip()
             number += 1
@@ -267,14 +261,12 @@ def _lines(
         name = (quoted.group(1) if quoted else name.partition("$")[0]).strip(" \t,=")
         inner = included_file(name, included)
         if inner is None:
-            raise FormatError(where(first, file), f"INCLUDE {name!r} is not here; send that file with the deck")
+            raise FormatError(where, f"INCLUDE {name!r} is not here; send that file with the deck")
         if inner in seen:
-            raise FormatError(
-                where(first, file), f"INCLUDE {name!r} stands for the second time; its cards would be there twice"
-            )
+            raise FormatError(where, f"INCLUDE {name!r} stands for the second time; its cards would be there twice")
         if len(within) > DEEPEST_INCLUDE:
             raise FormatError(
-                where(first, file),
+                where,
                 f"INCLUDE {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that is read",
             )
         seen.add(inner)
@@ -301,8 +293,8 @@ def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
         if head and head[0] not in "+*":
             name = head.rstrip("* ")
             if head[0] == "=":
-                raise FormatError(where(line.number, line.file), "replication by = is not read; write the cards out")
-            card = Card(name, fields, [Row(0, line.number, text, line.file)])
+                raise FormatError(str(line.where), "replication by = is not read; write the cards out")
+            card = Card(name, fields, [Row(0, text, line.where)])
             found.append(card)
             tail = mark
             if mark:
@@ -330,12 +322,12 @@ def _join(strays: list[tuple[str, Line, list[str], str]], waiting: dict[str, Car
         fitting = [stray for stray in strays if stray[0] in waiting]
         if not fitting:
             own, line, _, _ = strays[0]
-            place = where(line.number, line.file)
+            place = str(line.where)
             raise FormatError(place, f"the continuation {f'+{own}' if own else line.text[:20]!r} continues no card")
         strays = [stray for stray in strays if stray[0] not in waiting]
         for own, line, fields, mark in fitting:
             if own not in waiting:
-                raise FormatError(where(line.number, line.file), f"a second continuation +{own}")
+                raise FormatError(str(line.where), f"a second continuation +{own}")
             card = waiting.pop(own)
             _continue(card, fields, line)
             if mark:
@@ -350,7 +342,7 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
         count = 5 if "*" in parts[0] else 9
         if len(parts) > count + 1 and any(parts[count + 1 :]):
             message = f"{parts[0]} has {len(parts) - 1} fields; a line holds {count - 1}, and the rest goes on the next"
-            raise FormatError(where(line.number, line.file), message)
+            raise FormatError(str(line.where), message)
         fields = parts[1:count]
         mark = parts[count] if len(parts) > count else ""
         if len(fields) < count - 1:
@@ -366,5 +358,5 @@ def _continue(card: Card, fields: list[str], line: Line) -> None:
     width = len(fields)
     missing = -len(card.fields) % width
     card.fields += [""] * missing
-    card.rows.append(Row(len(card.fields), line.number, line.text, line.file))
+    card.rows.append(Row(len(card.fields), line.text, line.where))
     card.fields += fields

@@ -39,7 +39,7 @@ def read_masses(deck: Deck) -> Iterator[PointMass]:
             raise card.error("the inertia I11 … I33 is of no body: a principal moment is negative", 8)
         turned = mass_factor * (axes.T @ inertia @ axes)
         rows = tuple(_vector(one) for one in turned)
-        yield PointMass(row, mass * mass_factor, card.line, rows, _vector(offset))
+        yield PointMass(row, mass * mass_factor, card.where, rows, _vector(offset))
 
 
 def read_springs(deck: Deck) -> Iterator[Spring]:
@@ -98,9 +98,9 @@ class _Springs:
             if not np.allclose(axis, apart, atol=1e-9) and {row, other} & set(self.grids.displacement):
                 self.notes.add(card, f"{card.name} askew", "its second end acts along the first one's direction", True)
         if np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12):
-            return Spring(row, dof, stiffness, card.line, other, other_dof)
+            return Spring(row, dof, stiffness, card.where, other, other_dof)
         far = None if other_dof is None else 3 * (other_dof // 3)
-        return Spring(row, 3 * (dof // 3), stiffness, card.line, second=other, second_dof=far, direction=_vector(axis))
+        return Spring(row, 3 * (dof // 3), stiffness, card.where, second=other, second_dof=far, direction=_vector(axis))
 
     def bush(self, card: Card) -> Iterator[Spring]:
         """CBUSH: up to six springs between two grids, as bodies that reach to where it lies, or to the ground."""
@@ -120,7 +120,7 @@ class _Springs:
             plain = np.allclose(axis, np.eye(3)[dof % 3], atol=1e-12)
             own = dof if plain else 3 * (dof // 3)
             far = None if b is None else own
-            yield Spring(a, own, value, card.line, b, far, direction=None if plain else _vector(axis), arms=arms)
+            yield Spring(a, own, value, card.where, b, far, direction=None if plain else _vector(axis), arms=arms)
 
     def _bush_axes(self, card: Card, a: int, b: int | None, dofs: set[int]) -> Floats:
         if card.text(7):

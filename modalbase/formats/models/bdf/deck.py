@@ -13,7 +13,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, Line, cards_of, numbered, split_deck
 from modalbase.formats.models.bdf.frames import Grids, read_grids
 from modalbase.formats.models.bdf.materials import Materials
-from modalbase.formats.models.model import Losses, where
+from modalbase.formats.models.model import Losses, Where
 from modalbase.formats.uff.text import decoded
 
 _SOLIDS = frozenset(("CHEXA", "CTETRA", "CPENTA", "CPYRAM", "CPYRA", "CHEXA8", "CHEXA20", "CHEX8", "CHEX20", "CIHEX1"))
@@ -80,7 +80,7 @@ def refuse_solids(cards: Mapping[str, Sequence[Card]]) -> None:
     for name in _SOLIDS & set(cards):
         first = cards[name][0]
         raise FormatError(
-            where(first.line, first.file),
+            str(first.where),
             f"{name}: solid elements are not read. Let Nastran export the model's matrices (DMIG punch: EXTSEOUT(DMIGPCH), "
             "or PARAM,EXTOUT,DMIGPCH) and send these",
         )
@@ -115,7 +115,7 @@ class Case:
     title: str = ""  # of the deck
     selected: dict[str, str] = field(default_factory=dict)  # sets by the name of the order, such as `SPC`
     # other sets of the same kind that further subcases select, with the line
-    others: dict[str, list[tuple[str, int]]] = field(default_factory=dict)
+    others: dict[str, list[tuple[str, Where]]] = field(default_factory=dict)
     params: list[Line] = field(default_factory=list)  # lines PARAM of the case control
 
     def number(self, order: str) -> int | None:
@@ -131,8 +131,8 @@ def read_case(lines: Sequence[Line]) -> Case:
     first; what others select instead is noted.
     """
     found = Case(is_stated=bool(lines))
-    common: dict[str, tuple[str, int]] = {}
-    subcases: list[dict[str, tuple[str, int]]] = []
+    common: dict[str, tuple[str, Where]] = {}
+    subcases: list[dict[str, tuple[str, Where]]] = []
     for line in lines:
         text = line.text
         if text.lstrip().startswith("SUBCASE"):
@@ -149,13 +149,13 @@ def read_case(lines: Sequence[Line]) -> Case:
             found.title = decoded(line.raw.partition("=")[2].encode("latin-1"))[:200]
         for name in _SELECTORS:
             if order == name or (len(order) >= 4 and name.startswith(order)):
-                (subcases[-1] if subcases else common)[name] = (value, line.number)
+                (subcases[-1] if subcases else common)[name] = (value, line.where)
     chosen = next((case for case in subcases if "METHOD" in case), subcases[0] if subcases else {})
     found.selected = {name: value for name, (value, _) in {**common, **chosen}.items()}
     for case in subcases:
-        for name, (value, number) in case.items():
+        for name, (value, where) in case.items():
             if value != found.selected.get(name):
-                found.others.setdefault(name, []).append((value, number))
+                found.others.setdefault(name, []).append((value, where))
     return found
 
 
@@ -269,4 +269,4 @@ class Deck:
         """Cards of elements, in the deck's order; numbers may not repeat among them."""
         found = self.take(*names)
         numbered(found, "element", "EID")
-        return sorted(found, key=lambda card: card.line) if len(names) > 1 else found
+        return sorted(found, key=lambda card: card.where.line) if len(names) > 1 else found

@@ -139,9 +139,7 @@ def _stated(frames: Iterable[Card]) -> dict[int, tuple[Card, int]]:
             if number <= 0:
                 raise card.wrong(at, "CID", "a number above zero")
             if number in found:
-                raise card.error(
-                    f"the coordinate system {number} is there twice, first in line {found[number][0].line}"
-                )
+                raise card.error(f"the coordinate system {number} is there twice, first in {found[number][0].where}")
             found[number] = (card, at)
     return found
 

@@ -1,14 +1,13 @@
 """Rigid elements and constraints."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card, whole
 from modalbase.formats.models.bdf.deck import Deck
 from modalbase.formats.models.bdf.frames import BASIC, Grids
-from modalbase.formats.models.model import Floats, Link, Support
+from modalbase.formats.models.model import Floats, Link, Support, Where
 
 ALL = (0, 1, 2, 3, 4, 5)
 
@@ -57,8 +56,7 @@ def read_links(deck: Deck) -> Iterator[Link]:
     """RBE2, RBE3 and RBAR."""
     for card in deck.elements(*_READERS):
         card.integer(0, "EID")
-        for link in _READERS[card.name](card, deck):
-            yield replace(link, file=card.file)
+        yield from _READERS[card.name](card, deck)
 
 
 def _rbe2(card: Card, deck: Deck) -> Iterator[Link]:
@@ -68,7 +66,7 @@ def _rbe2(card: Card, deck: Deck) -> Iterator[Link]:
     if not rows:
         raise card.wrong(3, "GM1", "a grid that is led")
     for row in rows:
-        yield Link(row, (leader,), dofs, card.line, axes=_turned(grids, row, dofs))
+        yield Link(row, (leader,), dofs, card.where, axes=_turned(grids, row, dofs))
 
 
 def _rbar(card: Card, deck: Deck) -> Iterator[Link]:
@@ -78,7 +76,7 @@ def _rbar(card: Card, deck: Deck) -> Iterator[Link]:
     for leader, follower, index in ((0, 1, 6), (1, 0, 5)):
         if lead[leader] == ALL and not lead[follower]:
             dofs = card.dofs(index, "CM", "123456") or ALL
-            yield Link(ends[follower], (ends[leader],), dofs, card.line, axes=_turned(grids, ends[follower], dofs))
+            yield Link(ends[follower], (ends[leader],), dofs, card.where, axes=_turned(grids, ends[follower], dofs))
             return
     deck.notes.add(card, "RBAR led by both ends", "a rigid bar that both ends lead in part is not used", True)
 
@@ -113,7 +111,7 @@ def _rbe3(card: Card, deck: Deck) -> Iterator[Link]:
         raise card.error("it has no leaders with a weight above zero")
     values = tuple(weights.values())
     equal = len(set(values)) == 1
-    yield Link(node, tuple(weights), dofs, card.line, () if equal else values, _turned(grids, node, dofs))
+    yield Link(node, tuple(weights), dofs, card.where, () if equal else values, _turned(grids, node, dofs))
 
 
 _READERS = {"RBE2": _rbe2, "RBE3": _rbe3, "RBAR": _rbar}
@@ -123,7 +121,7 @@ def read_supports(deck: Deck) -> list[Support]:
     """Constraints of the set that holds, and those that grids state themselves."""
     grids, cards, joined = deck.grids, deck.take("SPC", "SPC1"), deck.take("SPCADD")
     holding = _holding(deck, cards, joined)
-    rows: dict[tuple[int, tuple[int, ...]], list[int]] = {}
+    rows: dict[tuple[Where, tuple[int, ...]], list[int]] = {}
     for card in cards:
         if card.integer(0, "SID") not in holding:
             deck.notes.add(
@@ -133,16 +131,16 @@ def read_supports(deck: Deck) -> list[Support]:
             for at in (1, 4):
                 if at == 1 or card.text(at):
                     row, dofs = grids.row(card, at, "G"), card.dofs(at + 1, "C", "0")
-                    rows.setdefault((card.line, dofs), []).append(row)
+                    rows.setdefault((card.where, dofs), []).append(row)
         else:
-            rows.setdefault((card.line, card.dofs(1, "C", "0")), []).extend(listed(card, 2, grids, "G"))
-    first: dict[tuple[int, ...], int] = {}
+            rows.setdefault((card.where, card.dofs(1, "C", "0")), []).extend(listed(card, 2, grids, "G"))
+    first: dict[tuple[int, ...], Where] = {}
     for row, (dofs, card) in grids.held.items():
-        rows.setdefault((first.setdefault(dofs, card.line), dofs), []).append(row)
-    return [support for (line, dofs), own in rows.items() if dofs for support in _parted(grids, own, dofs, line)]
+        rows.setdefault((first.setdefault(dofs, card.where), dofs), []).append(row)
+    return [support for (where, dofs), own in rows.items() if dofs for support in _parted(grids, own, dofs, where)]
 
 
-def _parted(grids: Grids, rows: list[int], dofs: tuple[int, ...], line: int) -> Iterator[Support]:
+def _parted(grids: Grids, rows: list[int], dofs: tuple[int, ...], where: Where) -> Iterator[Support]:
     """Nodes that are held in the model's frame together, others by themselves."""
     plain = []
     for row in rows:
@@ -150,9 +148,9 @@ def _parted(grids: Grids, rows: list[int], dofs: tuple[int, ...], line: int) -> 
         if axes is None:
             plain.append(row)
         else:
-            yield Support(np.array([row]), dofs, line, axes)
+            yield Support(np.array([row]), dofs, where, axes)
     if plain:
-        yield Support(np.array(plain, dtype=np.int64), dofs, line)
+        yield Support(np.array(plain, dtype=np.int64), dofs, where)
 
 
 def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
@@ -160,9 +158,9 @@ def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
     case, notes = deck.case, deck.notes
     joined = {card.integer(0, "SID"): card for card in joining}
     stated = {card.integer(0, "SID") for card in cards}
-    for value, line in case.others.get("SPC", ()):
+    for value, where in case.others.get("SPC", ()):
         loss = f"the modes are read with SPC = {case.selected.get('SPC', 'none')}, not {value}"
-        notes.add(line, "SPC of another subcase", loss)
+        notes.add(where, "SPC of another subcase", loss)
     selected = case.number("SPC")
     if selected is None:
         if case.is_stated or not stated:
@@ -173,13 +171,12 @@ def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
             return stated
         else:
             names = ", ".join(map(str, sorted(stated)))
-            line = min(card.line for card in cards)
-            notes.add(line, "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
+            notes.add(cards[0], "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
             return stated
     by = joined.get(selected)
     holding = {selected} if by is None else {whole(text) or 0 for _, text in by.words(1)}
     for missing in sorted(holding - stated):
         who = "the case control selects" if by is None else f"{by.title} joins"
         loss = f"{who} SPC = {missing}, which is not in the deck; nothing is held by it"
-        notes.add(1 if by is None else by.line, "SPC", loss, True)
+        notes.add(by or Where(1), "SPC", loss, True)
     return holding

@@ -49,7 +49,7 @@ class Materials:
             for name, index in FIELDS[card.name].items()
             if name in constants and card.text(index)
         }
-        return Material(str(card.integer(0, "MID")), constants, card.line, places, card.file)
+        return Material(str(card.integer(0, "MID")), constants, card.where, places)
 
 
 def _isotropic(card: Card, _: Losses) -> dict[str, float]:

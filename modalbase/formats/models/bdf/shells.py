@@ -223,9 +223,9 @@ class Shells:
         thickness = self._thicknesses(group)
         self._store(section, thickness)
         numbers, lines = (
-            np.array(each, dtype=np.int64) for each in (group.numbers, [card.line for card in group.cards])
+            np.array(each, dtype=np.int64) for each in (group.numbers, [card.where.line for card in group.cards])
         )
-        files = tuple(card.file for card in group.cards)
+        files = tuple(card.where.file for card in group.cards)
         kind = group.layout.kind
         return Elements(
             kind, numbers, nodes, section.set, axes, lines, offsets=offsets, thickness=thickness, files=files
@@ -250,7 +250,7 @@ class Shells:
         if not group.own_thickness:
             if group.section.thickness is None:
                 raise group.cards[0].error(
-                    f"neither it nor {group.section.card.title} (line {group.section.card.line}) states a thickness"
+                    f"neither it nor {group.section.card.title} ({group.section.card.where}) states a thickness"
                 )
             return None
         corners = len(group.layout.thickness)
@@ -268,7 +268,7 @@ class Shells:
         plies = section.plies
         if section.thickness is None and thickness is not None and section.set not in self.sections:
             plies = (Ply(plies[0].material, float(thickness.mean())),)
-        found = ShellSection(plies, section.card.line, section.offset, section.extra_mass, section.card.file)
+        found = ShellSection(plies, section.card.where, section.offset, section.extra_mass)
         self.sections.setdefault(section.set, found)
 
 

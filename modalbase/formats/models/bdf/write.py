@@ -12,7 +12,7 @@ from modalbase.formats.models.bdf.beams import rod_key
 from modalbase.formats.models.bdf.card import Card, cards_of, number, split_deck, whole
 from modalbase.formats.models.bdf.materials import FIELDS
 from modalbase.formats.models.changes import Constants, Edits, Number, Writing
-from modalbase.formats.models.model import FiniteElementModel, Material
+from modalbase.formats.models.model import FiniteElementModel, Material, Where
 
 _SMALL, _LARGE, _REMARK = 8, 16, 70  # columns
 _FIELDS = {**FIELDS, "MAT2": {"G11": 1, "G12": 2, "G22": 4, "G33": 6, "density": 7}}
@@ -25,21 +25,21 @@ class BdfWriting(Writing):
         super().__init__({name: Edits(text, "$", 8) for name, text in {"": content, **included}.items()})
         self._model = model
         self._cards = [card for card in cards_of(split_deck(content, included or None).bulk) if isinstance(card, Card)]
-        self._by_place = {(card.file, card.line): card for card in self._cards}
+        self._by_place = {card.where: card for card in self._cards}
         numbers = [whole(card.text(0)) or 0 for card in self._cards if card.name.startswith("MAT")]
         self._next = max([*numbers, *map(int, model.materials)], default=0) + 1
 
     def section(self, number: Number) -> None:
         """Write a number of a property."""
         section = self._model.sections[number.set]
-        card = self._card(section.line, section.file, number.set)
+        card = self._card(section.where, number.set)
         index = next(k for k in range(len(card)) if card.place(k) == number.place)
         self._remark(card, number.comment)
         self._real(card, index, number.value)
 
     def change(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> bool:
         """Write constants into a material's card, where it can say them and its lines have room."""
-        card = self._card(material.line, material.file, sets[0])
+        card = self._card(material.where, sets[0])
         fields = _fields_of(card, material, values)
         if fields is None or not all(card.has_room(index) for index in fields):
             return False
@@ -51,7 +51,7 @@ class BdfWriting(Writing):
 
     def copy(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> None:
         """Append a material before ENDDATA, and let the properties of sets point to it."""
-        card = self._card(material.line, material.file, sets[0])
+        card = self._card(material.where, sets[0])
         new, self._next = str(self._next), self._next + 1
         numbers = _fields_of(card, material, values)
         name, fields = card.name, list(card.fields)
@@ -86,7 +86,7 @@ class BdfWriting(Writing):
     def _owners(self, set_name: str) -> Iterable[tuple[Card, Sequence[int]]]:
         """Cards that name the materials of a set, with the fields where they do."""
         section = self._model.sections[set_name]
-        card = self._card(section.line, section.file, set_name)
+        card = self._card(section.where, set_name)
         if card.name == "CONROD":
             return [(one, (3,)) for one in self._cards if one.name == "CONROD" and rod_key(one) == rod_key(card)]
         if card.name == "PSHELL":
@@ -96,17 +96,14 @@ class BdfWriting(Writing):
             return [(card, range(8 + shift, len(card), step))]
         return [(card, (1,))]
 
-    def _card(self, line: int, file: str, set_name: str) -> Card:
-        card = self._by_place.get((file, line))
+    def _card(self, where: Where, set_name: str) -> Card:
+        card = self._by_place.get(where)
         if card is None:
-            name = file or "this deck"
-            raise FormatError(
-                set_name, f"cannot be written: line {line} of {name} is not here, or not the card that was read"
-            )
+            raise FormatError(set_name, f"cannot be written: {where} is not here, or not the card that was read")
         return card
 
     def _remark(self, card: Card, text: str) -> None:
-        self.files[card.file].remark(card.line, *wrap(text, _REMARK))
+        self.files[card.where.file].remark(card.where.line, *wrap(text, _REMARK))
 
     def _real(self, card: Card, index: int, value: float) -> None:
         self._put(card, index, fitted(value, _LARGE if card.row(index).is_large else _SMALL))

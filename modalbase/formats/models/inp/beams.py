@@ -40,9 +40,7 @@ def beam_section(
     if len(slender) > 1:
         raise card.error("has elements that are rigid in shear and others that are not; split the set")
     shear = None if True in slender else found.shear
-    section = BeamSection(
-        material, found.area, found.inertia, found.torsion, card.line, shear, places=places, file=card.file
-    )
+    section = BeamSection(material, found.area, found.inertia, found.torsion, card.where, shear, places=places)
     y, z = found.centroid
     shifts = [-card.number(card.get(f"OFFSET{k + 1}") or "0", f"OFFSET{k + 1}") * found.extent[k] for k in (0, 1)]
     return section, _direction(card), (y + shifts[0], z + shifts[1])
@@ -89,7 +87,7 @@ def _own_material(card: Card, name: str, materials: Materials) -> str:
         raise rows[0].error(f"E = {E:g}, G = {G:g} and density {density:g}: expected numbers above 0")
     places: dict[str, Place] = {"E": rows[0].place(0), "G": rows[0].place(1)}
     constants = {"E": E, "G": G, "nu": E / (2 * G) - 1, "density": density}
-    materials.add(Material(name, constants, card.line, places, card.file))
+    materials.add(Material(name, constants, card.where, places))
     return name
 
 

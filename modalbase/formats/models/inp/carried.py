@@ -10,7 +10,7 @@ from modalbase.formats.models.inp.lines import Card, Losses, Row
 from modalbase.formats.models.inp.mesh import Element, Mesh
 from modalbase.formats.models.inp.orientations import Part, System
 from modalbase.formats.models.inp.sections import Sections
-from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring
+from modalbase.formats.models.model import BeamSection, Elements, Floats, PointMass, Spring, Where
 
 PROPERTIES = {"mass": "MASS", "inertia": "ROTARYINERTIA", "spring": "SPRING"}
 """The card that elements of a role need."""
@@ -44,7 +44,7 @@ class Carried:
         mass = card.first.numbers("a mass")[0]
         if not 0 <= mass < 1e12:
             raise card.first.error(f"is a mass of {mass:g}, expected one of at least 0")
-        self.masses += [PointMass(element.nodes[0], mass, card.line) for element in elements]
+        self.masses += [PointMass(element.nodes[0], mass, card.where) for element in elements]
 
     def _inertia(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
         del axes
@@ -56,7 +56,7 @@ class Carried:
         for element in elements:
             turn = np.eye(3) if system is None else self._axes(system, element)
             rows = tuple(tuple(row) for row in (turn.T @ tensor @ turn).tolist())
-            self.masses.append(PointMass(element.nodes[0], 0.0, card.line, rows))
+            self.masses.append(PointMass(element.nodes[0], 0.0, card.where, rows))
 
     def _axes(self, system: System, element: Element) -> Floats:
         """(3, 3) of a system at an element's first node."""
@@ -79,7 +79,7 @@ class Carried:
                 raise card.first.error(f"expected {len(element.nodes)} dof(s) from 1 to 6")
             k = _stiffness(card.rows[1])
             turned = axes.get(element.nodes[0]) if system is None else self._axes(system, element)
-            self.springs.append(_between(element, dofs, k, card.line, turned))
+            self.springs.append(_between(element, dofs, k, card.where, turned))
 
     def _axial(self, card: Card, element: Element) -> Spring:
         a, b = (np.array(self._mesh.places[node]) for node in element.nodes)
@@ -89,7 +89,7 @@ class Carried:
         x, y, z = ((b - a) / length).tolist()
         stiffness = _stiffness(card.rows[-1] if card.rows else card.first)
         first, second = element.nodes
-        return Spring(first, 0, stiffness, card.line, second=second, second_dof=0, direction=(x, y, z))
+        return Spring(first, 0, stiffness, card.where, second=second, second_dof=0, direction=(x, y, z))
 
     def complete(self) -> None:
         """Raise where an element of a mass or spring has no value."""
@@ -107,12 +107,12 @@ def _stiffness(row: Row) -> float:
     return k
 
 
-def _between(element: Element, dofs: list[int], k: float, line: int, turned: Floats | None) -> Spring:
+def _between(element: Element, dofs: list[int], k: float, where: Where, turned: Floats | None) -> Spring:
     """A spring between dofs, or from one to the ground."""
     first = dofs[0] - 1
     second, second_dof = (element.nodes[1], dofs[1] - 1) if len(element.nodes) > 1 else (None, None)
     if turned is None:
-        return Spring(element.nodes[0], first, k, line, second, second_dof)
+        return Spring(element.nodes[0], first, k, where, second, second_dof)
     if second_dof is not None and second_dof != first:
         raise element.row.error(
             f"joins two different dofs in turned axes by the spring {element.number}; use the model's axes"
@@ -120,7 +120,7 @@ def _between(element: Element, dofs: list[int], k: float, line: int, turned: Flo
     x, y, z = turned[first % 3].tolist()
     kind = first - first % 3
     last = None if second is None else kind
-    return Spring(element.nodes[0], kind, k, line, second=second, second_dof=last, direction=(x, y, z))
+    return Spring(element.nodes[0], kind, k, where, second=second, second_dof=last, direction=(x, y, z))
 
 
 def spread_mass(card: Card, sections: Sections, part: Part, blocks: Iterable[Elements], losses: Losses) -> None:

@@ -9,7 +9,7 @@ import scipy
 from modalbase.formats.models.inp.lines import Card, Losses, Row, card_names, folded
 from modalbase.formats.models.inp.mesh import Mesh
 from modalbase.formats.models.inp.orientations import Part, System
-from modalbase.formats.models.model import Floats, Integers, Link, Support
+from modalbase.formats.models.model import Floats, Integers, Link, Support, Where
 
 ALL = (0, 1, 2, 3, 4, 5)
 COINCIDENT = 1e-6
@@ -35,7 +35,7 @@ class Constraints:
         self._places = np.array(mesh.places).reshape(-1, 3)
         self._near = COINCIDENT * float(np.linalg.norm(np.ptp(self._places, axis=0))) if len(self._places) else 0.0
         self._coupling: Card | None = None
-        self._merged: dict[tuple[int, int], tuple[set[int], int]] = {}
+        self._merged: dict[tuple[int, int], tuple[set[int], Where]] = {}
 
     def read(self, card: Card, part: Part) -> None:
         """Take a card of `NAMES`."""
@@ -55,8 +55,8 @@ class Constraints:
 
     def finish(self) -> None:
         """Gather the dofs that equations of two terms make equal."""
-        for (node, leader), (dofs, line) in self._merged.items():
-            self.links.append(Link(node, (leader,), tuple(sorted(dofs)), line))
+        for (node, leader), (dofs, where) in self._merged.items():
+            self.links.append(Link(node, (leader,), tuple(sorted(dofs)), where))
         self._merged.clear()
 
     def _one(self, name: str, part: Part, where: Card | Row) -> int:
@@ -67,12 +67,12 @@ class Constraints:
         return int(found[0])
 
     def _rigid(
-        self, nodes: Integers, leader: int, dofs: tuple[int, ...], line: int, system: System | None = None
+        self, nodes: Integers, leader: int, dofs: tuple[int, ...], where: Where, system: System | None = None
     ) -> None:
         led = nodes[nodes != leader]
         axes = [None] * len(led) if system is None or dofs == ALL else system.at(self._places[led])
         self.links += [
-            Link(node, (leader,), dofs, line, axes=own) for node, own in zip(led.tolist(), axes, strict=True)
+            Link(node, (leader,), dofs, where, axes=own) for node, own in zip(led.tolist(), axes, strict=True)
         ]
 
     def _mpc(self, card: Card, part: Part) -> None:
@@ -90,7 +90,7 @@ class Constraints:
             if kind.upper() != "BEAM" and np.any(apart > self._near):
                 self._losses.note(row, f"{kind.upper()} between nodes that are apart")
                 continue
-            self._rigid(led, leader, dofs, row.line)
+            self._rigid(led, leader, dofs, row.where)
 
     def _rigid_body(self, card: Card, part: Part) -> None:
         leader = self._one(card.needs("REF NODE"), part, card)
@@ -104,7 +104,7 @@ class Constraints:
                 nodes = np.array(sorted(every), dtype=np.int64)
             else:
                 nodes = part.nodes(name, card)
-            self._rigid(nodes, leader, dofs, card.line)
+            self._rigid(nodes, leader, dofs, card.where)
 
     def _surface_coupling(self, card: Card, part: Part) -> None:
         coupling = self._coupling
@@ -122,12 +122,12 @@ class Constraints:
         system = part.system(coupling.get("ORIENTATION"), coupling)
         dofs = self._dofs(card)
         if card.name == "KINEMATIC":
-            self._rigid(nodes, leader, dofs, coupling.line, system)
+            self._rigid(nodes, leader, dofs, coupling.where, system)
             return
         if card.get("WEIGHTING METHOD").upper() not in ("", "UNIFORM"):
             self._losses.note(card, "weights that fall with the distance: all are taken alike")
         axes = None if system is None or dofs == ALL else system.at(self._places[[leader]])[0]
-        self.links.append(Link(leader, tuple(nodes.tolist()), dofs, coupling.line, axes=axes))
+        self.links.append(Link(leader, tuple(nodes.tolist()), dofs, coupling.where, axes=axes))
 
     def _dofs(self, card: Card) -> tuple[int, ...]:
         """Of lines of first and last dof; all where there is none."""
@@ -145,7 +145,7 @@ class Constraints:
             name, rest = row.parted
             nodes = part.nodes(name, row)
             dofs = tuple(dof_range(rest, row)) if rest else ALL
-            self._rigid(nodes, leader, dofs, row.line, system)
+            self._rigid(nodes, leader, dofs, row.where, system)
 
     def _distributing_coupling(self, card: Card, part: Part) -> None:
         chosen = part.elements(card.needs("ELSET"), card)
@@ -163,7 +163,7 @@ class Constraints:
         leaders.pop(node, None)
         if not leaders:
             raise card.error("couples no node")
-        self.links.append(Link(node, tuple(leaders), ALL, card.line, tuple(leaders.values())))
+        self.links.append(Link(node, tuple(leaders), ALL, card.where, tuple(leaders.values())))
 
     def _equations(self, card: Card, part: Part) -> None:
         rows = iter(card.rows)
@@ -188,7 +188,7 @@ class Constraints:
         factors = [row.number(term[2], "a coefficient") for term in terms]
         turned = any(node in self._axes for some in nodes for node in some.tolist())
         if len(terms) == 1 and 0 <= dofs[0] <= 5 and factors[0] and not turned:
-            self.supports.append(Support(nodes[0], (dofs[0],), row.line))
+            self.supports.append(Support(nodes[0], (dofs[0],), row.where))
             return
         if (
             len(terms) == 2
@@ -199,7 +199,7 @@ class Constraints:
         ):
             a, b = nodes
             if len(a) == len(b) == 1 and np.linalg.norm(self._places[a] - self._places[b]) <= self._near:
-                found, _ = self._merged.setdefault((int(a[0]), int(b[0])), (set(), row.line))
+                found, _ = self._merged.setdefault((int(a[0]), int(b[0])), (set(), row.where))
                 found.add(dofs[0])
                 return
         self._losses.note(row, "an equation between dofs, other than that nodes at one place move alike")
@@ -213,7 +213,7 @@ class Constraints:
             led, leading = (self._surface(name, part, row) for name in names[:2])
             pairs = self._coincident(led, leading)
             for node, leader in pairs:
-                self.links.append(Link(node, (leader,), ALL, row.line))
+                self.links.append(Link(node, (leader,), ALL, row.where))
             if missed := len(set(led.tolist()) - set(leading.tolist())) - len(pairs):
                 self._losses.note(row, f"a tie of {missed} node(s) that lie on no node of the other surface")
 
@@ -315,8 +315,8 @@ def _of_card(card: Card, part: Part, axes: dict[int, Floats], losses: Losses) ->
         turned = [node for node in nodes.tolist() if node in axes and not _alike(dofs)]
         plain = nodes[~np.isin(nodes, turned)] if turned else nodes
         if dofs and plain.size:
-            found.append(Support(plain, dofs, row.line))
-        found += [Support(np.array([node]), dofs, row.line, axes[node]) for node in turned if dofs]
+            found.append(Support(plain, dofs, row.where))
+        found += [Support(np.array([node]), dofs, row.where, axes[node]) for node in turned if dofs]
     return found
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models import model
 from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
-from modalbase.formats.models.model import Place, where
+from modalbase.formats.models.model import Place, Where
 
 MOST_LINES = 2_000_000
 LARGEST = 1e25
@@ -42,13 +42,12 @@ class Row:
 
     card: str  # name of the card that it belongs to, for messages
     text: str  # without the end of the line
-    line: int  # from 1
-    file: str  # that it stands in; empty for the deck itself
+    where: Where
     after_blank: bool = False  # whether an empty line is before it, which says that what could stand there is left out
 
     def error(self, message: str) -> FormatError:
         """A fault of this line."""
-        return fault(self.file, self.line, self.card, message)
+        return fault(self.where, self.card, message)
 
     @property
     def fields(self) -> list[str]:
@@ -74,7 +73,7 @@ class Row:
         start = 0
         for text in self.text.split(",")[:column]:
             start += len(text) + 1
-        return Place(self.line, start, start + len(self.text[start:].split(",", 1)[0]), self.file)
+        return Place(self.where.line, start, start + len(self.text[start:].split(",", 1)[0]), self.where.file)
 
     def number(self, text: str, what: str) -> float:
         """A finite number."""
@@ -110,13 +109,12 @@ class Card:
     name: str  # squeezed, without the star
     label: str  # as the user wrote it, with the star
     parameters: Mapping[str, str]  # by squeezed name; empty where they have no value
-    line: int  # where it begins
-    file: str  # that it stands in; empty for the deck itself
+    where: Where
     rows: list[Row] = field(default_factory=list)  # its data lines
 
     def error(self, message: str) -> FormatError:
         """A fault of this card."""
-        return fault(self.file, self.line, self.label, message)
+        return fault(self.where, self.label, message)
 
     def get(self, parameter: str) -> str:
         """A parameter's value, empty where it is not given."""
@@ -134,7 +132,7 @@ class Card:
 
     def number(self, text: str, what: str) -> float:
         """A parameter as a finite number."""
-        return Row(self.label, text, self.line, self.file).number(text, what)
+        return Row(self.label, text, self.where).number(text, what)
 
     @property
     def first(self) -> Row:
@@ -148,9 +146,9 @@ class Card:
         return self.rows[0]
 
 
-def fault(file: str, line: int, card: str, message: str) -> FormatError:
+def fault(where: Where, card: str, message: str) -> FormatError:
     """A fault at a line of a card."""
-    return FormatError(where(line, file), f"{card} {message}")
+    return FormatError(str(where), f"{card} {message}")
 
 
 def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
@@ -175,8 +173,7 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
 class _Line(NamedTuple):
     """A line of a file, without the blanks at its end."""
 
-    file: str
-    number: int
+    where: Where
     text: str
 
 
@@ -194,7 +191,7 @@ class _Files:
         self._lines += len(text)
         if self._lines > MOST_LINES:
             raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")
-        lines = (_Line(file, number, raw.rstrip()) for number, raw in enumerate(text, start=1))
+        lines = (_Line(Where(number, file), raw.rstrip()) for number, raw in enumerate(text, start=1))
         for line in lines:
             if _INCLUDE.match(line.text):
                 name = self._named(_card(line, lines), within)
@@ -228,9 +225,9 @@ def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
                 yield card
             card = _card(line, lines)
         elif card is None:
-            raise fault(line.file, line.number, "the data line", f"{line.text[:40]!r} stands before any card")
+            raise fault(line.where, "the data line", f"{line.text[:40]!r} stands before any card")
         else:
-            card.rows.append(Row(card.label, line.text, line.number, line.file, blank))
+            card.rows.append(Row(card.label, line.text, line.where, blank))
         blank = False
     if card is not None:
         yield card
@@ -240,14 +237,14 @@ def _card(line: _Line, following: Iterator[_Line]) -> Card:
     """A card of its line and those that continue it, which are taken."""
     text = line.text.strip()
     while text.endswith(","):
-        text += next(following, _Line("", 0, "")).text.strip() or " "
+        text += next(following, _Line(Where(0), "")).text.strip() or " "
     label, *parts = (match.group(1) for match in _PARAMETER.finditer(text))
     parameters = {}
     for part in parts:
         name, _, value = part.partition("=")
         if name.strip():
             parameters[squeezed(name)] = value.strip()
-    return Card(squeezed(label[1:]), label.strip(), parameters, line.number, line.file)
+    return Card(squeezed(label[1:]), label.strip(), parameters, line.where)
 
 
 _HARMLESS = {

@@ -61,9 +61,9 @@ class Materials:
     def _begun(self, card: Card) -> Material:
         name = card.needs("NAME").strip('"')
         if before := self._names.get(folded(name)):
-            raise card.error(f"{name} is there already, in line {self.found[before].line}; give it another name")
+            raise card.error(f"{name} is there already, in {self.found[before].where}; give it another name")
         self._names[folded(name)] = name
-        self.found[name] = Material(name, {}, card.line, {}, card.file)
+        self.found[name] = Material(name, {}, card.where)
         return self.found[name]
 
     def add(self, material: Material) -> None:
@@ -88,11 +88,9 @@ class Materials:
             )
         material = self.found[own]
         if not {"E", "E1"} & set(material.constants):
-            raise where.error(f"names the material {own} of line {material.line}, which has no *ELASTIC")
+            raise where.error(f"names the material {own} of {material.where}, which has no *ELASTIC")
         if "density" not in material.constants:
-            raise where.error(
-                f"names the material {own} of line {material.line}, which has no *DENSITY; modes need one"
-            )
+            raise where.error(f"names the material {own} of {material.where}, which has no *DENSITY; modes need one")
         return own
 
 

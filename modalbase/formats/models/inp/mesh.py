@@ -213,7 +213,7 @@ class Mesh:
             elif self.places[at] != (x, y, z):
                 before = self.node_rows[at]
                 raise row.error(
-                    f"puts node {number} at ({x:g}, {y:g}, {z:g}), and line {before.line} at "
+                    f"puts node {number} at ({x:g}, {y:g}, {z:g}), and {before.where} at "
                     f"({', '.join(f'{v:g}' for v in self.places[at])}); take one of the two out"
                 )
 
@@ -244,7 +244,7 @@ class Mesh:
                 raise row.error(f"gives element {number} a node twice")
             if number in own.elements:
                 before = self.elements[own.elements[number]].row
-                raise row.error(f"has element {number} again, which line {before.line} has; give it another number")
+                raise row.error(f"has element {number} again, which {before.where} has; give it another number")
             own.elements[number] = len(self.elements)
             self.elements.append(Element(kind, number, nodes, row))
             if len(self.elements) > MOST_ELEMENTS:

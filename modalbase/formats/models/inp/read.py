@@ -76,7 +76,7 @@ def _sorted(cards: list[Card]) -> Deck:
         if card.name in ("PART", "INSTANCE", "STEP"):
             if opened is not None:
                 raise card.error(
-                    f"stands within {opened.label} of line {opened.line}, which is not closed; is the file cut?"
+                    f"stands within {opened.label} of {opened.where}, which is not closed; is the file cut?"
                 )
             opened = card
             taken = _begun(deck, card)

@@ -11,7 +11,7 @@ from modalbase.formats.models.inp.lines import Card, Row, folded
 from modalbase.formats.models.inp.materials import Materials
 from modalbase.formats.models.inp.mesh import Element, Mesh
 from modalbase.formats.models.inp.orientations import Part, System, axis_of_shells
-from modalbase.formats.models.model import BeamSection, Elements, Floats, Integers, Kind, Ply, ShellSection
+from modalbase.formats.models.model import BeamSection, Elements, Floats, Integers, Kind, Ply, ShellSection, Where
 
 SHELLS = ("SHELLSECTION", "SHELLGENERALSECTION")
 BEAMS = ("BEAMSECTION", "BEAMGENERALSECTION")
@@ -37,7 +37,7 @@ class Sections:
         self._mesh, self._materials = mesh, materials
         self._places = np.array(mesh.places).reshape(-1, 3)
         self._of: dict[int, Card] = {}
-        self._names: dict[tuple[str, int], str] = {}
+        self._names: dict[Where, str] = {}
 
     def read(self, card: Card, part: Part, thickness: Mapping[int, float]) -> None:
         """Take a section's card.
@@ -52,10 +52,10 @@ class Sections:
         for at in chosen:
             element = self._mesh.elements[at]
             if element.type.role != role:
-                raise card.error(f"has element {element.number} of line {element.row.line}, which is no {role} element")
+                raise card.error(f"has element {element.number} of {element.row.where}, which is no {role} element")
             if at in self._of:
-                before = self._of[at].line
-                raise card.error(f"gives element {element.number} a section, which has that of line {before}")
+                before = self._of[at].where
+                raise card.error(f"gives element {element.number} a section, which has that of {before}")
             self._of[at] = card
         if not chosen:
             return
@@ -70,10 +70,10 @@ class Sections:
 
     def _name(self, card: Card, part: Part) -> str:
         """Of the set: the deck's ELSET in small letters, with the part's before it where two have one name."""
-        key = (card.file, card.line)
+        key = card.where
         if key not in self._names:
             own = "_".join(folded(card.get("ELSET")).split())
-            longer = f"{'_'.join(folded(part.name).split())}.{own}" if part.name else f"{own}_{card.line}"
+            longer = f"{'_'.join(folded(part.name).split())}.{own}" if part.name else f"{own}_{card.where.line}"
             self._names[key] = own if own not in self._names.values() else longer
         return self._names[key]
 
@@ -89,7 +89,7 @@ class Sections:
         parts = [(kind, chosen, *self._shell_axes(kind, chosen, system)) for kind, chosen in rows.items()]
         plies = tuple(self._ply(row, parts, part, card) for row in stack)
         total = sum(ply.thickness for ply in plies)
-        section = ShellSection(plies, card.line, -_offset(card) * total, file=card.file)
+        section = ShellSection(plies, card.where, -_offset(card) * total)
         self.found[name] = section
         for kind, chosen, axes, _ in parts:
             nodes = self._nodes(chosen)
@@ -138,7 +138,7 @@ class Sections:
                 raise card.error(
                     "has SHELL THICKNESS from a distribution; give the thickness by sets or by NODAL THICKNESS"
                 )
-            row = Row(card.label, "1", card.line, card.file) if by_nodes and not card.rows else card.first
+            row = Row(card.label, "1", card.where) if by_nodes and not card.rows else card.first
             return [
                 (row, self._thickness(row, row.fields[0] if row.fields else "", by_nodes), card.needs("MATERIAL"), "")
             ]
@@ -228,8 +228,8 @@ class Sections:
     ) -> None:
         elements = [self._mesh.elements[at] for at in chosen.tolist()]
         numbers = np.array([element.number for element in elements], dtype=np.int64)
-        lines = np.array([element.row.line for element in elements], dtype=np.int64)
-        files = tuple(element.row.file for element in elements)
+        lines = np.array([element.row.where.line for element in elements], dtype=np.int64)
+        files = tuple(element.row.where.file for element in elements)
         block = Elements(kind, numbers, nodes, name, axes, lines, offsets=offsets, thickness=thickness, files=files)
         self.blocks.setdefault((name, kind), []).append(block)
 

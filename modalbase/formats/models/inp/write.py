@@ -10,7 +10,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.changes import ISOTROPIC, Constants, Edits, Number, Writing
 from modalbase.formats.models.inp.lines import Card, folded, read_cards
 from modalbase.formats.models.inp.materials import ENGINEERING, SUBORDINATE
-from modalbase.formats.models.model import FiniteElementModel, Material, Place
+from modalbase.formats.models.model import FiniteElementModel, Material, Place, Where
 
 _MATERIAL = re.compile(r'(\bMATERIAL\s*=\s*)("[^"]*"|[^,]*?)(?=\s*(?:,|$))', re.IGNORECASE)
 _NAME = re.compile(r'(\bNAME\s*=\s*)("[^"]*"|[^,]*?)(?=\s*(?:,|$))', re.IGNORECASE)
@@ -35,7 +35,7 @@ class InpWriting(Writing):
 
     def change(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> bool:
         """Write constants where the material's stand."""
-        file = self.files[material.file]
+        file = self.files[material.where.file]
         file.put(*self._fields(material, values, sets))
         first = min(place.line for place in material.places.values())
         for constant, comment in comments.items():
@@ -55,9 +55,9 @@ class InpWriting(Writing):
             if place is None and constant in material.constants:
                 raise FormatError(
                     f"{sets[0]}.{constant}",
-                    f"does not stand as a number of its own in {material.name} of line {material.line}",
+                    f"does not stand as a number of its own in {material.name} of {material.where}",
                 )
-            if place is not None and place.file != material.file:
+            if place is not None and place.file != material.where.file:
                 raise FormatError(
                     material.name, f"has its {constant} in {place.file or 'the deck'}; put it behind its *MATERIAL"
                 )
@@ -70,16 +70,18 @@ class InpWriting(Writing):
     def _orthotropic(self, material: Material, values: Constants) -> list[tuple[Place, str]]:
         """An isotropic material's card as one of engineering constants, out of the plane those of axis 2."""
         place = material.places["E"]
-        texts = self.files[material.file].texts
+        texts = self.files[material.where.file].texts
         cards = [
-            each for each in self._cards if each.name == "ELASTIC" and each.rows and each.rows[0].line == place.line
+            each
+            for each in self._cards
+            if each.name == "ELASTIC" and each.rows and each.rows[0].where == Where(place.line, place.file)
         ]
-        if len(cards) != 1 or len(cards[0].rows) > 1 or texts[cards[0].line - 1].rstrip().endswith(","):
+        if len(cards) != 1 or len(cards[0].rows) > 1 or texts[cards[0].where.line - 1].rstrip().endswith(","):
             raise FormatError(
                 material.name,
                 f"line {place.line}: is isotropic no longer; state ENGINEERING CONSTANTS there to update it so",
             )
-        line = cards[0].line
+        line = cards[0].where.line
         c = {key: values.get(key, material.constants[own]) for key, own in ISOTROPIC.items()}
         c |= {"E3": c["E2"], "nu13": c["nu12"], "nu23": material.constants["nu"]}
         *row, last = (f"{c[name]:.9g}" for name in ENGINEERING)
@@ -91,12 +93,12 @@ class InpWriting(Writing):
     def copy(self, material: Material, values: Constants, sets: list[str], comments: Mapping[str, str]) -> None:
         """Append a copy behind the material, and let the sets' sections name it."""
         card, last = self._block(material)
-        file = self.files[material.file]
+        file = self.files[material.where.file]
         name = self._free(f"{material.name}_{sets[0]}")
         copied = [f"** {said}" for said in (f"copy of {material.name} for {', '.join(sets)}", *comments.values())]
         fields = self._fields(material, values, sets)
         renamed = 0
-        for number in range(card.line, last + 1):
+        for number in range(card.where.line, last + 1):
             text = file.line(number, [each for each in fields if each[0].line == number])
             if not renamed:
                 text, renamed = _NAME.subn(lambda match: f"{match.group(1)}{_quoted(name)}", text, count=1)
@@ -107,16 +109,12 @@ class InpWriting(Writing):
 
     def _block(self, material: Material) -> tuple[Card, int]:
         """A material's card, and the last line of those that belong to it."""
-        at = next(
-            k
-            for k, card in enumerate(self._cards)
-            if card.name == "MATERIAL" and (card.file, card.line) == (material.file, material.line)
-        )
-        last = self._cards[at].line
+        at = next(k for k, card in enumerate(self._cards) if card.name == "MATERIAL" and card.where == material.where)
+        last = self._cards[at].where.line
         for card in self._cards[at + 1 :]:
-            if card.name not in SUBORDINATE or card.file != material.file:
+            if card.name not in SUBORDINATE or card.where.file != material.where.file:
                 break
-            last = card.rows[-1].line if card.rows else card.line
+            last = (card.rows[-1] if card.rows else card).where.line
         return self._cards[at], last
 
     def _free(self, wanted: str) -> str:
@@ -132,20 +130,20 @@ class InpWriting(Writing):
     def _point(self, set_name: str, old: str, new: str) -> None:
         """Let a section name another material."""
         section = self._model.sections[set_name]
-        card = next(each for each in self._cards if (each.file, each.line) == (section.file, section.line))
-        file = self.files[card.file]
+        card = next(each for each in self._cards if each.where == section.where)
+        file = self.files[card.where.file]
         comment = f"updated: material of {set_name} was {old}, is {new}"
         if "COMPOSITE" in card.parameters:
             for row in card.rows:
                 if len(row.fields) > 2 and folded(row.fields[2]) == folded(old):
                     file.put((row.place(2), _quoted(new)))
-                    file.remark(row.line, comment)
+                    file.remark(row.where.line, comment)
             return
-        number = card.line
+        number = card.where.line
         while not (match := _MATERIAL.search(file.texts[number - 1])):
             number += 1
         file.put((Place(number, match.start(2), match.end(2)), _quoted(new)))
-        file.remark(card.line, comment)
+        file.remark(card.where.line, comment)
 
 
 def _fitted(value: float, place: Place) -> str:

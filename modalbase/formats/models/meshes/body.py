@@ -18,6 +18,7 @@ from modalbase.formats.models.model import (
     Material,
     ShellSection,
     Support,
+    Where,
 )
 
 
@@ -68,7 +69,7 @@ def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) ->
         sections=dict(stated.sections),
         materials=dict(stated.materials),
         node_sets=nodes,
-        supports=tuple(Support(nodes[name], dofs, 0) for name, dofs in stated.held.items()),
+        supports=tuple(Support(nodes[name], dofs, Where(0)) for name, dofs in stated.held.items()),
         ignored=tuple(_lines_left(mesh, stated.held)),
     )
     check(model)

@@ -5,7 +5,7 @@ import pytest
 
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.bdf.card import number
-from modalbase.formats.models.model import FiniteElementModel
+from modalbase.formats.models.model import FiniteElementModel, Where
 from tests.unit.formats.models.decks import ENDS, GRIDS, SQUARE, beam, shell
 
 BAR = ENDS + "CBAR,1,1,1,2,0.,0.,1.\n"
@@ -114,7 +114,7 @@ def test_include_and_its_places() -> None:
         "SOL 103\nCEND\nBEGIN BULK\ninclude 'C:\\decks\\\n  mat.inc'\n" + head + "ENDDATA", mat_inc="$\nMAT1" + mat
     )
     assert model.materials["1"].places["E"].file == "mat.inc"
-    assert (model.materials["1"].line, model.materials["1"].places["E"].start) == (2, 7)
+    assert (model.materials["1"].where, model.materials["1"].places["E"].start) == (Where(2, "mat.inc"), 7)
 
 
 def test_systems_of_coordinates_in_a_chain() -> None:

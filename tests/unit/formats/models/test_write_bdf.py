@@ -152,7 +152,7 @@ def test_files_that_the_deck_includes() -> None:
     one = write_deck(deck, model, {("web", "E"): 7.1e10}, included=included)
     assert list(one) == [""]
     assert read_bdf(one[""], included).materials["5"].constants["E"] == 7.1e10
-    with pytest.raises(FormatError, match=r"line 2 of mat\.inc is not here"):
+    with pytest.raises(FormatError, match=r"mat\.inc line 2 is not here"):
         write_deck(deck, model, both)
 
 
