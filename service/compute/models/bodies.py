@@ -10,6 +10,7 @@ from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
+from scipy.linalg import null_space
 
 from fecore.arrays import FloatArray
 from fecore.body import beams, sections
@@ -195,14 +196,23 @@ def _permutes(axes: FloatArray) -> bool:
 
 
 def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]:
-    """Springs of one stiffness and of one number of nodes together; those to the ground where the body is held."""
-    fixed = {(int(node), dof) for s in model.supports for node in s.nodes for dof in s.dofs} if held else set()
+    """Springs of one stiffness and of one number of nodes together; those to the ground where the body is held.
+
+    One of no stiffness, or whose ends are held along it, acts on nothing.
+    """
+    fixed: dict[int | None, list[FloatArray]] = defaultdict(list)
+    for support in model.supports if held else ():
+        for node in support.nodes.tolist():
+            fixed[node] += [np.kron(np.eye(2), _axes(support))[list(support.dofs)]]
+    free = {node: null_space(np.concatenate(rows)) for node, rows in fixed.items()}
     groups: dict[tuple[float, int], list[Spring]] = defaultdict(list)
     for spring in model.springs:
         count = 1 if spring.second is None else 2
-        if (held or count == 2) and not {(spring.node, spring.dof), (spring.second, spring.second_dof)} <= (
-            fixed | {(None, None)}
-        ):
+        ends = zip((spring.node, spring.second), _stretch(spring), strict=True)
+        acts = any(
+            np.abs(row @ free.get(node, np.eye(6))).max(initial=0.0) > 1e-9 * np.abs(row).max() for node, row in ends
+        )
+        if spring.stiffness and (held or count == 2) and acts:
             groups[spring.stiffness, count].append(spring)
     return tuple(
         NodeSpring(

@@ -100,6 +100,21 @@ def test_a_spring_acts_along_its_direction_at_the_end_of_its_arm() -> None:
     assert body_of_model(replace(model, springs=(spring,))).springs == ()  # to the ground, which a free body has not
 
 
+def test_a_spring_acts_where_a_support_leaves_its_direction_free() -> None:
+    """Along an axis askew to what is held, or by the turn of a held node that it reaches from by an arm."""
+    model, axes = read_inp(STEEL), np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
+    held, askew = Support(np.array([0]), (0, 1), Where(1)), Support(np.array([3]), (0,), Where(1), axes)
+    springs = {
+        "across": Spring(0, 0, 5.0, Where(2), direction=(0.0, 0.6, 0.8)),
+        "by its arm": Spring(0, 0, 6.0, Where(2), arms=((0.0, 0.0, 0.1), (0.0, 0.0, 0.0))),
+        "askew": Spring(3, 0, 7.0, Where(2)),
+        "along what is held": Spring(0, 0, 8.0, Where(2), direction=(0.6, 0.8, 0.0)),
+        "of nothing": Spring(2, 0, 0.0, Where(2)),
+    }
+    body = body_of_model(replace(model, supports=(held, askew), springs=tuple(springs.values())), "as_modelled")
+    assert [one.stiffness for one in body.springs] == [5.0, 6.0, 7.0]
+
+
 def hinged(dofs: str) -> bytes:
     """Two plates of 15 nodes, the second led along an edge by the first."""
     places = {(part, i, j): 1 + 15 * part + 3 * i + j for part in (0, 1) for i in range(5) for j in range(3)}

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.bdf.deck import Deck
+from modalbase.formats.models.bdf.deck import Deck, family
 from modalbase.formats.models.model import BeamSection, Elements, Floats
 from modalbase.formats.models.shapes import NASTRAN, is_real
 
@@ -31,8 +31,8 @@ class Property:
 class Sections:
     """Sections of a deck, read when an element asks."""
 
-    def __init__(self, deck: Deck, extra: Mapping[int, float]) -> None:
-        """Of a deck, and non-structural mass per length by property."""
+    def __init__(self, deck: Deck, extra: Mapping[tuple[str, int], float]) -> None:
+        """Of a deck, and non-structural mass per length by family and number of property."""
         self._deck, self._extra = deck, extra
         self._read: dict[tuple[str | int, ...], Property] = {}
 
@@ -61,7 +61,7 @@ class Sections:
     def _of(self, card: Card, number: int) -> Property:
         found = getattr(self, f"_{card.name.lower()}")(card)
         section, centroid = found if isinstance(found, tuple) else (found, (0.0, 0.0))
-        extra = section.extra_mass + self._extra.get(number, 0.0)
+        extra = section.extra_mass + self._extra.get((family(card.name), number), 0.0)
         section = self._resisting(card, replace(section, extra_mass=extra))
         return Property(self._deck.labels.of(card.name, number), section, centroid)
 
@@ -233,8 +233,8 @@ class Beams:
         sections: of the sets that elements use, by name.
     """
 
-    def __init__(self, deck: Deck, extra: Mapping[int, float]) -> None:
-        """Of a deck, and non-structural mass per length by property."""
+    def __init__(self, deck: Deck, extra: Mapping[tuple[str, int], float]) -> None:
+        """Of a deck, and non-structural mass per length by family and number of property."""
         self.sections: dict[str, BeamSection] = {}
         self._deck, self._properties = deck, Sections(deck, extra)
         self._defaults = {element: card for element, name in _DEFAULTS.items() for card in deck.take(name)}

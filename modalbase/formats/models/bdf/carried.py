@@ -1,11 +1,12 @@
 """What a structure carries: masses and springs at grids, and mass that is spread over properties."""
 
-from collections.abc import Iterable, Iterator
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card, numbered, whole
-from modalbase.formats.models.bdf.deck import PLATES, PROFILES, Case, Deck
+from modalbase.formats.models.bdf.deck import PLATES, PROFILES, Case, Deck, family
 from modalbase.formats.models.model import Floats, PointMass, Spring
 
 _LOWER = ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2))  # I11 I21 I22 I31 I32 I33
@@ -55,12 +56,13 @@ class _Springs:
     def __init__(self, deck: Deck) -> None:
         self.grids, self.notes = deck.grids, deck.notes
         self.bushes = numbered(deck.take("PBUSH"), "property", "PID")
-        self.properties = {
-            card.integer(at, "PID"): card.real(at + 1, "K")
-            for card in deck.take("PELAS")
-            for at in (0, 4)
-            if at == 0 or card.text(at)
-        }
+        self.properties: dict[int, float] = {}
+        for card in deck.take("PELAS"):
+            for at in (0, 4):
+                if at == 0 or card.text(at):
+                    stiffness = card.real(at + 1, "K")
+                    if self.properties.setdefault(card.integer(at, "PID"), stiffness) != stiffness:
+                        raise card.error("the property is there twice, with two stiffnesses", at)
 
     def scalar(self, card: Card) -> Iterator[Spring]:
         """CELAS1 and CELAS2: between components of two grids, or to the ground."""
@@ -168,10 +170,9 @@ def _vector(values: Floats) -> Vector:
     return x, y, z
 
 
-def spread_masses(deck: Deck) -> tuple[dict[int, float], dict[int, float]]:
-    """Mass per area by property of shells, and per length by property of beams, of the set that the case control selects."""
-    shells: dict[int, float] = {}
-    beams: dict[int, float] = {}
+def spread_masses(deck: Deck) -> Mapping[tuple[str, int], float]:
+    """Mass per area of shells and per length of beams by family and number of property, of the set that the deck selects."""
+    found: dict[tuple[str, int], float] = defaultdict(float)
     cards, joining = deck.take("NSM", "NSM1", "NSML", "NSML1"), deck.take("NSMADD")
     selected = _selected(joining, deck.case)
     for card in cards:
@@ -184,20 +185,17 @@ def spread_masses(deck: Deck) -> tuple[dict[int, float], dict[int, float]]:
             deck.notes.add(card, card.name, f"non-structural mass by {kind or 'nothing'} is not used", True)
             continue
         plates = {number for number, plate in deck.plates.items() if plate.name == kind}
-        target = shells if kind in PLATES else beams
         for number, value in _values(card, plates if kind in PLATES else set(deck.profiles[kind])):
-            target[number] = target.get(number, 0.0) + value * deck.mass_factor
-    return shells, beams
+            found[family(kind), number] += value * deck.mass_factor
+    return found
 
 
 def _selected(joined: Iterable[Card], case: Case) -> set[int]:
     number = case.number("NSM")
     if number is None:
         return set()
-    for card in joined:
-        if card.integer(0, "SID") == number:
-            return {whole(text) or 0 for _, text in card.words(1)}
-    return {number}
+    joining = [card for card in joined if card.integer(0, "SID") == number]
+    return {whole(text) or 0 for card in joining for _, text in card.words(1)} or {number}
 
 
 def _values(card: Card, known: set[int]) -> list[tuple[int, float]]:

@@ -174,6 +174,12 @@ PLATES = ("PSHELL", "PCOMP", "PCOMPG")
 PROFILES = ("PBAR", "PBARL", "PBEAM", "PBEAML", "PROD", "PTUBE")
 """Cards of properties: of shells; of bars, beams and rods."""
 
+
+def family(kind: str) -> str:
+    """Properties of which no two have one number: of shells, of bars, of beams, of rods or of tubes."""
+    return PLATES[0] if kind in PLATES else kind.removesuffix("L")
+
+
 _LONGEST = 60
 
 

@@ -1,5 +1,6 @@
 """Rigid elements and constraints."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -156,7 +157,9 @@ def _parted(grids: Grids, rows: list[int], dofs: tuple[int, ...], where: Where) 
 def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
     """Numbers of the sets that hold, with those that an SPCADD joins."""
     case, notes = deck.case, deck.notes
-    joined = {card.integer(0, "SID"): card for card in joining}
+    joined: dict[int, list[Card]] = defaultdict(list)
+    for card in joining:
+        joined[card.integer(0, "SID")].append(card)
     stated = {card.integer(0, "SID") for card in cards}
     for value, where in case.others.get("SPC", ()):
         loss = f"the modes are read with SPC = {case.selected.get('SPC', 'none')}, not {value}"
@@ -173,10 +176,10 @@ def _holding(deck: Deck, cards: list[Card], joining: list[Card]) -> set[int]:
             names = ", ".join(map(str, sorted(stated)))
             notes.add(cards[0], "SPC", f"nothing selects one of the sets {names}; all of them hold here", True)
             return stated
-    by = joined.get(selected)
-    holding = {selected} if by is None else {whole(text) or 0 for _, text in by.words(1)}
+    by = {whole(text) or 0: card for card in joined[selected] for _, text in card.words(1)}
+    holding = set(by) or {selected}
     for missing in sorted(holding - stated):
-        who = "the case control selects" if by is None else f"{by.title} joins"
+        who = f"{by[missing].title} joins" if by else "the case control selects"
         loss = f"{who} SPC = {missing}, which is not in the deck; nothing is held by it"
-        notes.add(by or Where(1), "SPC", loss, True)
+        notes.add(by.get(missing, Where(1)), "SPC", loss, True)
     return holding

@@ -28,8 +28,8 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
         FormatError: a card is wrong, in the words of the manual, with its line.
     """
     deck = Deck(content, included or {})
-    per_area, per_length = spread_masses(deck)
-    shells, beams = Shells(deck, per_area), Beams(deck, per_length)
+    extra = spread_masses(deck)
+    shells, beams = Shells(deck, extra), Beams(deck, extra)
     elements = sorted([*shells.blocks(), *beams.blocks()], key=lambda block: int(block.lines[0]))
     model = FiniteElementModel(
         "bdf",

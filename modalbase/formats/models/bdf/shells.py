@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalbase.formats.models.bdf.card import Card
-from modalbase.formats.models.bdf.deck import Deck
+from modalbase.formats.models.bdf.deck import Deck, family
 from modalbase.formats.models.check import normals_of, unit
 from modalbase.formats.models.model import Elements, Floats, Kind, Ply, ShellSection
 
@@ -77,8 +77,8 @@ class Shells:
         sections: of the sets that elements use, by name.
     """
 
-    def __init__(self, deck: Deck, extra: Mapping[int, float]) -> None:
-        """Of a deck, and non-structural mass per area by property."""
+    def __init__(self, deck: Deck, extra: Mapping[tuple[str, int], float]) -> None:
+        """Of a deck, and non-structural mass per area by family and number of property."""
         self.sections: dict[str, ShellSection] = {}
         self._deck, self._extra = deck, extra
         self._read: dict[int, _Property] = {}
@@ -208,7 +208,8 @@ class Shells:
 
     def _mass(self, card: Card, index: int) -> float:
         """Non-structural mass per area of a property."""
-        return card.real(index, "NSM", 0.0) * self._deck.mass_factor + self._extra.get(card.integer(0, "PID"), 0.0)
+        extra = self._extra.get((family(card.name), card.integer(0, "PID")), 0.0)
+        return card.real(index, "NSM", 0.0) * self._deck.mass_factor + extra
 
     def _block(self, group: _Group) -> Elements:
         section, nodes = group.section, np.array(group.nodes, dtype=np.int64)

@@ -87,6 +87,8 @@ def test_control_selects_what_holds() -> None:
     assert [(one.nodes.tolist(), one.dofs) for one in model.supports] == [([3], (0, 1)), ([0], (0, 1, 2, 3, 4, 5))]
     assert "SPC of another subcase" in lost(model)
     assert read(deck.format("METHOD = 5")).supports == ()
+    again = read(deck.replace("ENDDATA", "SPCADD,9,2\nENDDATA").format("SPC = 9"))
+    assert sorted(one.dofs for one in again.supports) == [(0, 1), (0, 1, 2, 3, 4, 5), (2,)]  # all that SPCADD join
     assert lost(read(deck.format("SPC = 77")))["SPC"]
     assert lost(read(deck.replace("9,1,3", "9,1,8").format("SPC = 9")))[
         "SPC"
@@ -264,6 +266,15 @@ def test_nonstructural_mass_of_the_set_that_is_selected() -> None:
     assert lost(model)["NSML"]
     assert shell(read(deck.format("NSM = 2"))).extra_mass == 5
     assert shell(read(deck.format(""))).extra_mass == 0
+    both = read(deck.replace("ENDDATA", "NSMADD,9,1\nNSMADD,9,2\nENDDATA").format("NSM = 9"))
+    assert shell(both).extra_mass == 10
+
+
+def test_nonstructural_mass_of_properties_of_one_number() -> None:
+    """A bar, a rod and a shell may each have a property 1; a PBARL is a bar's."""
+    properties = "PBARL,1,1,,BAR\n,.02,.01\nPROD,1,1,1.-4\nNSM1,1,PSHELL,3.,1\nNSM1,1,PBAR,5.,1\n"
+    model = read(SQUARE + "CBAR,7,1,1,3,0.,0.,1.\nCROD,8,1,2,4\n" + properties)
+    assert [shell(model).extra_mass, *(beam(model, name).extra_mass for name in ("pbarl_1", "prod_1"))] == [3, 5, 0]
 
 
 @pytest.mark.parametrize(

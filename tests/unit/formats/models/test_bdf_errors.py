@@ -86,6 +86,7 @@ BAD = {
     "spring's component": (SQUARE + "CELAS2,7,5.,3,12\n", "line 8", "C1 (field 5) is '12', expected one component"),
     "negative spring": (SQUARE + "CELAS2,7,-5.,3,1\n", "line 8", "CELAS2 7: the stiffness is -5"),
     "missing PELAS": (SQUARE + "CELAS1,7,5,3,1\n", "line 8", "there is no PELAS 5"),
+    "two PELAS": (SQUARE + "PELAS,5,1.,,,5,2.\n", "line 8", "the property is there twice, with two stiffnesses"),
     "bush without system": (SQUARE + "CBUSH,7,5,3\nPBUSH,5,K,1.\n", "line 8", "CBUSH 7: CID (field 9) is empty"),
     "bush without direction": (SQUARE + "CBUSH,7,5,1,3\nPBUSH,5,K,,1.\n", "line 8", "since K2, K3, K5 or K6 is given"),
     "led twice": (SQUARE + "RBE2,7,1,123,2\nRBE2,8,3,3,2\n", "line 9", "leads node 2, which line 8 leads already"),
