@@ -178,7 +178,7 @@ def proxy(deployment: Deployment, api: int, authority: trustme.CA) -> Iterator[s
     process = subprocess.Popen(["nginx", "-c", str(deployment.folder / "nginx.conf"), "-g", "daemon off;"])
     try:
         until(lambda: answers(f"http://127.0.0.1:{plain}/"), "the proxy")
-        moved = httpx.get(f"http://127.0.0.1:{plain}/docs", trust_env=False)
+        moved = httpx.get(f"http://127.0.0.1:{plain}/docs", trust_env=False, timeout=60)
         assert (moved.status_code, moved.headers["location"]) == (308, "https://127.0.0.1/docs")
         yield f"https://127.0.0.1:{tls}"
     finally:

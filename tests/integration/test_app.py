@@ -340,7 +340,7 @@ def test_every_answer_has_the_headers_that_protect_a_browser(service: LocalServi
 
 
 def test_documentation_pages_and_metrics_can_be_switched_off(small: LocalService) -> None:
-    with httpx.Client(base_url=small.url, trust_env=False) as client:
+    with httpx.Client(base_url=small.url, trust_env=False, timeout=60) as client:
         for path in (
             "/",
             "/docs",

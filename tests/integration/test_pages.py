@@ -149,7 +149,7 @@ def test_files_of_pages_are_kept_by_browsers_and_sent_compressed(browser: httpx.
 
 
 def test_every_page_of_the_guide_is_served_to_anybody(service: LocalService) -> None:
-    with httpx.Client(base_url=f"{service.url}/guide/") as anybody:
+    with httpx.Client(base_url=f"{service.url}/guide/", trust_env=False, timeout=60) as anybody:
         for address in addresses():
             answer = anybody.get(address)
             assert answer.status_code == 200, address
