@@ -24,6 +24,7 @@ from fecore.frf import FrfSet, convert
 from fecore.modal.error_model import memory
 from fecore.modal.noise import line_scatter
 from fecore.updating.damping_data import DampingData
+from fecore.updating.excursions import Excursion
 from fecore.updating.forward import ForwardState
 from fecore.updating.law_fit import DampingFit, fit_law
 from fecore.updating.measured_ratios import (
@@ -61,10 +62,12 @@ class DampingResult:
     # best, which comes first
     optima: tuple[FloatArray, ...]
     reference: ReferenceFit  # the same data fitted with a ratio of its own for every measured mode
-    # by name of its source, (p, k) independent standard deviations of which the coefficients' error is made
-    sources: Mapping[str, FloatArray]
-    pulls: FloatArray  # (p, e) change of the coefficients by one standard deviation of each of stage 1's excursions
-    window: FloatArray  # (p,) change of the coefficients by an exponential window of one standard deviation of its rate
+    # by name of its source, (p, k) independent standard deviations of which the coefficients' error is made: `own` at
+    # given parameters of stage 1, `inherited` through these
+    own: Mapping[str, FloatArray]
+    inherited: Mapping[str, FloatArray]
+    excursions: tuple[Excursion, ...]  # stage 1's, then a window that nobody stated or that is not known exactly
+    pulls: FloatArray  # (p, e) change of the coefficients by one standard deviation of each of these
     by_elastic: FloatArray  # (p, q) derivative of the estimate by stage 1's parameters
     deviations: ScaleMixture  # what is known of the scale of the relative deviations of damping ratios from the law
 
@@ -74,14 +77,51 @@ class DampingResult:
         return self.deviations.rms
 
     @property
+    def sources(self) -> dict[str, FloatArray]:
+        """Of the whole error, excursions apart."""
+        return {**self.own, **self.inherited}
+
+    @property
     def covariance(self) -> FloatArray:
-        """(p, p) of the coefficients, excursions and the window apart."""
-        total: FloatArray = np.sum([part @ part.T for part in self.sources.values()], axis=0)
+        """(p, p) of the coefficients, excursions apart."""
+        return _covariance(self.sources)
+
+    @property
+    def window(self) -> FloatArray:
+        """(p,) change of the coefficients by an exponential window of one standard deviation of its rate."""
+        moved: FloatArray = self.pulls[:, [each.name == WINDOW for each in self.excursions]].sum(axis=1)
+        return moved
+
+    def joint(self, elastic: FloatArray, own: FloatArray | None = None) -> FloatArray:
+        """(q+p, q+p) covariance of θ and a: a = â + (∂a/∂θ)(θ - θ̂) + its own error, of all its sources or as given.
+
+        Args:
+            elastic: (q, q) covariance of θ.
+            own: (p, p) of a at given θ.
+        """
+        by = np.vstack([np.eye(len(elastic)), self.by_elastic])
+        joint: FloatArray = by @ elastic @ by.T
+        joint[len(elastic) :, len(elastic) :] += _covariance(self.own) if own is None else own
+        return joint
+
+    def draws(self, random: np.random.Generator, count: int) -> FloatArray:
+        """(n, p) draws of the error at given parameters of stage 1: each with a scale of the modes' deviations of its own."""
+        scale = random.choice(self.deviations.scale, count, p=self.deviations.weight) / self.discrepancy
+        parts = {name: random.standard_normal((count, part.shape[1])) @ part.T for name, part in self.own.items()}
+        parts[OF_LAW] *= scale[:, None]
+        total: FloatArray = np.sum(list(parts.values()), axis=0)
         return total
+
+
+def _covariance(sources: Mapping[str, FloatArray]) -> FloatArray:
+    """(p, p) of an error that is made of independent sources."""
+    total: FloatArray = np.sum([part @ part.T for part in sources.values()], axis=0)
+    return total
 
 
 OF_LAW = "discrepancy of the law"
 AGAINST_MODES = "FRFs against modes"
+WINDOW = "window"
 _OF_FRFS = ("measurement noise of FRFs", OF_LAW, "modes not measured")
 
 
@@ -99,7 +139,6 @@ class ReferenceFit:
     # mean square of the residual over the noise of the lines, 1 at least: what is above 1 is the model's error
     excess: float
     ratios: MeasuredRatios  # damping ratios as measured where they were, else from the modal fit
-    own_ratios: MeasuredRatios  # those of the modal fit
     delay: float  # between the channels, as the FRFs show it, s
 
 
@@ -128,14 +167,12 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     residual, _ = misfit.residual(predicted)
     scale *= memory(residual, misfit.variance, misfit.counted, predicted)
-    own = _modal_ratios(data, fit)
     return ReferenceFit(
         misfit=misfit,
         fit=fit,
         scale=scale,
         excess=excess,
-        ratios=data.measured_ratios or own,
-        own_ratios=own,
+        ratios=data.measured_ratios or _modal_ratios(data, fit),
         delay=delay,
     )
 
@@ -197,7 +234,6 @@ def fit_damping(
         reference,
         misfit=replace(reference.misfit, model=data.model),
         ratios=replace(reference.ratios, strain=data.lawful_strain),
-        own_ratios=replace(reference.own_ratios, strain=data.lawful_strain),
     )
     start, ratios = data.start(law), reference.ratios
     scale = scale_of_deviations(
@@ -221,6 +257,11 @@ def fit_damping(
     best = fits[0]
     elastic, by_elastic = data.elastic, _by_elastic(data, reference.misfit, best)
     by_coordinates = by_elastic * elastic.prior.slope(elastic.theta)
+    window_sd, excursions, pulls = data.window_sd(), elastic.every_excursion, by_coordinates @ elastic.pulls
+    if window_sd:
+        known = data.inputs.window_known
+        excursions += (Excursion(WINDOW, np.zeros(0), "both" if known else "one-sided", known, ""),)
+        pulls = np.column_stack([pulls, -law_of_window(law, ratios) * window_sd])
     rivals = [fit.coefficients for fit in fits if fit.objective - best.objective < _RIVAL * reference.scale]
     return DampingResult(
         fit=best,
@@ -228,13 +269,13 @@ def fit_damping(
         starts=len(starts),
         optima=_different(rivals, _SAME_TO_NOISE * np.sqrt(np.diag(best.noise_covariance))),
         reference=reference,
-        sources={
+        own={
             **_own_sources(data, best, spread),
             AGAINST_MODES: np.diag(_against_modes(ratios, best, spread)),
-            **{n: by_coordinates @ part for n, part in elastic.sources.items()},
         },
-        pulls=by_coordinates @ elastic.pulls,
-        window=-law_of_window(law, ratios) * data.window_sd(),
+        inherited={n: by_coordinates @ part for n, part in elastic.sources.items()},
+        excursions=excursions,
+        pulls=pulls,
         by_elastic=by_elastic,
         deviations=scale,
     )

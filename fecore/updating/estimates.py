@@ -22,7 +22,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.normal import Z_95
-from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, DampingResult
+from fecore.updating.damping_stage import AGAINST_MODES, OF_LAW, WINDOW, DampingResult
 from fecore.updating.elastic_result import DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS, NOISE, ElasticResult
 from fecore.updating.excursions import Excursion
 from fecore.updating.findings import found
@@ -200,24 +200,18 @@ def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate
     return estimates
 
 
-def coefficient_estimates(
-    elastic: ElasticResult, damping: DampingResult, inputs: Inputs, sampled: Posterior | None
-) -> list[ParameterEstimate]:
-    """Coefficients of the fitted damping law."""
-    fit, excursions, pulls = damping.fit, elastic.every_excursion, damping.pulls
-    if np.any(damping.window):  # it may have been more than was stated
-        known = inputs.window_known
-        window = Excursion("window", np.zeros(0), "both" if known else "one-sided", known, "")
-        excursions, pulls = (*excursions, window), np.column_stack([pulls, damping.window])
-    provenance = _provenance(elastic, inputs, damping)
-    estimates = []
+def coefficient_estimates(elastic: ElasticResult, damping: DampingResult, inputs: Inputs) -> list[ParameterEstimate]:
+    """Coefficients of the fitted damping law.
+
+    Their posterior is a mixture in closed form, with tails that make the standard deviation of its samples a poor one.
+    """
+    fit, provenance, estimates = damping.fit, _provenance(elastic, inputs, damping), []
     for i, (name, unit) in enumerate(zip(fit.law.coefficient_names, fit.law.coefficient_units, strict=True)):
         variance = {source: float(part[i] @ part[i]) for source, part in damping.sources.items()}
         total, noise_sd = sum(variance.values()), float(np.sqrt(fit.noise_covariance[i, i]))
         reach = damping.deviations.reach(total - variance[OF_LAW], variance[OF_LAW])
-        core = Spread(float(np.sqrt(total)), noise_sd, reach, reach, variance)
-        spread = core.sampled(None if sampled is None else sampled.damping[:, i] - fit.coefficients[i])
-        spread = spread.with_excursions(excursions, pulls[i])
+        spread = Spread(float(np.sqrt(total)), noise_sd, reach, reach, variance)
+        spread = spread.with_excursions(damping.excursions, damping.pulls[i])
         base = spread.estimate(name, unit, float(fit.coefficients[i]), provenance=provenance)
         estimates.append(replace(base, initial=float(damping.start[i])))
     return estimates
@@ -287,7 +281,7 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
             "law from the FRFs against that of the identified modes: errors of the model's shapes, delay"
         )
         words["modes not measured"] = "tails of modes that nobody measured"
-        words["window"] = (
+        words[WINDOW] = (
             "stated, or seen in the noise of hits" if inputs.window_known else f"no window was stated, {_ASSUMED}"
         )
     return words

@@ -47,6 +47,11 @@ class Excursion:
         """Root mean square of the input's effect, over that of one standard deviation: √E[z⁴] = √3 for a square."""
         return float(np.sqrt(3.0)) if self.kind == "square" else 1.0
 
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the effect about its own mean, likewise."""
+        return float({"one-sided": np.sqrt(1 - 2 / np.pi), "square": np.sqrt(2.0), "both": 1.0}[self.kind])
+
     def draws(self, random: np.random.Generator, count: int) -> FloatArray:
         """(n,) draws of the input's effect, in that of one standard deviation."""
         normal = random.standard_normal(count)

@@ -10,7 +10,7 @@ A law is never exact: each ratio is off it by a share ε ~ N(0, s²), and s is l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +23,6 @@ from fecore.least_squares import nearest, unit_columns
 from fecore.modes import MeasuredModes
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.mixing import Mixing
-from fecore.updating.posterior import over_scales
 
 TYPED_RATIO_SD = 0.02
 """Relative standard deviation of a damping ratio that came without one."""
@@ -203,11 +202,6 @@ def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArr
         covariance = V + s**2 * np.eye(r.size)
         log_weight[number] -= (np.linalg.slogdet(covariance)[1] + r @ np.linalg.solve(covariance, r)) / 2
     return ScaleMixture(np.exp(log_weight - scipy.special.logsumexp(log_weight)), scale)
-
-
-def log_likelihood_of_deviations(noise: FloatArray, prior_rms: float) -> Callable[[FloatArray], FloatArray]:
-    """The same of (w, n) relative residuals of a law, under the prior of `scale_of_deviations`."""
-    return over_scales(noise, *_prior_of_deviations(prior_rms), np.ones(len(noise)))
 
 
 def _prior_of_deviations(rms: float) -> tuple[FloatArray, FloatArray]:

@@ -327,13 +327,8 @@ def log_likelihood(noise: FloatArray, weights: FloatArray | float = 1.0) -> Call
 
     Each counts as far as its (n,) weight says that it is one of a mode.
     """
-    return over_scales(noise, *grid_of_discrepancies(), np.broadcast_to(weights, len(noise)))
-
-
-def over_scales(
-    noise: FloatArray, s: FloatArray, log_prior: FloatArray, weights: FloatArray
-) -> Callable[[FloatArray], FloatArray]:
-    """The logarithm of p(r) of (w, n) residuals, over (m,) scales s with the logarithms of their prior probabilities."""
+    s, log_prior = grid_of_discrepancies()
+    weights = np.broadcast_to(weights, len(noise))
     values, turn = np.linalg.eigh(noise)
     variance = np.maximum(values, 0) + s[:, None] ** 2
     logs, uncounted = np.log(variance), turn.T**2 @ (1 - weights)

@@ -266,7 +266,7 @@ class PosteriorSummary:
     """How the posterior was had."""
 
     method: str  # "laplace" or "mcmc"
-    # effective_samples, autocorrelation_time, acceptance: of the elastic and the damping chain; empty for Laplace
+    # effective_samples, autocorrelation_time, acceptance: of the chain of the constants; empty for Laplace
     effective_samples: tuple[float, ...] = ()
     autocorrelation_time: tuple[float, ...] = ()
     acceptance: tuple[float, ...] = ()

@@ -2,10 +2,11 @@
 
 Stage 1's coordinates ξ are sampled from its posterior with the discrepancy marginalised, through a small basis made for just
 this posterior; the inputs, whose errors are small and so act linearly, are integrated out of it and drawn afterwards. The
-law's coefficients a are sampled from the misfit of the measured modes' damping ratios, known to the noise of the FRFs and to
-the law's discrepancy, and follow stage 1: a ← a + (∂a/∂θ)(θ - θ̂). Excursions are draws of their own.
+law's coefficients have a posterior in closed form at given θ, the mixture over the scale of the modes' deviations that the
+Gaussian posterior has too (`DampingResult`). They are drawn from it, and follow stage 1: a ← a + (∂a/∂θ)(θ - θ̂). Excursions are
+draws of their own.
 
-A long chain can be kept and taken up again (`Checkpoint`): its last state holds the random generator's, so the samples are the
+The chain can be kept and taken up again (`Checkpoint`): its last state holds the random generator's, so the samples are the
 same to the bit as those of a chain that was never interrupted.
 
 A chain counts only when it is converged: longer than 50 autocorrelation times, with the effective samples that were asked for
@@ -23,10 +24,9 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import UpdatingError
-from fecore.updating.damping_stage import DAMPING_DISCREPANCY, DampingResult
+from fecore.updating.damping_stage import DampingResult
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.forward import ForwardModel
-from fecore.updating.measured_ratios import log_likelihood_of_deviations
 from fecore.updating.parameters import Parametrisation, by_name
 from fecore.updating.posterior import log_likelihood, root
 
@@ -72,12 +72,11 @@ class Chain:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Samples of all parameters, and what the chains were like."""
+    """Samples of all parameters, and what the chain of the elastic ones was like."""
 
     xi: FloatArray  # (n, q) samples of stage 1's coordinates, excursions apart
-    damping: FloatArray  # (n, p) samples of the law's coefficients, excursions apart
     everything: FloatArray  # (n, q + p) samples of θ and the coefficients, excursions included
-    chains: tuple[Chain, Chain]  # the elastic one and that of the coefficients
+    chain: Chain
 
 
 def sample_posterior(
@@ -88,45 +87,33 @@ def sample_posterior(
     progress: Callable[[float], None] = lambda _: None,
     checkpoint: Checkpoint | None = None,
 ) -> Posterior:
-    """Sample elastic constants and the law's coefficients. The elastic chain, which is the long one, is kept by `checkpoint`.
+    """Sample elastic constants and the law's coefficients; the chain is kept by `checkpoint`.
 
     Raises:
-        UpdatingError: a chain did not converge; nothing of it is returned.
+        UpdatingError: the chain did not converge; nothing of it is returned.
     """
-    seeds = np.random.SeedSequence(seed).spawn(3)
+    seeds = np.random.SeedSequence(seed).spawn(2)
     prior, free = elastic.prior, len(elastic.prior.reported)
-    first = run_chain(
+    chain = run_chain(
         density=_elastic_density(elastic),
         start=prior.xi(elastic.theta)[:free],
         covariance=elastic.given.total[:free, :free],
         seed=seeds[0],
         wanted=wanted,
-        progress=lambda share: progress(0.6 * share),
+        progress=progress,
         names=prior.reported,
         checkpoint=checkpoint,
     )
-    density, covariance = _damping_density(damping)
-    second = run_chain(
-        density=density,
-        start=damping.fit.coefficients,
-        covariance=covariance,
-        seed=seeds[1],
-        wanted=wanted,
-        progress=lambda share: progress(0.6 + 0.4 * share),
-        names=damping.fit.law.coefficient_names,
-    )
-    random = np.random.default_rng(seeds[2])
-    count = min(len(first.samples), len(second.samples))
-    xi = _with_inputs(elastic, random.permutation(first.samples)[:count], random)
+    random, count = np.random.default_rng(seeds[1]), len(chain.samples)
+    xi = _with_inputs(elastic, chain.samples, random)
     if elastic.in_doubt:  # the chain is that of the modes with their weights
         doubt = root(elastic.mixture.total - elastic.given.total, elastic.mixture.total)
         xi = xi + random.standard_normal(xi.shape) @ doubt.T
     theta = prior.theta(xi)
-    a = random.permutation(second.samples)[:count] + (theta - elastic.theta) @ damping.by_elastic.T
-    draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in elastic.every_excursion)])
-    window = np.abs(random.standard_normal(count))[:, None] * damping.window
-    moved = prior.theta(xi + draws @ elastic.pulls.T)
-    return Posterior(xi, a, np.hstack([moved, a + draws @ damping.pulls.T + window]), (first, second))
+    a = damping.fit.coefficients + damping.draws(random, count) + (theta - elastic.theta) @ damping.by_elastic.T
+    draws = np.column_stack([np.zeros((count, 0)), *(each.draws(random, count) for each in damping.excursions)])
+    moved = prior.theta(xi + draws[:, : len(elastic.every_excursion)] @ elastic.pulls.T)
+    return Posterior(xi, np.hstack([moved, a + draws @ damping.pulls.T]), chain)
 
 
 def run_chain(
@@ -234,23 +221,6 @@ def _with_inputs(elastic: ElasticResult, xi: FloatArray, random: np.random.Gener
     left = joint[free:, free:] - joint[free:, :free] @ slope
     drawn = random.multivariate_normal(np.zeros(len(left)), left, len(xi), method="svd")
     return np.hstack([xi, centre[free:] + (xi - centre[:free]) @ slope + drawn])
-
-
-def _damping_density(damping: DampingResult) -> tuple[LogProbability, FloatArray]:
-    """Log posterior of a, the law's discrepancy marginalised, from the damping ratios' logarithms; and its covariance."""
-    law, ratios = damping.fit.law, damping.reference.own_ratios
-    basis = ratios.basis(law)
-    likelihood = log_likelihood_of_deviations(ratios.relative_covariance, DAMPING_DISCREPANCY)
-    weight = np.linalg.inv(ratios.relative_covariance + damping.discrepancy**2 * np.eye(ratios.ratio.size))
-
-    def density(a: FloatArray) -> FloatArray:
-        ratio = a @ basis.T
-        positive = np.all(ratio > 0, axis=1)
-        residual = np.log(np.where(ratio > 0, ratio, 1.0) / ratios.ratio)
-        return np.where(positive, likelihood(residual), -np.inf)
-
-    slope = ratios.relative_basis(law)
-    return density, np.linalg.inv(slope.T @ weight @ slope)
 
 
 @dataclass(frozen=True)

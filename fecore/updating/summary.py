@@ -123,7 +123,7 @@ class Summary:
         """Constants, then the coefficients of the first damping law: from the FRFs, or else from the modes' ratios."""
         constants = constant_estimates(self.elastic, self.inputs, self.sampled)
         if self.damping is not None:
-            return (*constants, *coefficient_estimates(self.elastic, self.damping, self.inputs, self.sampled))
+            return (*constants, *coefficient_estimates(self.elastic, self.damping, self.inputs))
         return (*constants, *([] if self.ranking is None else ratio_estimates(self.ranking.laws[0])))
 
     def _own_findings(self) -> list[Finding]:
@@ -245,25 +245,36 @@ class Summary:
     def _posterior(self) -> PosteriorSummary:
         prior = self.elastic.prior
         inputs = np.arange(len(prior.reported), len(prior.names))
-        if self.sampled is None or self.damping is None:
-            covariance, names = self.elastic.covariance, prior.reported
-            if self.damping is not None:
-                covariance = Predictor(self.elastic, self.damping).covariance
-                names = (*names, *self.damping.fit.law.coefficient_names)
-            covariance = np.delete(np.delete(covariance, inputs, axis=0), inputs, axis=1)
+        names = prior.reported
+        if self.damping is not None:
+            names = (*names, *self.damping.fit.law.coefficient_names)
+        if self.sampled is None:
+            covariance = np.delete(np.delete(self._covariance(), inputs, axis=0), inputs, axis=1)
             scale = np.sqrt(np.diag(covariance))
             return PosteriorSummary("laplace", names=names, correlation=covariance / np.outer(scale, scale))
-        samples = np.delete(self.sampled.everything, inputs, axis=1)
+        chain, samples = self.sampled.chain, np.delete(self.sampled.everything, inputs, axis=1)
         correlation: FloatArray = np.atleast_2d(np.corrcoef(samples.T))
         return PosteriorSummary(
             method="mcmc",
-            effective_samples=tuple(float(chain.effective_samples.min()) for chain in self.sampled.chains),
-            autocorrelation_time=tuple(float(chain.autocorrelation_time.max()) for chain in self.sampled.chains),
-            acceptance=tuple(chain.acceptance for chain in self.sampled.chains),
-            names=(*prior.reported, *self.damping.fit.law.coefficient_names),
+            effective_samples=(float(chain.effective_samples.min()),),
+            autocorrelation_time=(float(chain.autocorrelation_time.max()),),
+            acceptance=(chain.acceptance,),
+            names=names,
             samples=samples,
             correlation=correlation,
         )
+
+    def _covariance(self) -> FloatArray:
+        """(q+p, q+p) of θ and the law's coefficients, excursions included."""
+        elastic, damping = self.elastic, self.damping
+        excursions, covariance = elastic.every_excursion, elastic.covariance
+        pulls = elastic.prior.slope(elastic.theta)[:, None] * elastic.pulls
+        if damping is not None:
+            excursions, covariance = damping.excursions, damping.joint(covariance)
+            pulls = np.vstack([np.pad(pulls, ((0, 0), (0, len(excursions) - pulls.shape[1]))), damping.pulls])
+        moved = pulls * [each.sd for each in excursions]
+        whole: FloatArray = covariance + moved @ moved.T
+        return whole
 
     def _pairing(self) -> PairingSummary:
         elastic, rival = self.elastic, None

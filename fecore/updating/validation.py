@@ -78,13 +78,14 @@ class Predictor:
         basis = self.damping.fit.law.basis(model.omega, model.strain)
         basis[self.damping.fit.nuisance.suspended] = 0
         shifted = self.damping.fit.nuisance.modes
-        p, e = len(self.covariance), shifted.size
+        covariance = self.damping.joint(self.elastic.covariance, self.damping.fit.noise_covariance)
+        p, e = len(covariance), shifted.size
         # Of the lines' functions, in the change of each FRF by each constant and coefficient.
         weights = np.zeros((p, len(A), 3 * m))
         weights[: self.elastic.theta.size, :, :m] = state.residue_jacobian(frfs.responses, references)
         weights[: self.elastic.theta.size, :, m : 2 * m] = A * state.eigenvalue_jacobian.T[:, None, :]
         weights[self.elastic.theta.size :, :, 2 * m :] = A * basis.T[:, None, :]
-        weights = np.tensordot(root(self.covariance).T, weights, 1)
+        weights = np.tensordot(root(covariance).T, weights, 1)
         # The weights are real: real and imaginary parts go side by side through products of real numbers.
         parts = np.ascontiguousarray(lines).view(np.float64)
         change = np.empty((p + 2 * e, len(A), parts.shape[1]))
@@ -94,15 +95,6 @@ class Predictor:
         for own, size, first in ((change[p : p + e], shift, m), (change[p + e :], deviation, 2 * m)):
             np.multiply((size * A[:, shifted]).T[:, :, None], parts[first + shifted][:, None], out=own)
         return change.view(np.complex128)
-
-    @property
-    def covariance(self) -> FloatArray:
-        """(q+p, q+p) joint covariance of θ and a: a = â + (∂a/∂θ)(θ - θ̂) + its own noise."""
-        by = np.vstack([np.eye(self.elastic.theta.size), self.damping.by_elastic])
-        joint: FloatArray = by @ self.elastic.covariance @ by.T
-        q = self.elastic.theta.size
-        joint[q:, q:] += self.damping.fit.noise_covariance
-        return joint
 
     def hold_against(self, frfs: FrfSet, points: tuple[int, ...], band_hz: tuple[float, float]) -> HeldOut:
         """Compare held-out FRFs with their prediction; the noise level is that of the fitted data."""

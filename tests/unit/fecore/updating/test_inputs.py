@@ -1,6 +1,7 @@
 """What a laboratory does not know exactly: inputs, clamps, windows, delays, and how each reaches the intervals."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.discretisation import DISCRETISATION, discretise
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.excursions import excursions
+from fecore.updating.excursions import Excursion, excursions
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement, prepare
 from fecore.updating.parameters import Parameter
@@ -190,3 +191,10 @@ def test_the_mesh_is_as_good_as_it_says(nominal: Specimen, size: tuple[float, fl
     nx, ny = found.divisions
     chosen, finer = (frequencies(replace(body, divisions=d), found.error.size) for d in ((nx, ny), (2 * nx, 2 * ny)))
     assert np.abs(chosen / finer - 1).max() < DISCRETISATION
+
+
+@pytest.mark.parametrize("kind", ["one-sided", "square", "both"])
+def test_an_excursion_has_the_moments_of_its_draws(kind: Literal["one-sided", "square", "both"]) -> None:
+    each = Excursion("sensor", np.zeros(0), kind, stated=True, amount="1 g")
+    draws = each.draws(np.random.default_rng(1), 200_000)
+    assert (each.sd, each.rms) == pytest.approx((np.std(draws), np.sqrt(np.mean(draws**2))), rel=0.01)

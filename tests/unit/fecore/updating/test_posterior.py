@@ -8,7 +8,6 @@ from fecore.updating.findings import FINDINGS, found, warnings
 from fecore.updating.measured_ratios import (
     ScaleMixture,
     disagreement,
-    log_likelihood_of_deviations,
     scale_of_deviations,
 )
 from fecore.updating.posterior import LinearProblem, Mixture, identifiability, log_likelihood, root, spread_over
@@ -28,11 +27,6 @@ def gaussian(values: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return (
         -(np.linalg.slogdet(covariance)[1] + np.einsum("wn,nw->w", values, np.linalg.solve(covariance, values.T))) / 2
     )
-
-
-def over(scales: np.ndarray, log_prior: np.ndarray, values: np.ndarray) -> np.ndarray:
-    each = [gaussian(values, NOISE + s**2 * np.eye(4)) + p for s, p in zip(scales, log_prior, strict=True)]
-    return np.asarray(scipy.special.logsumexp(each, axis=0))
 
 
 def test_the_mixture_is_likelihood_times_prior() -> None:
@@ -101,9 +95,6 @@ def test_the_scale_of_deviations_has_the_restricted_likelihood() -> None:
     np.testing.assert_allclose(np.diff(np.log(scale.weight)), np.diff(expected), rtol=1e-6, atol=1e-9)
     assert scale.weight.sum() == pytest.approx(1)
     assert scale.scale[[0, -1]] == pytest.approx(unit * np.array([0.01, 30.0]))
-    tried = 0.01 * RANDOM.standard_normal((3, 4))
-    whole = over(scale.scale, log_prior, tried)
-    np.testing.assert_allclose(np.diff(log_likelihood_of_deviations(NOISE, 0.02)(tried)), np.diff(whole), rtol=1e-9)
 
 
 OMEGA = 2 * np.pi * np.array([25.0, 160.0, 400.0, 445.0, 866.0, 1210.0])
