@@ -125,7 +125,8 @@ def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
             raise card.error(f"takes the lines of all instances above {MOST_LINES}, which is the most that is read")
         parts.append(Part(mesh, every, name, part, _move(card)))
         mesh.read(every, name, parts[-1].move)
-    mesh.read(deck.own, "")
+    named = [card for step in deck.steps for card in step if card.name in ("NSET", "ELSET")]
+    mesh.read([*deck.own, *named], "")
     return [*parts, Part(mesh, deck.own)]
 
 
