@@ -170,9 +170,12 @@ def on_leaders(supports: Iterable[Support], links: Iterable[Link], places: Float
         for node in support.nodes.tolist():
             tie = ties.get(node)
             led = set(tie.dofs) if tie and (len(tie.dofs) == 6 or tie.axes is support.axes is None) else set()
-            for at, dofs in ((node, set(support.dofs) - led), (tie and tie.leaders[0], led & set(support.dofs))):
-                if at is not None and dofs:
-                    held[tuple(sorted(dofs))].append(at)
+            for at, some in (
+                (node, set(support.dofs) - led),
+                (tie.leaders[0] if tie else node, led & set(support.dofs)),
+            ):
+                if some:
+                    held[tuple(sorted(some))].append(at)
         for dofs, nodes in held.items():
             yield replace(support, nodes=np.array(nodes), dofs=dofs)
 
