@@ -1,13 +1,24 @@
 """What a model must satisfy before it is solved: elements that have a shape, and parts that hang together."""
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from graphlib import CycleError, TopologicalSorter
 
 import numpy as np
 import scipy
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.model import Elements, FiniteElementModel, Floats, Integers, Link, ShellSection, Where
+from modalbase.formats.models.model import (
+    Elements,
+    FiniteElementModel,
+    Floats,
+    Integers,
+    Link,
+    ShellSection,
+    Support,
+    Where,
+)
 
 CORNERS = {"quad4": 4, "quad8": 4, "tri3": 3, "tri6": 3, "beam2": 2, "beam3": 2}
 """Corners of elements; of a beam its ends."""
@@ -83,8 +94,8 @@ def check(model: FiniteElementModel) -> None:
 
     Raises:
         FormatError: there is no element; elements have no size or fold over; a section weighs less than nothing; a node is
-            led twice, or by itself in a circle; masses or springs hang on nothing; the model falls into parts, of which one
-            is free.
+            led twice, or by itself in a circle, or held where it is led; masses or springs hang on nothing; the model falls
+            into parts, of which one is free.
     """
     if not model.elements:
         raise FormatError("", "the model has no shell or beam element; nothing would vibrate")
@@ -94,6 +105,7 @@ def check(model: FiniteElementModel) -> None:
     _weigh(model)
     _led_once(model)
     _hangs_together(model)
+    _held_or_led(model)
 
 
 def _weigh(model: FiniteElementModel) -> None:
@@ -128,6 +140,75 @@ def _led_once(model: FiniteElementModel) -> None:
         named = " → ".join(str(model.numbers[node]) for node in circle)
         first = links[circle[0]]
         raise FormatError(str(first.where), f"nodes lead one another in a circle: {named}") from error
+
+
+def gathered(links: Iterable[Link]) -> tuple[Link, ...]:
+    """Links of one node by the same leaders along the same axes as one, which leads the dofs of all."""
+    found: dict[object, Link] = {}
+    for link in links:
+        key = link.node, link.leaders, link.weights, None if link.axes is None else link.axes.tobytes()
+        before = found.get(key, link)
+        found[key] = replace(before, dofs=tuple(sorted({*before.dofs, *link.dofs})))
+    return tuple(found.values())
+
+
+def nearness(places: Floats) -> float:
+    """The distance up to which nodes are at one place."""
+    return 1e-6 * float(np.linalg.norm(np.ptp(places, axis=0))) if len(places) else 0.0
+
+
+def on_leaders(supports: Iterable[Support], links: Iterable[Link], places: Floats) -> Iterator[Support]:
+    """Supports, of which what holds a led node holds the one that leads it, where both lie at one place."""
+    near = nearness(places)
+    ties = {
+        link.node: link
+        for link in links
+        if len(link.leaders) == 1 and np.linalg.norm(places[link.node] - places[link.leaders[0]]) <= near
+    }
+    for support in supports:
+        held: dict[tuple[int, ...], list[int]] = defaultdict(list)
+        for node in support.nodes.tolist():
+            tie = ties.get(node)
+            led = set(tie.dofs) if tie and (len(tie.dofs) == 6 or tie.axes is support.axes is None) else set()
+            for at, some in (
+                (node, set(support.dofs) - led),
+                (tie.leaders[0] if tie else node, led & set(support.dofs)),
+            ):
+                if some:
+                    held[tuple(sorted(some))].append(at)
+        for dofs, nodes in held.items():
+            yield replace(support, nodes=np.array(nodes), dofs=dofs)
+
+
+def directions(of: Link | Support) -> Floats:
+    """(d, 6) along or about which dofs are, as rows over displacements and turns in the model's frame."""
+    return np.asarray(np.kron(np.eye(2), np.eye(3) if of.axes is None else of.axes)[list(of.dofs)])
+
+
+def _held_or_led(model: FiniteElementModel) -> None:
+    """A led node moves as its leaders do: to hold it there holds nothing, unless these are held in that motion too."""
+    links = {link.node: link for link in model.links}
+    held: dict[int, list[Floats]] = defaultdict(list)
+    for support in model.supports:
+        for node in support.nodes.tolist():
+            held[node].append(directions(support))
+    for support in model.supports:
+        for node in links.keys() & set(support.nodes.tolist()):
+            link, led = links[node], directions(links[node])
+            rows = directions(support) @ led.T @ led
+            for leader in link.leaders:
+                if len(link.leaders) == 1:  # d · (u + θ × r) = d · u + θ · (r × d)
+                    arm = np.cross(model.nodes[node] - model.nodes[leader], rows[:, :3])
+                    moved = np.hstack([rows[:, :3], rows[:, 3:] + arm])
+                else:
+                    moved = np.eye(6)[:3] * np.abs(rows).max(initial=0.0)
+                free = scipy.linalg.null_space(np.concatenate([np.zeros((1, 6)), *held[leader]]))
+                if np.abs(moved @ free).max(initial=0.0) > LEAST:
+                    raise FormatError(
+                        str(support.where),
+                        f"holds node {model.numbers[node]} in what {link.where} has node {model.numbers[leader]} lead; "
+                        "hold the one that leads",
+                    )
 
 
 def _shapes(model: FiniteElementModel, block: Elements) -> Iterable[tuple[str, str]]:

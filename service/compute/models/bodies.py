@@ -21,6 +21,7 @@ from fecore.body.structure import Structure, axes_of_walls
 from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
 from modalbase.formats.models import model as formats
+from modalbase.formats.models.check import directions
 from modalbase.formats.models.model import BeamSection, Elements, FiniteElementModel, Material, ShellSection, Spring
 
 AS_MODELLED = "as_modelled"  # the boundary of a campaign that held the body as the model says
@@ -44,19 +45,31 @@ def body_of_model(model: FiniteElementModel, boundary: str = "free") -> Structur
         )
     held = boundary == AS_MODELLED
     stated = model.supports if held else ()
-    supports = {f"support {k} of {s.where}": s for k, s in enumerate(stated, start=1) if not _is_askew(s)}
+    turned = _turned(stated, model.links)
+    links = [Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links]
+    led = {link.node for link in links}
+    supports = {
+        f"support {k} of {s.where}": (s.nodes[~np.isin(s.nodes, [*(led & turned.keys())])], _held_dofs(s))
+        for k, s in enumerate(stated, start=1)
+        if not _is_askew(s)
+    }
+    for node, (axes, dofs) in turned.items():
+        if node in led:
+            supports[f"support of led node {node}"] = np.array([node]), tuple(DISPLACEMENTS[dof] for dof in dofs)
+        else:
+            links.append(Link(node, (), dofs, axes=axes))
     mesh = Mesh(
         model.nodes,
         tuple(_block(each, model) for each in model.elements),
-        {**model.node_sets, **{name: s.nodes for name, s in supports.items()}},
+        {**model.node_sets, **{name: nodes for name, (nodes, _) in supports.items()}},
     )
     return Structure(
         mesh,
         {name: section_of(model, name) for name in model.sets},
-        tuple(Support(name, _held_dofs(s)) for name, s in supports.items()),
+        tuple(Support(name, dofs) for name, (nodes, dofs) in supports.items() if nodes.size),
         _springs(model, held=held),
         tuple(Mass(m.mass, m.node, m.inertia, m.offset) for m in model.masses),
-        (*(Link(m.node, m.leaders, m.dofs, m.weights, m.axes) for m in model.links), *_askew(stated)),
+        tuple(links),
         size=_size(model, mesh),
     )
 
@@ -165,13 +178,16 @@ def _is_askew(support: formats.Support) -> bool:
     return support.axes is not None and not _is_whole(support.dofs) and not _permutes(support.axes)
 
 
-def _askew(supports: Sequence[formats.Support]) -> list[Link]:
-    """Supports along axes of their own, node by node, with all that holds the same nodes.
+def _turned(
+    supports: Sequence[formats.Support], links: Sequence[formats.Link]
+) -> dict[int, tuple[FloatArray, tuple[int, ...]]]:
+    """Axes and dofs of nodes that are held along axes of their own, with all that holds them; of a led node its link's axes.
 
     Raises:
         InputError: two hold a node along different axes.
     """
     axes = {node: _axes(support) for support in filter(_is_askew, supports) for node in support.nodes.tolist()}
+    axes |= {link.node: _axes(link) for link in links if link.axes is not None or link.node in axes}
     held: dict[int, set[int]] = {node: set() for node in axes}
     for support in supports:
         for node in held.keys() & set(support.nodes.tolist()):
@@ -182,12 +198,12 @@ def _askew(supports: Sequence[formats.Support]) -> list[Link]:
                     "state them along the same",
                 )
             held[node] |= set(support.dofs)
-    return [Link(node, (), tuple(sorted(dofs)), axes=axes[node]) for node, dofs in held.items()]
+    return {node: (axes[node], tuple(sorted(dofs))) for node, dofs in held.items() if dofs}
 
 
-def _axes(support: formats.Support) -> FloatArray:
+def _axes(of: formats.Support | formats.Link) -> FloatArray:
     """(3, 3) as rows, along which its dofs are."""
-    return np.eye(3) if support.axes is None else support.axes
+    return np.eye(3) if of.axes is None else of.axes
 
 
 def _permutes(axes: FloatArray) -> bool:
@@ -203,7 +219,7 @@ def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]
     fixed: dict[int | None, list[FloatArray]] = defaultdict(list)
     for support in model.supports if held else ():
         for node in support.nodes.tolist():
-            fixed[node] += [np.kron(np.eye(2), _axes(support))[list(support.dofs)]]
+            fixed[node].append(directions(support))
     free = {node: null_space(np.concatenate(rows)) for node, rows in fixed.items()}
     groups: dict[tuple[float, int], list[Spring]] = defaultdict(list)
     for spring in model.springs:

@@ -151,6 +151,18 @@ def test_all_supports_and_springs_of_a_line_hold() -> None:
     assert [str(one.where) for one in model.supports] == ["line 5", "line 5", "held.inc line 5"]
 
 
+def test_a_node_that_is_led_in_part_is_held_in_the_rest_along_its_own_axes() -> None:
+    turned = plate("CORD2R,5,0,0.,0.,0.,0.,.6,.8", "+,1.,0.,0.", "GRID,90,,0.,0.,.2", "SPC1,1,123456,90")
+    turned = turned.replace(b",0.0,0.1,0.\n", b",0.0,0.1,0.,5\n")
+    cards = b"RBE2,91,90,12456,2\nSPC1,1,3,2\nRBE2,92,90,123456,1,3\n"
+    parted, whole = (
+        body_of_model(read_bdf(turned.replace(b"ENDDATA", more + b"ENDDATA")), "as_modelled")
+        for more in (cards, b"RBE2,92,90,123456,1,2,3\n")
+    )
+    np.testing.assert_allclose(solved(parted), solved(whole), rtol=1e-9)
+    assert [one.leaders for one in parted.links if one.node == 1] == [(15,)]
+
+
 def test_a_mechanism_is_named() -> None:
     with pytest.raises(
         ModelError, match=r"mechanism: nothing resists a motion of 12 of 30 nodes, of pshell_2, .* \(2, "

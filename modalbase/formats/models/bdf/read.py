@@ -8,7 +8,7 @@ from modalbase.formats.models.bdf.carried import read_masses, read_springs, spre
 from modalbase.formats.models.bdf.deck import Deck, note_unused
 from modalbase.formats.models.bdf.held import read_links, read_supports
 from modalbase.formats.models.bdf.shells import Shells
-from modalbase.formats.models.check import check
+from modalbase.formats.models.check import check, gathered, on_leaders
 from modalbase.formats.models.model import FiniteElementModel
 
 _DIRECT = ("K2GG", "M2GG", "K2PP", "M2PP")
@@ -31,6 +31,7 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
     extra = spread_masses(deck)
     shells, beams = Shells(deck, extra), Beams(deck, extra)
     elements = sorted([*shells.blocks(), *beams.blocks()], key=lambda block: int(block.lines[0]))
+    links = gathered(read_links(deck))
     model = FiniteElementModel(
         "bdf",
         deck.case.title,
@@ -40,8 +41,8 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
         {**shells.sections, **beams.sections},
         deck.materials.found,
         node_axes={row: deck.grids.axes(row) for row in deck.grids.displacement},
-        links=tuple(read_links(deck)),
-        supports=tuple(read_supports(deck)),
+        links=links,
+        supports=tuple(on_leaders(read_supports(deck), links, deck.grids.places)),
         masses=tuple(read_masses(deck)),
         springs=tuple(read_springs(deck)),
     )

@@ -87,8 +87,7 @@ def _own_material(card: Card, name: str, materials: Materials) -> str:
         raise rows[0].error(f"E = {E:g}, G = {G:g} and density {density:g}: expected numbers above 0")
     places: dict[str, Place] = {"E": rows[0].place(0), "G": rows[0].place(1)}
     constants = {"E": E, "G": G, "nu": E / (2 * G) - 1, "density": density}
-    materials.add(Material(name, constants, card.where, places))
-    return name
+    return materials.add(Material(name, constants, card.where, places))
 
 
 def directions(places: Floats, elements: list[Element], first: Floats) -> tuple[Floats, Floats]:

@@ -41,6 +41,8 @@ class Carried:
 
     def _mass(self, card: Card, part: Part, elements: list[Element], axes: dict[int, Floats]) -> None:
         del part, axes
+        if card.get("TYPE").upper() not in ("", "ISOTROPIC"):
+            raise card.error(f"has TYPE={card.get('TYPE')}: a mass is alike along all axes; give it by one number")
         mass = card.first.numbers("a mass")[0]
         if not 0 <= mass < 1e12:
             raise card.first.error(f"is a mass of {mass:g}, expected one of at least 0")

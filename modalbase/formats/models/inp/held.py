@@ -6,15 +6,13 @@
 import numpy as np
 import scipy
 
+from modalbase.formats.models.check import nearness
 from modalbase.formats.models.inp.lines import Card, Losses, Row, card_names, folded
 from modalbase.formats.models.inp.mesh import Mesh
 from modalbase.formats.models.inp.orientations import Part, System
 from modalbase.formats.models.model import Floats, Integers, Link, Support, Where
 
 ALL = (0, 1, 2, 3, 4, 5)
-COINCIDENT = 1e-6
-"""Nodes of a tie or equation this close, by the model's size, are at one place."""
-
 NAMES = card_names("MPC RIGIDBODY COUPLING KINEMATIC DISTRIBUTING KINEMATICCOUPLING DISTRIBUTINGCOUPLING EQUATION TIE")
 
 
@@ -33,9 +31,8 @@ class Constraints:
         self.surfaces: dict[tuple[str, str], tuple[Card, Part]] = {}
         self._mesh, self._losses, self._axes = mesh, losses, axes
         self._places = np.array(mesh.places).reshape(-1, 3)
-        self._near = COINCIDENT * float(np.linalg.norm(np.ptp(self._places, axis=0))) if len(self._places) else 0.0
+        self._near = nearness(self._places)
         self._coupling: Card | None = None
-        self._merged: dict[tuple[int, int], tuple[set[int], Where]] = {}
 
     def read(self, card: Card, part: Part) -> None:
         """Take a card of `NAMES`."""
@@ -52,12 +49,6 @@ class Constraints:
                 "EQUATION": self._equations,
                 "TIE": self._tie,
             }[card.name](card, part)
-
-    def finish(self) -> None:
-        """Gather the dofs that equations of two terms make equal."""
-        for (node, leader), (dofs, where) in self._merged.items():
-            self.links.append(Link(node, (leader,), tuple(sorted(dofs)), where))
-        self._merged.clear()
 
     def _one(self, name: str, part: Part, where: Card | Row) -> int:
         """A reference node, by number or by a set that has it alone."""
@@ -199,8 +190,7 @@ class Constraints:
         ):
             a, b = nodes
             if len(a) == len(b) == 1 and np.linalg.norm(self._places[a] - self._places[b]) <= self._near:
-                found, _ = self._merged.setdefault((int(a[0]), int(b[0])), (set(), row.where))
-                found.add(dofs[0])
+                self.links.append(Link(int(a[0]), (int(b[0]),), (dofs[0],), row.where))
                 return
         self._losses.note(row, "an equation between dofs, other than that nodes at one place move alike")
 

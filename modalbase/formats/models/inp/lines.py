@@ -18,6 +18,7 @@ LARGEST = 1e25
 _SPACE = re.compile(r"\s+")
 _INCLUDE = re.compile(r"\s*\*\s*INCLUDE\s*(,|$)", re.IGNORECASE)
 _FORTRAN = re.compile(r"([0-9.])[dD]([-+]?[0-9])")
+_DATA = re.compile(r"(^|,)\s*[-+.\d][-+.\w]*\s*(,|$)")
 _PARAMETER = re.compile(r'((?:[^,"]|"[^"]*"?)*)(?:,|$)')
 
 
@@ -191,10 +192,9 @@ class _Files:
         self._lines += len(text)
         if self._lines > MOST_LINES:
             raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")
-        lines = (_Line(Where(number, file), raw.rstrip()) for number, raw in enumerate(text, start=1))
-        for line in lines:
+        for line in _continued(text, file):
             if _INCLUDE.match(line.text):
-                name = self._named(_card(line, lines), within)
+                name = self._named(_card(line), within)
                 yield from self.lines(self._included[name], (*within, name))
             else:
                 yield line
@@ -211,6 +211,28 @@ class _Files:
         return found
 
 
+def _continued(texts: list[str], file: str) -> Iterator[_Line]:
+    """Lines of a file, a card's with those that continue it as one.
+
+    Parameters go on behind a comma at the end of the line. CalculiX lets the comma stand before data too, which have a number.
+    """
+    begun: _Line | None = None
+    for number, raw in enumerate(texts, start=1):
+        line = _Line(Where(number, file), raw.rstrip())
+        text = line.text.lstrip()
+        if begun is not None and text.startswith("**"):
+            continue
+        if begun is not None and text and not text.startswith("*") and not _DATA.search(text):
+            line = _Line(begun.where, begun.text + text)
+        elif begun is not None:
+            yield begun
+        begun = line if line.text.endswith(",") and re.match(r"\s*\*[^*]", line.text) else None
+        if begun is None:
+            yield line
+    if begun is not None:
+        yield begun
+
+
 def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
     """Cards of lines."""
     card: Card | None = None
@@ -223,7 +245,7 @@ def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
         if text.startswith("*"):
             if card is not None:
                 yield card
-            card = _card(line, lines)
+            card = _card(line)
         elif card is None:
             raise fault(line.where, "the data line", f"{line.text[:40]!r} stands before any card")
         else:
@@ -233,12 +255,9 @@ def _cards(lines: Iterator[_Line]) -> Iterator[Card]:
         yield card
 
 
-def _card(line: _Line, following: Iterator[_Line]) -> Card:
-    """A card of its line and those that continue it, which are taken."""
-    text = line.text.strip()
-    while text.endswith(","):
-        text += next(following, _Line(Where(0), "")).text.strip() or " "
-    label, *parts = (match.group(1) for match in _PARAMETER.finditer(text))
+def _card(line: _Line) -> Card:
+    """A card of its line."""
+    label, *parts = (match.group(1) for match in _PARAMETER.finditer(line.text.strip()))
     parameters = {}
     for part in parts:
         name, _, value = part.partition("=")

@@ -66,10 +66,13 @@ class Materials:
         self.found[name] = Material(name, {}, card.where)
         return self.found[name]
 
-    def add(self, material: Material) -> None:
-        """A material that a section states itself."""
-        self.found[material.name] = material
-        self._names[folded(material.name)] = material.name
+    def add(self, material: Material) -> str:
+        """A material that a section states itself, which no other card means by its name; the name that it has here."""
+        name = material.name
+        while name in self.found and self.found[name].where != material.where:
+            name += "_section"
+        self.found[name] = replace(material, name=name)
+        return name
 
     def named(self, name: str, where: Card | Row) -> str:
         """The user's name of a complete material.

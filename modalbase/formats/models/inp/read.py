@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from modalbase.formats.models.check import check
+from modalbase.formats.models.check import check, gathered, on_leaders
 from modalbase.formats.models.inp.carried import PROPERTIES, Carried, spread_mass
 from modalbase.formats.models.inp.held import NAMES, Constraints, note_prestress, supports
 from modalbase.formats.models.inp.lines import Card, Losses, card_names, folded, read_cards, squeezed
@@ -125,7 +125,8 @@ def _meshed(deck: Deck, mesh: Mesh) -> list[Part]:
             raise card.error(f"takes the lines of all instances above {MOST_LINES}, which is the most that is read")
         parts.append(Part(mesh, every, name, part, _move(card)))
         mesh.read(every, name, parts[-1].move)
-    mesh.read(deck.own, "")
+    named = [card for step in deck.steps for card in step if card.name in ("NSET", "ELSET")]
+    mesh.read([*deck.own, *named], "")
     return [*parts, Part(mesh, deck.own)]
 
 
@@ -181,17 +182,17 @@ class _Reading:
                     constraints.read(card, part)
                 else:
                     spread_mass(card, self._sections, part, blocks, losses)
-        constraints.finish()
         initial = [(card, part) for part in self._parts for card in part.named("BOUNDARY")]
         held = supports(initial, deck.steps, self._parts[-1], axes, losses)
         note_prestress(deck.steps, losses)
         self._note_unused()
         used = {name for section in self._sections.found.values() for name in section.materials}
+        places, links = np.array(mesh.places).reshape(-1, 3), gathered(constraints.links)
         return FiniteElementModel(
             "inp",
             self._title(),
             self._numbers(),
-            np.array(mesh.places).reshape(-1, 3),
+            places,
             blocks,
             self._sections.found,
             {name: material for name, material in self._materials.found.items() if name in used},
@@ -199,8 +200,8 @@ class _Reading:
             axes,
             tuple(self._carried.masses),
             tuple(self._carried.springs),
-            tuple(constraints.links),
-            (*constraints.supports, *held),
+            links,
+            tuple(on_leaders((*constraints.supports, *held), links, places)),
             losses.found,
         )
 

@@ -97,6 +97,7 @@ OF_A_PLATE: dict[str, tuple[Change, str]] = {
     "a support of nothing": (("*STEP", "*BOUNDARY\nROOT, 1\n*STEP"), r"line 21: \*BOUNDARY names the node set 'root'"),
     "a mass without value": (("*STEP", "*ELEMENT, TYPE=MASS\n9, 1\n*STEP"), r"line 21: .* has element 9 of MASS, to which no card"),
     "a negative mass": (("*STEP", "*ELEMENT, TYPE=MASS, ELSET=M\n9, 1\n*MASS, ELSET=M\n-1.\n*STEP"), r"line 23: \*MASS is a mass of -1, expected"),
+    "a mass of one axis": (("*STEP", "*ELEMENT, TYPE=MASS, ELSET=M\n9, 1\n*MASS, ELSET=M, TYPE=ANISOTROPIC\n1., 0., 2.\n*STEP"), r"line 22: \*MASS has TYPE=ANISOTROPIC"),
     "a mass on nothing": (("*STEP", "*NODE\n9, 1.\n*ELEMENT, TYPE=MASS, ELSET=M\n9, 9\n*MASS, ELSET=M\n1.\n*STEP"), r"line 24: a mass is on node 9, which no element, link or spring joins"),
     "a spring's dof": (("*STEP", "*ELEMENT, TYPE=SPRING1, ELSET=M\n9, 1\n*SPRING, ELSET=M\n7\n1e3\n*STEP"), r"line 23: \*SPRING expected 1 dof\(s\) from 1 to 6"),
     "a cut equation": (("*STEP", "*EQUATION\n2\n1, 1, 1.\n*STEP"), r"line 21: \*EQUATION has 1 of 2 terms"),

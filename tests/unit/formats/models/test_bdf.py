@@ -97,6 +97,17 @@ def test_control_selects_what_holds() -> None:
     assert lost(read(SQUARE + "SPC1,1,12,3\nSPC1,2,12,4"))["SPC"]
 
 
+def test_links_of_a_node_by_one_leader_lead_it_together() -> None:
+    links = read(SQUARE + "RBE2,7,1,123,2\nRBE2,8,1,456,2\nSPC1,1,123456,1,2").links  # 2 may be held where 1 is too
+    assert [(one.node, one.leaders, one.dofs) for one in links] == [(1, (0,), (0, 1, 2, 3, 4, 5))]
+
+
+def test_what_holds_a_led_node_holds_its_leader_at_the_same_place() -> None:
+    tied = SQUARE + "GRID,5,,0.,0.,0.\nRBE2,7,1,123,5\nSPC1,1,1236,5,3\n"
+    held = {(tuple(one.nodes.tolist()), one.dofs) for one in read(tied).supports}
+    assert held == {((4,), (5,)), ((0,), (0, 1, 2)), ((2,), (0, 1, 2, 5))}
+
+
 def test_permanent_constraints_and_defaults_of_grids() -> None:
     model = read("GRDSET,,,,,,,345\n" + SQUARE.replace("GRID,4,,0.,1.,0.", "GRID,4,,0.,1.,0.,,6"))
     assert {one.dofs: one.nodes.tolist() for one in model.supports} == {(2, 3, 4): [0, 1, 2], (5,): [3]}

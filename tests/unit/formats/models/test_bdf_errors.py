@@ -90,6 +90,7 @@ BAD = {
     "bush without system": (SQUARE + "CBUSH,7,5,3\nPBUSH,5,K,1.\n", "line 8", "CBUSH 7: CID (field 9) is empty"),
     "bush without direction": (SQUARE + "CBUSH,7,5,1,3\nPBUSH,5,K,,1.\n", "line 8", "since K2, K3, K5 or K6 is given"),
     "led twice": (SQUARE + "RBE2,7,1,123,2\nRBE2,8,3,3,2\n", "line 9", "leads node 2, which line 8 leads already"),
+    "held where it is led": (SQUARE + "RBE2,7,1,123456,2\nSPC1,1,3,2\n", "line 9", "holds node 2 in what line 8 has node 1 lead"),
     "leads itself": (SQUARE + "RBE2,7,1,123,1\n", "line 8", "nodes lead one another in a circle: 1 → 1"),
     "leads none": (SQUARE + "RBE2,7,1,123\n", "line 8", "GM1 (field 5) is empty, expected a grid that is led"),
     "components": (SQUARE + "SPC1,1,127,1\n", "line 8", "SPC1 1: C (field 3) is '127', expected components of 1 … 6"),
@@ -187,6 +188,6 @@ def test_a_damaged_deck(text: str) -> None:
 
 
 def test_a_range_without_end_takes_no_memory() -> None:
-    wide = SQUARE + "SPC1,1,123,1,THRU,999999999999\nRBE2,9,1,3,2,THRU,99999999\nNSM1,1,PSHELL,1.,1,THRU,99999999\n"
+    wide = SQUARE + "SPC1,1,12,1,THRU,999999999999\nRBE2,9,1,3,2,THRU,99999999\nNSM1,1,PSHELL,1.,1,THRU,99999999\n"
     model = read_bdf(wide.encode())
     assert model.supports[0].nodes.tolist() == [0, 1, 2, 3]

@@ -13,6 +13,27 @@ def with_cards(cards: str) -> FiniteElementModel:
     return read(PLATE.replace("*STEP", f"{cards}\n*STEP", 1))
 
 
+def test_data_begin_below_a_card_that_ends_with_a_comma() -> None:
+    """As CalculiX takes them; Abaqus has parameters go on there."""
+    held = read(PLATE.replace("*STEP\n", "*BOUNDARY,\n1, 1, 6\n4, 1\n*STEP,\n** remark\nINC=9\n*BOUNDARY,\n*STATIC\n"))
+    assert [(one.nodes.tolist(), one.dofs) for one in held.supports] == [([0], (0, 1, 2, 3, 4, 5)), ([3], (0,))]
+
+
+def test_a_set_of_a_step_is_held() -> None:
+    (held,) = read(PLATE.replace("*FREQUENCY", "*NSET, NSET=ROOT\n1, 4\n*BOUNDARY\nROOT, 1\n*FREQUENCY")).supports
+    assert held.nodes.tolist() == [0, 3]
+
+
+def test_a_beam_of_its_own_constants_whose_set_has_a_materials_name() -> None:
+    card = (
+        "*ELEMENT, TYPE=B31, ELSET=GFRP\n9, 1, 2\n*BEAM GENERAL SECTION, ELSET=GFRP, SECTION=GENERAL, DENSITY=1000.\n"
+    )
+    beam = card + "1e-4, 1e-9, 0., 1e-9, 2e-9\n0., 0., 1.\n7e10, 2.7e10\n"
+    model = read(PLATE.replace("*SHELL SECTION", beam + "*SHELL SECTION"))
+    found = {name: model.materials[section.materials[0]].constants for name, section in model.sections.items()}
+    assert (found["plate"]["E1"], found["gfrp"]["E"]) == (2.3e10, 7e10)
+
+
 def losses(model: FiniteElementModel) -> dict[str, str]:
     return {each.card: each.loss for each in model.ignored if each.changes}
 
