@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from service.app.supervisor import LocalService
-from tests.support.browser import Watched, drawn, hindrances, watched_page
+from tests.support.browser import Watched, drawn, held, hindrances, watched_page
 from tests.support.places import shared_file
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
@@ -167,7 +167,9 @@ def a_result_opens_with_what_was_found(page: Page) -> None:
 
 
 def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
-    """A row of the table of modes zooms the FRF, a cell of the MAC shows its pair of shapes; both stand in the address."""
+    """A row of the table of modes zooms the FRF, also before any is read; a cell of the MAC shows its pair of shapes. All of it
+    stands in the address, and nothing that stood there is lost.
+    """
     page.locator("tr[data-zoom]").nth(1).locator("td").nth(2).click()
     until(lambda: highest_line(page) < 400, "the FRF zoomed to the mode")
     cells = page.locator("figure[data-figure$='/figures/mac'] .nsewdrag")
@@ -179,12 +181,19 @@ def a_mode_zooms_and_a_cell_opens_its_shapes(page: Page) -> None:
     # The first measured mode, the third of the model.
     page.mouse.click(box["x"] + 2.5 / columns * box["width"], box["y"] + 4)
     page.wait_for_selector("figure[data-figure$='/figures/shapes'] :text('updated model, mode 3')")
-    assert "shapes=1%7E3" in page.url
+    assert "shapes=1%7E3" in page.evaluate("location.search")
     page.reload()
     page.wait_for_selector("figure[data-figure$='/figures/shapes'] :text('updated model, mode 3')")
     assert highest_line(page) < 400
     page.goto(f"{page.url.split('?')[0]}?hz=160~40")  # as earlier versions wrote it
     until(lambda: highest_line(page) == 200, "the FRF zoomed by an old address")
+    page.goto(f"{page.url.split('?')[0]}?s=*")
+    with held(page, "**/data?format=npz") as waiting:
+        page.locator("tr[data-zoom]").nth(1).locator("td").nth(2).click()
+        until(waiting, "FRFs to be read")
+    until(lambda: highest_line(page) < 400, "the FRF zoomed to the mode")
+    drawn(page, "[data-frf-viewer]")
+    assert "s=*" in page.evaluate("decodeURIComponent(location.search)")
 
 
 def highest_line(page: Page) -> float:
@@ -234,7 +243,7 @@ def a_curve_and_hits_are_drawn(seen: Watched, pages: list[str]) -> None:
     """The button of a coupon draws its curve, and the address keeps it; the hits of a point are drawn."""
     seen.page.click("button:text('Curve')")
     seen.page.wait_for_selector("[data-curve-view] .main-svg")
-    assert "curve=" in seen.page.url
+    assert "curve=" in seen.page.evaluate("location.search")
     seen.page.goto(pages[2])
     drawn(seen.page, "figure[data-figure$='/figures/hits']")
     assert "good hits (3)" in (seen.page.text_content("figure[data-figure$='/figures/hits'] .main-svg .legend") or "")

@@ -9,7 +9,7 @@ import pytest
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, overflow, signed_in
 from tests.integration.test_coupons import CURVE, machine_file
-from tests.support.browser import hindrances, watched_page
+from tests.support.browser import held, hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 
@@ -43,7 +43,11 @@ def test_what_was_typed_is_corrected_deleted_and_restored(running: Browser, serv
         batch, _, hits = more_pages(api, structure)
         ok(api.post(f"campaigns/{hits.rsplit('/', 1)[1]}/processings", json={}), 202)
         with watched_page(running, service.url) as seen:
-            page = signed_in(seen, key, f"/ui/edit/campaigns/{campaign}")
+            page = signed_in(seen, key, "/ui/")
+            with held(page, f"**/api/v1/campaigns/{campaign}") as waiting:
+                page.goto(f"/ui/edit/campaigns/{campaign}")
+                until(waiting, "what is to be corrected")
+                assert not page.is_visible("[name=name]")  # what was typed now would be lost
             page.wait_for_selector("button:has-text('Save what was changed'):enabled")
             assert page.input_value("[name='temperature_c']") == "21.5"
             assert page.input_value("[name='instruments/hammer']") == "maker: PCB"

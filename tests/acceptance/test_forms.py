@@ -10,7 +10,7 @@ import httpx
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import MOST_CLICKS, overflow, signed_in
 from tests.acceptance.test_correcting import MATERIAL, PLATE, saved
-from tests.support.browser import Watched, hindrances, watched_page
+from tests.support.browser import Watched, hindrances, note_on_leaving, noted_on_leaving, watched_page
 from tests.support.places import shared_file
 from tests.support.profiles import deck
 from tests.support.rest import client_at, ok, posted
@@ -179,8 +179,10 @@ def test_campaigns_are_updated_together_and_the_next_one_planned(running: Browse
                 page.select_option(f"[name='jobs/{number}/recipe/mode_set']", index=1)
                 page.fill(f"[name='jobs/{number}/specimen']", "one bar")
             assert hindrances(page) == []
+            note_on_leaving(page, "document.querySelector('form[data-post] [type=submit]').disabled")
             page.click("button:text('Start the joint update')")
             page.wait_for_selector("h1:has-text('One material from 2 campaigns')")
+            assert noted_on_leaving(page)  # a second click, while the page comes, would start a second one
             request = ok(api.get(f"projects/{project}/joint-updates"))["items"][0]["request"]
             assert [job["campaign_id"] for job in request["jobs"]] == campaigns
             assert {job["specimen"] for job in request["jobs"]} == {"one bar"}

@@ -13,12 +13,12 @@ import pytest
 
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import overflow, signed_in
-from tests.support.browser import Watched, drawn, hindrances, watched_page
+from tests.support.browser import Watched, drawn, held, hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
 from tests.support.waiting import until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page, Route
+    from playwright.sync_api import Browser, Page
 
 F0, ZETA, STEP, LINES, AVERAGES, COHERENCE = 100.0, 0.01, 0.05, 4000, 5, 0.98
 VIEWER = "[data-frf-viewer]"
@@ -134,16 +134,10 @@ def cursors_read_what_was_made(page: Page) -> None:
 
 def what_is_still_read_is_copied_whole(page: Page, factors: tuple[float, ...]) -> None:
     """A copy that is asked for while FRFs are on their way has all that were chosen."""
-    held: list[Route] = []
-    page.route("**/data?format=npz", lambda route: held.append(route))  # Playwright takes no built-in
-    page.select_option("[data-all]", "1+z")
-    until(
-        lambda: said(page).get("s") == "*" and len(held) == len(factors) - 1, "all of the reference, two on their way"
-    )
-    page.click("[data-do=csv]")
-    for route in held:
-        route.continue_()
-    page.unroute("**/data?format=npz")
+    with held(page, "**/data?format=npz") as waiting:
+        page.select_option("[data-all]", "1+z")
+        until(lambda: said(page).get("s") == "*" and len(waiting()) == len(factors) - 1, "all, two on their way")
+        page.click("[data-do=csv]")
     page.wait_for_selector("[data-note]:has-text('CSV copied')")
     rows = str(page.evaluate("navigator.clipboard.readText()")).splitlines()
     assert len(rows) == 1 + len(factors) * LINES

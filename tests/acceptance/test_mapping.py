@@ -16,7 +16,7 @@ from service.jobs.resource import ENDED
 from tests.acceptance.test_browser import overflow, signed_in
 from tests.acceptance.test_forms import fill
 from tests.golden.inputs import new_campaign
-from tests.support.browser import hindrances, watched_page
+from tests.support.browser import held, hindrances, note_on_leaving, noted_on_leaving, watched_page
 from tests.support.rest import client_at, finished, ok
 from tests.support.uff import axis, set_58
 from tests.support.waiting import until
@@ -225,6 +225,29 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
         assert (name, "succeeded", 6) in counts(api, campaign)
         rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]
         assert sorted({(row["force_point"], row["hit"]) for row in rows}) == [(4, 1), (4, 2), (5, 1)]
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_what_is_typed_while_other_files_are_read_stays(running: Browser, service: LocalService) -> None:
+    """The last report comes with the page anew, so that nobody fills in a form that goes; a form that is filled in stays."""
+    key = service.new_key("early")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        campaign = new_campaign(api, {"name": "bar"}, boundary="free")
+        page = signed_in(seen, key, f"/ui/campaigns/{campaign}")
+        file = {"name": "first.mat", "mimeType": "application/octet-stream", "buffer": arrays("mat", [1.0, 4.0], 7.0)}
+        note_on_leaving(page, "document.querySelectorAll('form[data-read]').length")
+        with page.expect_navigation():
+            page.set_input_files("#file", file)
+        point = form_of(page, "first.mat").locator("[name='channels/1/point']")
+        point.fill("4")
+        assert noted_on_leaving(page) == 0
+        with held(page, "**/ui/imports/*") as waiting:
+            page.set_input_files("#file", file | {"name": "second.mat", "buffer": arrays("mat", [1.0, 4.5], 7.5)})
+            until(waiting, "the second report")
+            until(lambda: all(f["status"] in ENDED for f in sent(api, campaign)), "the end of all imports")
+        page.wait_for_selector("#say:has-text('All files are read')")
+        assert point.input_value() == "4"
+        assert form_of(page, "second.mat").count() == 1
         assert (seen.complaints, seen.strangers) == ([], [])
 
 

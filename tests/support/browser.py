@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, ConsoleMessage, Page, Request
+    from playwright.sync_api import Browser, ConsoleMessage, Page, Request, Route
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = (
@@ -131,6 +131,37 @@ def watched_page(
         yield seen
     finally:
         context.close()
+
+
+@contextmanager
+def held(page: Page, address: str) -> Iterator[Callable[[], list[Route]]]:
+    """Within this, requests for an address wait, as on a slow network: what is given tells those that do so far."""
+    waiting: list[Route] = []
+
+    def hold(route: Route) -> None:
+        waiting.append(route)
+
+    def asked() -> list[Route]:
+        page.wait_for_timeout(0)  # Playwright tells of requests only while it is asked for something
+        return waiting
+
+    page.route(address, hold)
+    try:
+        yield asked
+    finally:
+        for route in waiting:
+            route.continue_()
+        page.unroute(address, hold)
+
+
+def note_on_leaving(page: Page, what: str) -> None:
+    """Note what an expression of the page is when it goes for another one, which tells it by `noted_on_leaving`."""
+    page.evaluate(f"addEventListener('pagehide', () => sessionStorage.setItem('noted', JSON.stringify({what})))")
+
+
+def noted_on_leaving(page: Page) -> Any:
+    """What the page before has noted."""
+    return page.evaluate("JSON.parse(sessionStorage.getItem('noted'))")
 
 
 def hindrances(page: Page) -> list[str]:

@@ -37,7 +37,7 @@ for (const form of document.querySelectorAll("form[data-raw-curve]")) {
       sent.append("coupon", JSON.stringify(bodyOf(form)));
       sent.append("file", form.elements.file.files[0]);
       await meant(form.dataset.rawCurve, (path) => call("POST", path, sent));
-      location.reload();
+      leave();
     });
   });
 }

@@ -61,7 +61,7 @@ async function sendChanges(form) {
 for (const form of document.querySelectorAll("form[data-edit]")) {
   const button = form.querySelector("button[type=submit]");
   button.disabled = true;
-  readInto(form).then(() => { button.disabled = false; }, (problem) => showFaults(form, problem));
+  readInto(form).then(() => { button.disabled = false; }, (problem) => showFaults(form, problem)).finally(() => { form.dataset.begun = ""; });
   form.addEventListener("submit", (event) => { event.preventDefault(); submitted(form, () => sendChanges(form)); });
 }
 

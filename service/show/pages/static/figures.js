@@ -81,6 +81,7 @@ async function show(figure) {
     figure.dispatchEvent(new CustomEvent("drawn"));
     files(figure);
   } catch (error) {
+    if (asked !== address(figure)) return;
     const note = document.createElement("p");
     note.className = "wait";
     note.textContent = error.message;
@@ -123,7 +124,8 @@ const overlay = figureOf("frf");
 document.addEventListener("chosen", ({ detail: [first, ...more] }) => {
   if (!overlay || !first || more.length) return;
   overlay.dataset.query = new URLSearchParams({ point: first.points[0], reference: first.points[1] }).toString();
-  if (overlay.closest("details")?.open) show(overlay);
+  sight.unobserve(overlay); // one that was drawn is drawn anew once it is seen
+  sight.observe(overlay);
 });
 for (const row of document.querySelectorAll("[data-zoom]")) row.addEventListener("click", (event) => {
   event.preventDefault();

@@ -86,7 +86,9 @@ class FrfView {
     this.part("legend").replaceChildren(...named.slice(0, MOST_NAMED).map(entryOf), named.length > MOST_NAMED ? `and ${named.length - MOST_NAMED} more` : "");
   }
 
+  /* Nothing before the address was read, as it says what is to be chosen. */
   remember() {
+    if (!this.list.asked) return;
     const numbers = (values) => values.map((value) => short(value)).join("~");
     const [a, b] = this.cursors.hz;
     const sets = this.part("modes").value;
@@ -105,7 +107,7 @@ class FrfView {
     const whole = picked.length > 8 && picked.every((row) => row.reference === reference) && rows.filter((row) => row.reference === reference).length === picked.length;
     return whole ? "ref~" + reference : picked.map((row) => row.key).join(",") || null;
   }
-  /* What the address says: also as earlier versions wrote it, an FRF by its id or points, a band by its middle. */
+  /* What the address says, or the first FRF of its point; also as earlier versions wrote it, an FRF by its id or points, a band by its middle. */
   recall() {
     const said = shown.get("s"), old = shown.get("frf");
     const [middle, half] = (shown.get("hz") ?? "").split("~").map(Number);
@@ -113,8 +115,8 @@ class FrfView {
     if (said === "*") return () => true;
     if (said?.startsWith("ref~")) return (row) => row.reference === said.slice(4);
     if (said) { const keys = said.split(","); return (row) => keys.includes(row.key); }
-    const { rows } = this.list;
-    const first = rows.find((row) => old && (row.id === old || row.points.join("~") === old || String(row.points[0]) === old)) ?? rows[0];
+    const { rows } = this.list, point = Number(shown.get("point"));
+    const first = rows.find((row) => old && (row.id === old || row.points.join("~") === old || String(row.points[0]) === old)) ?? rows.find((row) => row.points.includes(point)) ?? rows[0];
     return (row) => row === first;
   }
 
@@ -122,7 +124,7 @@ class FrfView {
   acts() {
     const { zoom, cursors } = this;
     /* What is copied is what was chosen, also where it is still being read. */
-    const give = async (name, kind, content) => { await this.list.shown; await handOver(name, kind, await content(), (text) => this.say(text)); };
+    const give = async (name, kind, content) => { this.say("Copying …"); await this.list.shown; await handOver(name, kind, await content(), (text) => this.say(text)); };
     return {
       whole: () => zoom.to(...zoom.whole), closer: () => zoom.by(0.6), wider: () => zoom.by(1 / 0.6),
       before: () => cursors.step(-1, true), next: () => cursors.step(1, true), clear: () => cursors.clear(),
@@ -141,7 +143,10 @@ class FrfView {
     });
     this.part("panels").addEventListener("keydown", (event) => this.key(event, acts));
     document.addEventListener("point-chosen", ({ detail: { point, more } }) => this.list.choosePoint(Number(point), more));
-    document.addEventListener("zoom-frfs", ({ detail: { low, high, moving } }) => this.zoom.to(low, high, moving));
+    document.addEventListener("zoom-frfs", ({ detail: { low, high, moving } }) => {
+      if (this.curves.length) this.zoom.to(low, high, moving);
+      else { this.zoom.band = [low, high]; this.remember(); } // the FRFs are still to be read
+    });
     new ResizeObserver(() => { if (this.panels.length && this.panels[0].plot.width !== this.part("panels").clientWidth) this.build(); }).observe(this.part("panels"));
     this.listenToLists();
   }

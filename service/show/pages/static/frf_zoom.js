@@ -6,6 +6,7 @@ class FrfZoom {
 
   /* Moving is drawn once a frame with the scale of y as it is; at rest y fits what is seen. */
   to(low, high, moving = false) {
+    if (!this.view.curves.length) return; // of what there is nothing, there is no part
     const [first, last] = this.whole;
     const wide = Math.min(Math.max(high - low, (last - first) * 1e-4), last - first);
     low = Math.min(Math.max(first, (low + high - wide) / 2), last - wide);

@@ -114,15 +114,20 @@ function showFaults(form, problem) {
   form.querySelector(".faults").textContent = lines.join("; ") || problem.detail || String(problem);
   first?.focus();
 }
-function goOn(then, value) {
-  if (then === "reload") return location.reload();
-  location.assign(at(then.replace("{id}", (value?.joint ?? value)?.id ?? "")));
+/* To another page, or to this one anew: until it comes, no button sends again what was sent. */
+let leaving = false;
+function leave(to = null) {
+  leaving = true;
+  if (to === null) location.reload(); else location.assign(at(to));
 }
+const goOn = (then, value) => leave(then === "reload" ? null : then.replace("{id}", (value?.joint ?? value)?.id ?? ""));
 async function submitted(form, work) {
   const button = form.querySelector("button[type=submit]");
   form.querySelector(".faults").textContent = "";
   button.disabled = true;
-  try { await work(); } catch (problem) { showFaults(form, problem); } finally { button.disabled = false; }
+  try { await work(); } catch (problem) { showFaults(form, problem); }
+  const again = () => { leaving = button.disabled = false; };
+  if (leaving) addEventListener("pagehide", again, { once: true }); else again(); // a browser may bring the page back as it was
 }
 
 document.addEventListener("submit", (event) => {
@@ -143,10 +148,10 @@ document.addEventListener("submit", (event) => {
     submitted(form, () => ("again" in form.dataset ? lookAgain(form, []) : readSo(form)));
   } else if (form.dataset.points) {
     event.preventDefault();
-    submitted(form, async () => { await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] }); location.reload(); });
+    submitted(form, async () => { await send("PUT", form.dataset.points, { items: bodyOf(form).points ?? [] }); leave(); });
   } else if ("deck" in form.dataset) {
     event.preventDefault();
-    submitted(form, async () => { await sendDeck(form, form.dataset.deck); location.reload(); });
+    submitted(form, async () => { await sendDeck(form, form.dataset.deck); leave(); });
   } else if (form.dataset.delete) {
     event.preventDefault();
     if (confirm(form.dataset.confirm)) submitted(form, async () => { await call("DELETE", form.dataset.delete); goOn(form.dataset.then); });
@@ -155,7 +160,7 @@ document.addEventListener("submit", (event) => {
     submitted(form, async () => {
       await call("POST", "session", undefined, { Authorization: "Bearer " + form.elements.key.value.trim() });
       const next = new URLSearchParams(location.search).get("next") ?? "ui/";
-      location.assign(at(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/"));
+      leave(/^(ui|api\/v1)\/[\w\-/?=&%.]*$/.test(next) ? next : "ui/");
     });
   } else if ("newTest" in form.dataset) {
     event.preventDefault();
@@ -191,7 +196,7 @@ async function newTest(form) {
   if (body.points) await send("PUT", `campaigns/${campaign}/grid-points`, { items: body.points });
   const file = form.elements.file.files[0];
   if (file) await upload(`campaigns/${campaign}/imports`, file, form);
-  location.assign(at(`ui/campaigns/${campaign}`));
+  leave(`ui/campaigns/${campaign}`);
 }
 async function newStructure(form, body, make) {
   const project = body.project_id || (await make("project", "projects"));
@@ -215,7 +220,7 @@ async function sendAgain({ read, into, name }, stated) {
 }
 async function lookAgain(form, stated) {
   await sendAgain(form.dataset, [["dry_run", "true"], ...stated]);
-  location.reload();
+  leave();
 }
 document.addEventListener("change", ({ target }) => { // what its arrays are decides what is asked of it
   if ("look" in target.dataset) submitted(target.form, () => lookAgain(target.form, [["kind", target.value]]));
@@ -227,7 +232,7 @@ async function readSo(form) {
   const stated = said ? [[aside.name, said]] : [];
   if (Object.keys(mapping).length) stated.push(["mapping", JSON.stringify(mapping)]);
   for (const { dataset } of [form, ...(form.querySelector("[data-alike]").checked ? alike(form) : [])]) await sendAgain(dataset, stated);
-  location.assign(at(`ui/${form.dataset.into.replace(/\/imports$/, "")}`));
+  leave(`ui/${form.dataset.into.replace(/\/imports$/, "")}`);
 }
 
 /* A deck with its units; its reading is waited for on the structure's page, and before a test of it is made. */
@@ -249,32 +254,36 @@ async function readDeck(form, structure) {
   if (model.status !== "succeeded") throw { detail: model.message };
 }
 
-/* When all files of a campaign are read, its page is loaded anew: it has FRFs that it did not have. */
-let sending = 0, stale = document.querySelector("#uploaded [hx-get]") !== null;
-function refreshed() {
-  begin();
-  const list = document.getElementById("uploaded");
-  if (list && stale && !sending && !list.querySelector("[hx-get]")) location.reload();
+/* When all files of a campaign are read, its page is loaded anew, as it has FRFs that it did not have: instead of showing the last
+   report, whose form somebody might begin to fill in. What is typed already, and a fault that is shown, are not taken away. */
+const uploaded = document.getElementById("uploaded");
+let sending = 0, stale = uploaded?.querySelector("[hx-get]") != null, kept = false;
+uploaded?.addEventListener("input", () => { kept = true; });
+function renewed(last = null) {
+  if (!stale || sending || leaving || [...uploaded.querySelectorAll("[hx-get]")].some((report) => report !== last)) return false;
+  if (kept) say("All files are read: load the page anew to see what is in them."); else leave();
+  return !kept;
 }
-document.addEventListener("htmx:afterSettle", refreshed);
+document.addEventListener("htmx:beforeSwap", ({ detail }) => {
+  if (!detail.isError && !detail.serverResponse.includes(" hx-get=") && renewed(detail.target)) detail.shouldSwap = false;
+});
+document.addEventListener("htmx:afterSettle", begin);
 
 async function uploadAll(form, files) {
-  const list = document.getElementById("uploaded");
-  sending += 1;
+  sending += files.length;
   form.querySelector(".faults").textContent = "";
   for (const file of files) {
     say(`Sending ${file.name} …`);
     try {
-      const made = await upload(form.dataset.upload, file, form);
+      const made = await upload(form.dataset.upload, file, form).finally(() => { sending -= 1; });
       if (made.already_imported) say(`${file.name} is in this campaign already.`); else say("");
-      const holder = document.createElement("div");
-      list.prepend(holder);
-      await htmx.ajax("GET", at(form.dataset.then.replace("{id}", made.id)), { target: holder, swap: "outerHTML" });
       stale ||= !made.already_imported;
-    } catch (problem) { say(""); showFaults(form, problem); }
+      const holder = document.createElement("div");
+      uploaded.prepend(holder);
+      await htmx.ajax("GET", at(form.dataset.then.replace("{id}", made.id)), { target: holder, swap: "outerHTML" });
+    } catch (problem) { kept = true; say(""); showFaults(form, problem); }
   }
-  sending -= 1;
-  refreshed();
+  renewed();
 }
 for (const zone of document.querySelectorAll(".drop")) {
   const input = zone.querySelector("input[type=file]");
@@ -338,7 +347,7 @@ function begin() {
     label.hidden = !others.length;
     label.querySelector("span").textContent = `Read ${others.join(", ")} so, too`;
   }
-  for (const form of document.querySelectorAll("form[data-at-once]")) { delete form.dataset.atOnce; submitted(form, () => readSo(form)); }
+  if (!sending) for (const form of document.querySelectorAll("form[data-at-once]")) { delete form.dataset.atOnce; submitted(form, () => readSo(form)); }
 }
 /* Of a form the parts that a choice leaves out are neither seen nor sent nor asked for. */
 function leaveOut(part, out) {

@@ -146,24 +146,32 @@ class Viewer {
       await this.compare();
     }
     const at = this.scene.points.findIndex((p) => String(p.label) === this.asked.get("point"));
-    if (at >= 0) this.choose(at);
+    if (at >= 0) this.mark(at);
+  }
+  /* Shapes that are asked for, and words of them: those of the last wish are shown, in whatever order the answers come. */
+  async latest(wish) {
+    this.wish = wish;
+    try {
+      const found = await wish;
+      if (this.wish === wish) this.show(...found);
+    } catch (error) { if (this.wish === wish) this.say(error.message); }
   }
   /* The shapes of a result that its lists name. */
-  async compare() {
+  compare() { return this.latest(this.pair()); }
+  async pair() {
     const wanted = ["measured", "model"].map((side) => [side, this.part(side).value]).filter(([, value]) => value);
-    try {
-      const found = await Promise.all(wanted.map(([side, value]) => ask(`${this.place.dataset.result}/mesh/shapes?${side}=${value}`)));
-      const words = found.map((shape, i) => (wanted[i][0] === "measured" ? `Measured mode ${wanted[i][1]}, ${shape.words}` : `model mode ${wanted[i][1]}`)).join("; ");
-      this.show(found.map((shape, i) => ({ ...shape, measured: wanted[i][0] === "measured" })), words);
-    } catch (error) { this.say(error.message); }
+    const found = await Promise.all(wanted.map(([side, value]) => ask(`${this.place.dataset.result}/mesh/shapes?${side}=${value}`)));
+    const words = found.map((shape, i) => (wanted[i][0] === "measured" ? `Measured mode ${wanted[i][1]}, ${shape.words}` : `model mode ${wanted[i][1]}`)).join("; ");
+    return [found.map((shape, i) => ({ ...shape, measured: wanted[i][0] === "measured" })), words];
   }
   /* A measured mode of a test's mode sets. */
-  async setOf(button) {
-    const set = await ask(`mode-sets/${button.dataset.shape}`);
-    const mode = set.modes.find((m) => m.number === Number(button.dataset.mode));
-    const shape = shapeOf(mode.shape, this.said);
-    const words = `${set.name}, mode ${mode.number}: ${number(mode.frequency_hz, 5)} Hz`;
-    this.show(shape ? [shape] : [], shape ? words : words + ": none of its points is on the grid");
+  async setOf({ dataset }) {
+    await this.latest(ask(`mode-sets/${dataset.shape}`).then((set) => {
+      const mode = set.modes.find((m) => m.number === Number(dataset.mode));
+      const shape = shapeOf(mode.shape, this.said);
+      const words = `${set.name}, mode ${mode.number}: ${number(mode.frequency_hz, 5)} Hz`;
+      return [shape ? [shape] : [], shape ? words : words + ": none of its points is on the grid"];
+    }));
     this.place.scrollIntoView({ block: "nearest" });
   }
   show(shapes, words) {
@@ -186,13 +194,18 @@ class Viewer {
   choose(i) {
     const point = this.scene.points[i];
     if (!point) return;
+    this.mark(i);
+    if (point.words) return;
+    globalThis.keep?.({ point: point.label });
+    document.dispatchEvent(new CustomEvent("point-chosen", { detail: { point: point.label } }));
+  }
+  mark(i) {
+    const point = this.scene.points[i];
     this.space?.select(i);
     this.part("point").value = i;
     if (point.words) return this.say(point.words);
-    globalThis.keep?.({ point: point.label });
     const place = AXES.map((axis) => `${axis} ${number(1e3 * point[axis + "_m"], 4)}`).join(", ");
     this.say(`Point ${point.label}: ${place} mm` + ("frfs" in point ? `; ${counted(point.frfs, "FRF")}` : "") + ("distance_m" in point ? `; ${number(1e3 * point.distance_m)} mm from the structure` : ""));
-    document.dispatchEvent(new CustomEvent("point-chosen", { detail: { point: point.label } }));
   }
   async distances(button) {
     button.disabled = true;
