@@ -44,6 +44,22 @@ class Arrangement:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
 
+    @cached_property
+    def session(self) -> IntArray:
+        """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of one sensor, share theirs."""
+        side = max((0, 1), key=lambda i: len({pair[i] for pair in self.pairs}))
+        dofs = sorted({pair[side] for pair in self.pairs})
+        return np.array([dofs.index(pair[side]) for pair in self.pairs], dtype=np.int64)
+
+    @property
+    def sessions(self) -> int:
+        """Number of tests, each of which may have drifted on its own."""
+        return int(self.session.max()) + 1
+
+    def in_band(self, hz: FloatArray) -> BoolArray:
+        """(n,) True for frequencies within the lines."""
+        return np.asarray((hz >= self.frequency_hz[0]) & (hz <= self.frequency_hz[-1]))
+
     @property
     def power(self) -> int:
         """Power of iω that turns a receptance into these FRFs."""

@@ -41,16 +41,20 @@ class Terms:
         return 2 * self.pairs + len(self.exponents)
 
     @property
+    def half_bandwidth_hz(self) -> FloatArray:
+        """(n,) ζf, Hz."""
+        return self.frequency_hz * self.damping_ratio
+
+    @property
+    def poles(self) -> ComplexArray:
+        """(n,) poles with positive imaginary part, rad/s: s = ω(-ζ + i√(1 - ζ²))."""
+        zeta = self.damping_ratio
+        return np.asarray(2 * np.pi * self.frequency_hz * (-zeta + 1j * np.sqrt(1 - zeta**2)))
+
+    @property
     def parameters(self) -> int:
         """Number of non-linear parameters: frequency and damping of each pair."""
         return 2 * self.pairs
-
-
-def poles(frequency_hz: FloatArray, damping_ratio: FloatArray) -> ComplexArray:
-    """Poles with positive imaginary part, rad/s: s = 2πf(-ζ + i√(1 - ζ²))."""
-    omega = 2 * np.pi * np.asarray(frequency_hz, dtype=float)
-    zeta = np.asarray(damping_ratio, dtype=float)
-    return np.asarray(omega * (-zeta + 1j * np.sqrt(1 - zeta**2)))
 
 
 def columns(omega: FloatArray, terms: Terms, power: int, reference: float | None = None) -> ComplexArray:
@@ -60,7 +64,7 @@ def columns(omega: FloatArray, terms: Terms, power: int, reference: float | None
     and the last line.
     """
     s, n = 1j * omega, 2 * terms.pairs
-    lift, pole = (s**power)[:, None], poles(terms.frequency_hz, terms.damping_ratio)
+    lift, pole = (s**power)[:, None], terms.poles
     basis = np.empty((omega.size, terms.columns), dtype=complex)
     step = max(1, _IN_CACHE // max(terms.pairs, 1))
     for part in (slice(first, first + step) for first in range(0, omega.size, step)):
@@ -79,7 +83,7 @@ def derivatives(omega: FloatArray, terms: Terms, power: int) -> ComplexArray:
     For each pole pair 1/(s - s_k)² + 1/(s - s̄_k)² and i times their difference.
     """
     s, n = 1j * omega, 2 * terms.pairs
-    lift, pole = (s**power)[:, None], poles(terms.frequency_hz, terms.damping_ratio)
+    lift, pole = (s**power)[:, None], terms.poles
     direct, mirror = (lift / (s[:, None] - each) ** 2 for each in (pole, pole.conj()))
     steep = np.empty((omega.size, n), dtype=complex)
     np.add(direct, mirror, out=steep[:, 0:n:2])
@@ -92,6 +96,6 @@ def slopes(terms: Terms) -> tuple[ComplexArray, ComplexArray]:
 
     With R_k the residue, ∂H/∂θ = Re(R_k ∂s_k/∂θ) E₁ + Im(R_k ∂s_k/∂θ) E₂, E the two columns of the pair in `derivatives`.
     """
-    zeta = np.asarray(terms.damping_ratio, dtype=float)
+    zeta = terms.damping_ratio
     by_zeta = 2 * np.pi * terms.frequency_hz * (-1 - 1j * zeta / np.sqrt(1 - zeta**2))
-    return poles(terms.frequency_hz, zeta), np.asarray(by_zeta)
+    return terms.poles, np.asarray(by_zeta)

@@ -23,7 +23,7 @@ from fecore.modal.basis import Terms, columns
 from fecore.modal.error_model import memory
 from fecore.modal.growth import PRICE, gains, pole_price
 from fecore.modal.linear import stacked
-from fecore.modal.refinement import Level, level_at, weights
+from fecore.modal.refinement import Level, level_at
 
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
 _TOGETHER, _APART = 0.5, 1.5  # summed half bandwidths within which two poles may be one that drifts
@@ -55,15 +55,15 @@ def drift_of(
         price: of a drift, as `drift_price`.
         settle: refines a series on aligned FRFs.
     """
-    tests, inside = session_of(arrangement), in_band(arrangement, fit.terms.frequency_hz)
-    if int(tests.max()) + 1 < FEW or not inside.any():
+    inside = arrangement.in_band(fit.terms.frequency_hz)
+    if arrangement.sessions < FEW or not inside.any():
         return None
-    terms, weight = _merged(fit, inside), weights(arrangement, fit.variance)
+    terms, weight = _merged(fit, inside), fit.weight
     twins = (fit.terms.pairs - terms.pairs) * pole_price(fit)
     each: FloatArray = np.zeros(len(arrangement.pairs))
     reach, least = _WIDEST, fit.chi_squared + twins - price
     for _ in range(_TURNS):
-        trial, gain = _drifts(arrangement, terms, weight, tests, reach)
+        trial, gain = _drifts(arrangement, terms, weight, reach)
         if gain <= price:
             break
         still = aligned(arrangement, terms, weight, trial)
@@ -71,7 +71,7 @@ def drift_of(
         left = level_at(still, settled, fit.variance).chi_squared
         if left > least:
             break
-        each, terms, least = trial, settled, left - price / int(tests.max())
+        each, terms, least = trial, settled, left - price / (arrangement.sessions - 1)
         reach = _SPREAD * float(np.median(np.abs(each)))
     return (each, terms) if np.any(each) else None
 
@@ -79,16 +79,14 @@ def drift_of(
 def drift_price(arrangement: Arrangement, fit: Level) -> float:
     """What a drift of all tests but one must lower χ² by (Akaike), where lines share their errors."""
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return PRICE * (sessions(arrangement) - 1) * tau
+    return PRICE * (arrangement.sessions - 1) * tau
 
 
-def _drifts(
-    arrangement: Arrangement, terms: Terms, weight: FloatArray, tests: IntArray, reach: float
-) -> tuple[FloatArray, float]:
+def _drifts(arrangement: Arrangement, terms: Terms, weight: FloatArray, reach: float) -> tuple[FloatArray, float]:
     """(N,) the most probable drifts about their mean, on a grid about none, and what they lower χ² by."""
-    grid, count = np.linspace(-reach, reach, _STEPS), int(tests.max()) + 1
+    grid, tests = np.linspace(-reach, reach, _STEPS), arrangement.session
     each = _misfits(arrangement, terms, weight, grid, _lines(arrangement, terms))
-    misfit: FloatArray = np.stack([np.bincount(tests, own, count) for own in each]).astype(float)
+    misfit: FloatArray = np.stack([np.bincount(tests, own) for own in each]).astype(float)
     drift, least = _lowest(grid, misfit)
     drift -= np.median(drift)
     most = _SPREAD * float(np.median(np.abs(drift)))
@@ -109,27 +107,9 @@ def aligned(arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: F
     return replace(arrangement, values=np.where(arrangement.measured, values, 0))
 
 
-def session_of(arrangement: Arrangement) -> IntArray:
-    """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of one sensor, share theirs."""
-    side = max((0, 1), key=lambda i: len({pair[i] for pair in arrangement.pairs}))
-    dofs = sorted({pair[side] for pair in arrangement.pairs})
-    place = {dof: number for number, dof in enumerate(dofs)}
-    return np.array([place[pair[side]] for pair in arrangement.pairs], dtype=np.int64)
-
-
-def sessions(arrangement: Arrangement) -> int:
-    """Number of tests that may have drifted on their own."""
-    return int(session_of(arrangement).max()) + 1
-
-
-def in_band(arrangement: Arrangement, hz: FloatArray) -> BoolArray:
-    """(n,) True for frequencies within the measured lines."""
-    return np.asarray((hz >= arrangement.frequency_hz[0]) & (hz <= arrangement.frequency_hz[-1]))
-
-
 def _moved(arrangement: Arrangement, terms: Terms, drift: float) -> Terms:
     """The series with all its resonances moved; a pole much narrower than a line is a tone, which stays where it is."""
-    tone = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    tone = terms.half_bandwidth_hz < _TONE * arrangement.spacing_hz
     return replace(terms, frequency_hz=terms.frequency_hz * np.where(tone, 1.0, 1 + drift))
 
 
@@ -147,7 +127,7 @@ def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, b
     """The series with one pole for those within so many summed half bandwidths, and whether half of the modes were more."""
     terms = fit.terms
     hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), gains(fit)
-    width, gone = hz * zeta, np.zeros(hz.size, dtype=bool)
+    width, gone = terms.half_bandwidth_hz, np.zeros(hz.size, dtype=bool)
     several = []
     for k in np.argsort(-gain):
         if gone[k] or not inside[k]:
@@ -164,10 +144,10 @@ def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, b
 
 def _lines(arrangement: Arrangement, terms: Terms) -> IntArray:
     """Numbers of the lines about the poles in band."""
-    inside = in_band(arrangement, terms.frequency_hz)
-    hz, zeta = terms.frequency_hz[inside], terms.damping_ratio[inside]
-    off = np.abs(arrangement.frequency_hz[:, None] - hz)
-    return np.flatnonzero((off <= _REACH * np.maximum(zeta * hz, arrangement.spacing_hz)).any(axis=1))
+    inside = arrangement.in_band(terms.frequency_hz)
+    off = np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz[inside])
+    reach = _REACH * np.maximum(terms.half_bandwidth_hz[inside], arrangement.spacing_hz)
+    return np.flatnonzero((off <= reach).any(axis=1))
 
 
 def _misfits(

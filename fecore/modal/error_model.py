@@ -58,7 +58,7 @@ def shared_error(arrangement: Arrangement, fit: Level) -> FloatArray:
     """(n,) the root mean square of e about each pole, less what FRFs leave whose errors do not depend on each other."""
     terms, shared = fit.terms, np.zeros(fit.terms.pairs)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    reach = _REACH * np.maximum(terms.damping_ratio * terms.frequency_hz, arrangement.spacing_hz)
+    reach = _REACH * np.maximum(terms.half_bandwidth_hz, arrangement.spacing_hz)
     for k in range(terms.pairs):
         near = np.abs(arrangement.frequency_hz - terms.frequency_hz[k]) <= reach[k]
         freedom = 2 * int(near.sum()) - 4  # two values less for the residue, two for the pole

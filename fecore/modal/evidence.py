@@ -26,10 +26,9 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.basis import Terms, columns, poles
-from fecore.modal.drift import in_band
+from fecore.modal.basis import Terms, columns
 from fecore.modal.growth import gains
-from fecore.modal.refinement import Level, weights
+from fecore.modal.refinement import Level
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
@@ -70,11 +69,11 @@ class Evidence:
 def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
     """The features of all poles of a series fitted to FRFs."""
     terms = fit.terms
-    residues = residues_of(fit)
+    residues = fit.residues
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
-    inside = in_band(arrangement, terms.frequency_hz)
-    tone = inside & (terms.frequency_hz * terms.damping_ratio < _LASTS * arrangement.spacing_hz)
+    inside = arrangement.in_band(terms.frequency_hz)
+    tone = inside & (terms.half_bandwidth_hz < _LASTS * arrangement.spacing_hz)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
@@ -99,17 +98,10 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
     )
 
 
-def residues_of(fit: Level) -> ComplexArray:
-    """(N, n) residues of the receptance."""
-    c = fit.linear.coefficients[:, : 2 * fit.terms.pairs]
-    return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
-
-
 def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     off = np.abs(arrangement.frequency_hz[:, None] - fit.terms.frequency_hz)
-    width = fit.terms.damping_ratio * fit.terms.frequency_hz
-    near = off <= np.maximum(_REACH * width, _LEAST_REACH * arrangement.spacing_hz)
-    misfit = np.sum(weights(arrangement, fit.variance) * np.abs(fit.residual) ** 2, axis=0)
+    near = off <= np.maximum(_REACH * fit.terms.half_bandwidth_hz, _LEAST_REACH * arrangement.spacing_hz)
+    misfit = np.sum(fit.weight * np.abs(fit.residual) ** 2, axis=0)
     lines = np.maximum(near.sum(axis=0), 1)
     usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05  # clean data leave nothing
     with_it = np.maximum(misfit @ near, usual)
@@ -133,8 +125,7 @@ def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray
 
 def _turns(terms: Terms, residues: ComplexArray) -> ComplexArray:
     """(N, n) 2iω_d R, whose phase is 0 or 180° for a mode."""
-    damped = poles(terms.frequency_hz, terms.damping_ratio).imag
-    return np.asarray(2j * damped * residues)
+    return np.asarray(2j * terms.poles.imag * residues)
 
 
 def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[float, bool]:
@@ -193,7 +184,7 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
 
 def _curves(terms: Terms, height: FloatArray) -> FloatArray:
     """(n, n) C of the resonance curves of each pole and each larger one, 0 of others."""
-    s = poles(terms.frequency_hz, terms.damping_ratio)
+    s = terms.poles
     alike = 4 * np.outer(s.real, s.real) / np.abs(s[:, None] + s.conj()) ** 2
     return np.asarray(np.where(height[None, :] > height[:, None], alike, 0.0))
 

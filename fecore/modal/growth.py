@@ -19,7 +19,7 @@ from fecore.modal.error_model import RELATIVE
 from fecore.modal.linear import stacked
 from fecore.modal.lscf import NARROW, clusters, linear_poles
 from fecore.modal.noise import local_variance
-from fecore.modal.refinement import Fit, Level, level_at, refine, weights
+from fecore.modal.refinement import Fit, Level, level_at, refine
 
 EXPONENTS = (-3, -2, -1, 0, 1, 2)
 """Powers of iω of the receptance that stand for the modes outside the band and for rigid body motion with its damping."""
@@ -98,8 +98,7 @@ def grow(
 
 def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
     """Candidates that the residual shows, rad/s."""
-    weight = weights(arrangement, fit.variance)
-    return clusters(linear_poles(arrangement.omega, fit.residual, weight, _RESIDUAL_ORDER, (NARROW,)))
+    return clusters(linear_poles(arrangement.omega, fit.residual, fit.weight, _RESIDUAL_ORDER, (NARROW,)))
 
 
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
@@ -165,7 +164,7 @@ def pole_price(fit: Level, beside: int = 0) -> float:
     Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too, that gain 1 each from noise.
     """
     own = PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))
-    return (own + (PRICE - 1) * 2 * beside) * fit.memory
+    return own + (PRICE - 1) * 2 * beside
 
 
 def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
@@ -178,14 +177,14 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         poor = _gains(c, C, terms.pairs) < price
         if not poor.any():
             break
-        k = int(np.argmax(np.where(poor, terms.damping_ratio * terms.frequency_hz, -1.0)))
+        k = int(np.argmax(np.where(poor, terms.half_bandwidth_hz, -1.0)))
         c, C = _left_out(c, C, [2 * k, 2 * k + 1])
         terms = without_poles(terms, np.arange(poor.size) == k)
     while len(terms.exponents) > 1:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
         worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
         least = int(np.argmin(worth))
-        if worth[least] > (PRICE * len(fit.residual) + (PRICE - 1) * beside) * fit.memory:
+        if worth[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
@@ -222,9 +221,8 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
     """The candidates that pay, most gain first, each on top of those before it."""
     if not pool.size or room <= 0:
         return pool[:0]
-    weight = weights(arrangement, fit.variance)
-    root = np.sqrt(weight.mean(axis=0))
-    scaled = fit.residual * np.sqrt(weight)
+    root = np.sqrt(fit.weight.mean(axis=0))
+    scaled = fit.residual * np.sqrt(fit.weight)
     target = np.concatenate([scaled.real, scaled.imag], axis=1)
     frame = stacked(fit.linear.frame, root)
     extra = stacked(

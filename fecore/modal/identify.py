@@ -12,9 +12,8 @@ from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import columns, poles
+from fecore.modal.basis import columns
 from fecore.modal.diagram import Stabilisation, diagram_of
-from fecore.modal.drift import in_band
 from fecore.modal.evidence import Evidence, evidence_of
 from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.growth import gains, pole_price
@@ -111,7 +110,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     verdict = _verdict(arrangement, fit, evidence)
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
-    significance, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
+    significance, toned = gains(fit) / (pole_price(fit) * fit.memory), _toned(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
     fitted = replace(fitted, fit=fit)
     verdict = verdict.of(old, fit.terms.frequency_hz)
@@ -165,7 +164,7 @@ def _verdict(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> _Verdict
     p = probability(evidence, terms.damping_ratio)
     said = features(evidence, terms.frequency_hz, terms.damping_ratio)
     order = np.argsort(terms.frequency_hz, kind="stable")
-    order = order[in_band(arrangement, terms.frequency_hz)[order]]
+    order = order[arrangement.in_band(terms.frequency_hz)[order]]
     refused = tuple(
         RefusedPole(
             float(terms.frequency_hz[k]), float(terms.damping_ratio[k]), _against(said[k]), float(p[k]), said[k][:_SAID]
@@ -189,9 +188,8 @@ def _doubt(verdict: _Verdict, k: int, threshold: float) -> str | None:
 
 
 def _shapes(arrangement: Arrangement, fit: Fit, kept: IntArray) -> Shapes:
-    residues, spread = fit.residues()
-    damped = poles(fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]).imag
-    return shapes_from_residues(arrangement, residues[:, kept], spread[:, kept], damped)
+    damped = fit.terms.poles[kept].imag
+    return shapes_from_residues(arrangement, fit.residues[:, kept], fit.residue_variance[:, kept], damped)
 
 
 def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:

@@ -13,7 +13,7 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives, poles
+from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives
 from fecore.modal.growth import without_poles
 from fecore.modal.linear import mean_weight, orthonormal, stacked
 from fecore.modal.refinement import Fit, widened
@@ -102,7 +102,7 @@ class Site:
         left, size, right = left[:, :2], size[:2], right[:2]
         shift, vectors = np.linalg.eig(left.conj().T @ second @ right.conj().T / size)
         seen = np.linalg.pinv(vectors) @ (size[:, None] * right)
-        pole = poles(at.frequency_hz, at.damping_ratio)[0]
+        pole = at.poles[0]
         s = pole + np.where(np.abs(shift) < -pole.real, shift, -pole.real * shift / np.maximum(np.abs(shift), 1e-300))
         seen = seen / seen[[0, 1], np.argmax(np.abs(seen), axis=1)][:, None]
         return Modes(np.abs(s) / (2 * np.pi), np.clip(-s.real / np.abs(s), *DAMPING_RANGE), seen)

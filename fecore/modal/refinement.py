@@ -48,11 +48,15 @@ class Level:
     terms: Terms  # poles and residual terms
     linear: LinearFit  # coefficients of every FRF, with their covariance for fixed poles
     variance: FloatArray  # (N, L) noise variance that weighted the fit
-    weight: FloatArray  # (N, L) weights of the lines
-    own: FloatArray  # (q, r) coefficients of the terms from those of the orthonormal frame
+    weight: FloatArray  # (N, L) 2/v of each complex value, 0 where nothing was measured
     residual: ComplexArray  # (N, L) measured minus model
     chi_squared: float  # weighted sum of squared residuals
-    memory: float = 1.0  # number of lines that count as one independent line
+
+    @cached_property
+    def residues(self) -> ComplexArray:
+        """(N, n) residues of the receptance."""
+        c = self.linear.coefficients[:, : 2 * self.terms.pairs]
+        return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
 
     def model(self, arrangement: Arrangement) -> ComplexArray:
         """(N, L) fitted FRFs."""
@@ -67,6 +71,7 @@ class Fit(Level):
     information: FloatArray  # (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n)
     lever: FloatArray  # (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles
     pull: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
+    memory: float = 1.0  # number of lines that count as one independent line
     # (N,) number of the test that each FRF belongs to, where the scatter between tests is to count
     sessions: IntArray | None = None
     shared: FloatArray | float = 0.0  # (n,) relative error of each mode's curve that all FRFs share
@@ -81,8 +86,9 @@ class Fit(Level):
         """Factor of all variances: the residual's size over the stated noise, and the lines that are worth one."""
         return max(1.0, self.chi_squared / self.freedom) * self.memory
 
-    def residues(self) -> tuple[ComplexArray, FloatArray]:
-        """(N, n) receptance residues and their variance E|error|², the uncertainty of the poles included.
+    @cached_property
+    def residue_variance(self) -> FloatArray:
+        """(N, n) E|error|² of the residues, the uncertainty of the poles included.
 
         With c = A⁻¹(Φᵀy) and poles that err by e, δc = -A⁻¹ΦᵀJ e: Cov(c) = A⁻¹ + A⁻¹B Cov(θ) BᵀA⁻¹, B = ΦᵀJ.
         """
@@ -90,8 +96,7 @@ class Fit(Level):
         lever = self.lever[:, : 2 * n]
         own = np.einsum("nii->ni", self.linear.covariance)[:, : 2 * n] * self.inflation
         spread = own + np.einsum("nip,pq,niq->ni", lever, self.parameter_covariance, lever)
-        c = self.linear.coefficients[:, : 2 * n]
-        return c[:, 0::2] + 1j * c[:, 1::2], spread[:, 0::2] + spread[:, 1::2]
+        return np.asarray(spread[:, 0::2] + spread[:, 1::2])
 
     @cached_property
     def parameter_covariance(self) -> FloatArray:
@@ -140,11 +145,6 @@ def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     return scale, value, vector, value < _VAGUE
 
 
-def weights(arrangement: Arrangement, variance: FloatArray) -> FloatArray:
-    """(N, L) weights 2/v of each complex value, 0 where nothing was measured."""
-    return np.asarray(np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0))
-
-
 def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
     """Linear coefficients, residual and Gauss-Newton matrices at given poles.
 
@@ -160,16 +160,15 @@ def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Le
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
     """
-    weight = weights(arrangement, variance)
+    weight = np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    frame, own = orthonormal(basis, weight)
-    linear = solve_normal(normal_matrices(frame, weight), frame, own, arrangement.values, weight)
+    frame, turn = orthonormal(basis, weight)
+    linear = solve_normal(normal_matrices(frame, weight), frame, turn, arrangement.values, weight)
     residual = np.where(arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0)
     return Level(
         terms=terms,
         variance=variance,
         weight=weight,
-        own=own,
         linear=linear,
         residual=residual,
         chi_squared=float(np.sum((weight * residual.conj() * residual).real)),
@@ -202,11 +201,11 @@ def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
     steep = steep - real_times(inside.T, frame.T).T
     r = frame.shape[1]
     gram = normal_columns(np.concatenate([frame, steep], axis=1), weight, r)
-    turn = _slope_combinations(terms, linear.coefficients)
+    turn = _slope_combinations(terms, level.residues)
     seen = np.matmul(linear.root, np.matmul(gram[:, :r], turn))
     whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:], turn))
     information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
-    lever = np.matmul(level.own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
+    lever = np.matmul(linear.turn, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
     pull = np.einsum("nij,ni->nj", turn, real_part(weight * level.residual, steep.T))
     return Fit(
         **{each.name: getattr(level, each.name) for each in fields(Level)},
@@ -275,11 +274,10 @@ def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level 
         return None
 
 
-def _slope_combinations(terms: Terms, coefficients: FloatArray) -> FloatArray:
+def _slope_combinations(terms: Terms, residues: ComplexArray) -> FloatArray:
     """(N, 2n, 2n) how each FRF's Jacobian is made of the derivative columns."""
     n = terms.pairs
-    turn = np.zeros((coefficients.shape[0], 2 * n, 2 * n))
-    residues = coefficients[:, 0 : 2 * n : 2] + 1j * coefficients[:, 1 : 2 * n : 2]
+    turn = np.zeros((len(residues), 2 * n, 2 * n))
     for place, slope in enumerate(slopes(terms)):
         pull = residues * slope
         for k in range(n):

@@ -54,7 +54,7 @@ def remarks(
 
 def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
     """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same phase."""
-    size = np.abs(fit.residues()[0][:, kept]) ** 2
+    size = np.abs(fit.residues[:, kept]) ** 2
     if len(size) < 3:
         return []
     return [
@@ -66,7 +66,7 @@ def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[s
 
 def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
     """Poles whose residues against several fixed dofs are not one shape, and which the data did not part."""
-    two = of_rank_two(arrangement, *fit.residues())
+    two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
     return [
         f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
         " two modes at one frequency, of which the stronger shape is given"
@@ -78,13 +78,11 @@ def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
 def _driving_points(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
     """A driving point has positive modal masses; where most come out negative, one of its signs is wrong."""
     notes = []
-    f, zeta = fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]
-    damped = 2 * np.pi * f * np.sqrt(1 - zeta**2)
+    masses = (2j * fit.terms.poles.imag * fit.residues)[:, kept].real
     for row, (a, b) in enumerate(arrangement.pairs):
         if a != b:
             continue
-        c = fit.linear.coefficients[row]
-        modal = (2j * damped * (c[2 * kept] + 1j * c[2 * kept + 1])).real
+        modal = masses[row]
         if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
             notes.append(
                 f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative"

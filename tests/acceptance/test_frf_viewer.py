@@ -137,7 +137,9 @@ def what_is_still_read_is_copied_whole(page: Page, factors: tuple[float, ...]) -
     held: list[Route] = []
     page.route("**/data?format=npz", lambda route: held.append(route))  # Playwright takes no built-in
     page.select_option("[data-all]", "1+z")
-    until(lambda: said(page).get("s") == "*" and len(held) == len(factors) - 1, "all of the reference, two on their way")
+    until(
+        lambda: said(page).get("s") == "*" and len(held) == len(factors) - 1, "all of the reference, two on their way"
+    )
     page.click("[data-do=csv]")
     for route in held:
         route.continue_()

@@ -44,7 +44,7 @@ def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray
     pole, by_zeta = omega * (-zeta + 1j * root), omega * (-1 - 1j * zeta / root)
     direct, mirror = 1 / (s - pole), 1 / (s - pole.conj())
     basis = np.concatenate([direct + mirror, 1j * (direct - mirror), np.ones_like(s)], axis=1)
-    residue = fit.residues()[0]
+    residue = fit.residues
     n, q = pole.size, basis.shape[1]
     rows, own, other = [], [], []
     for i, r in enumerate(residue):
@@ -82,7 +82,7 @@ def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
     inflation = max(1.0, chi_squared / freedom)
     assert (inflation > 1) is (stated < 1)
     np.testing.assert_allclose(fit.parameter_covariance, theta * inflation, rtol=1e-6, atol=1e-9 * theta.max())
-    np.testing.assert_allclose(fit.residues()[1], residues * inflation, rtol=1e-6)
+    np.testing.assert_allclose(fit.residue_variance, residues * inflation, rtol=1e-6)
     np.testing.assert_allclose(fit.pull, pull, rtol=1e-6, atol=1e-9 * np.abs(pull).max())
     longer = replace(fit, memory=3.0)
     assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
