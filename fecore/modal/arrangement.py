@@ -21,8 +21,6 @@ _AXIS_NAMES = ("X", "Y", "Z", "RX", "RY", "RZ")
 FEW = 4
 """FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors, one that is alone."""
 
-_SAME_LINE = 1e-6  # lines of two axes closer than this share of the smallest spacing are one line
-
 
 @dataclass(frozen=True)
 class Arrangement:
@@ -207,7 +205,7 @@ def _union_axis(axes: list[FloatArray]) -> tuple[FloatArray, list[IntArray]]:
     """Union of frequency axes and where the lines of each fall on it."""
     together = np.sort(np.concatenate(axes))
     spacings = [float(np.diff(a).min()) for a in axes if a.size > 1]
-    tolerance = _SAME_LINE * (min(spacings) if spacings else 1.0)
+    tolerance = 1e-6 * min(spacings, default=1.0)  # closer lines of two axes are one, written with fewer digits
     union = together[np.concatenate(([True], np.diff(together) > tolerance))]
     places = [np.searchsorted(union, a + tolerance, side="right") - 1 for a in axes]
     return union, [p.astype(np.int64) for p in places]

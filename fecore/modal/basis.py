@@ -19,7 +19,8 @@ from fecore.arrays import ComplexArray, FloatArray
 DAMPING_RANGE = (1e-5, 0.95)
 """Of ζ: a pole beyond is no resonance."""
 
-_IN_CACHE = 30_000  # entries of a block of lines whose temporaries stay in the processor's cache
+ONE, BESIDE = 0.5, 1.5
+"""Summed half bandwidths within which two poles may be one mode, and within which one bends the other."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def columns(omega: FloatArray, terms: Terms, power: int, reference: float | None
     s, n = 1j * omega, 2 * terms.pairs
     lift, pole = (s**power)[:, None], terms.poles
     basis = np.empty((omega.size, terms.columns), dtype=complex)
-    step = max(1, _IN_CACHE // max(terms.pairs, 1))
+    step = max(1, 30_000 // max(terms.pairs, 1))  # the temporaries of so many entries stay in the processor's cache
     for part in (slice(first, first + step) for first in range(0, omega.size, step)):
         direct, mirror = lift[part] / (s[part, None] - pole), lift[part] / (s[part, None] - pole.conj())
         np.add(direct, mirror, out=basis[part, 0:n:2])

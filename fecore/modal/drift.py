@@ -19,20 +19,17 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.basis import Terms, columns
+from fecore.modal.basis import BESIDE, ONE, Terms, columns
 from fecore.modal.error_model import memory
 from fecore.modal.growth import PRICE, gains, pole_price
 from fecore.modal.linear import stacked
 from fecore.modal.refinement import Level, level_at
 
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
-_TOGETHER, _APART = 0.5, 1.5  # summed half bandwidths within which two poles may be one that drifts
 _TWICE = 0.5  # share of the modes that come in pairs from which drift makes them
 _ALIKE = 3.0  # ratio of their widths
 _REACH = 6.0  # half bandwidths, and lines at least, on each side of a pole whose lines show the drift
-_STEPS = 41  # of a grid
 _SPREAD = 5.0  # half its width, and the farthest drift, over the median of the drifts
-_TURNS = 30  # of drift and poles, at most
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
 
 
@@ -62,7 +59,7 @@ def drift_of(
     twins = (fit.terms.pairs - terms.pairs) * pole_price(fit)
     each: FloatArray = np.zeros(len(arrangement.pairs))
     reach, least = _WIDEST, fit.chi_squared + twins - price
-    for _ in range(_TURNS):
+    while True:  # every turn lowers χ² by the price of a test, so it ends
         trial, gain = _drifts(arrangement, terms, weight, reach)
         if gain <= price:
             break
@@ -84,14 +81,14 @@ def drift_price(arrangement: Arrangement, fit: Level) -> float:
 
 def _drifts(arrangement: Arrangement, terms: Terms, weight: FloatArray, reach: float) -> tuple[FloatArray, float]:
     """(N,) the most probable drifts about their mean, on a grid about none, and what they lower χ² by."""
-    grid, tests = np.linspace(-reach, reach, _STEPS), arrangement.session
+    grid, tests = np.linspace(-reach, reach, 41), arrangement.session
     each = _misfits(arrangement, terms, weight, grid, _lines(arrangement, terms))
     misfit: FloatArray = np.stack([np.bincount(tests, own) for own in each]).astype(float)
     drift, least = _lowest(grid, misfit)
     drift -= np.median(drift)
     most = _SPREAD * float(np.median(np.abs(drift)))
     drift = np.clip(drift, -most, most)  # a test that shows nothing drifts no further than the others
-    return np.asarray((drift - drift.mean())[tests]), float(np.sum(misfit[_STEPS // 2] - least))
+    return np.asarray((drift - drift.mean())[tests]), float(np.sum(misfit[grid.size // 2] - least))
 
 
 def aligned(arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: FloatArray) -> Arrangement:
@@ -119,8 +116,8 @@ def _merged(fit: Level, inside: BoolArray) -> Terms:
     Poles within half a bandwidth are what a small drift makes of one mode; those further apart may be true pairs,
     unless at least half of the modes come in pairs.
     """
-    near, double = _side_by_side(fit, inside, _APART)
-    return near if double else _side_by_side(fit, inside, _TOGETHER)[0]
+    near, double = _side_by_side(fit, inside, BESIDE)
+    return near if double else _side_by_side(fit, inside, ONE)[0]
 
 
 def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, bool]:

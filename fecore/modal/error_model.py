@@ -26,7 +26,6 @@ RELATIVE = 0.02
 
 _STILL = 0.05  # correlation below which the sum ends
 _CAP = 3.0  # standard deviations
-_LONGEST = 200  # lines
 _REACH = 3.0  # half bandwidths, and lines at least, on each side of a pole whose errors are its own
 
 
@@ -46,7 +45,7 @@ def memory(
     lines = z.shape[1]
     size = 1 << int(2 * lines - 1).bit_length()
     power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
-    lagged = np.fft.ifft(power).real[: min(_LONGEST, lines // 4) + 1]
+    lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
     if not lagged[0] > 0:
         return 1.0
     rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)

@@ -35,12 +35,9 @@ _LEAST_REACH = 2  # ... and at least lines
 _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
-_NEAREST, _LEAST_REACHED = 0.01, 0.01  # least distance, and least share in other FRFs, that count
-_ONE_SHAPE = 0.01  # 1 - MAC that errors leave of one shape
-_LONGEST_DELAY = 1e-3  # s
+_LEAST = 0.01  # distance, share in other FRFs, and 1 - MAC of one shape that errors leave
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
 _STRONG = 10.0  # rise from which a pole shows the delay
-_ROBUST = 6  # rounds of reweighting of the damping's trend
 USUAL = 0.3
 """Scatter of ln ζ about its trend."""
 
@@ -57,7 +54,6 @@ class Evidence:
     apart: FloatArray
     shape: FloatArray
     reach: FloatArray
-    height: FloatArray  # (n,) of its part in the FRFs at its frequency, root of the sum of squares over them
     neighbour: IntArray  # (n,) number of the larger pole that it is nearest to; any where there is none
     twin: IntArray  # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
     trend: FloatArray  # (n,) ζ_t
@@ -85,10 +81,9 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
         rise=rise,
         share=share,
         damping=np.abs(np.log(terms.damping_ratio / trend)),
-        apart=np.sqrt(np.maximum(1 - curves.max(axis=1, initial=0.0), _NEAREST**2)),
+        apart=np.sqrt(np.maximum(1 - curves.max(axis=1, initial=0.0), _LEAST**2)),
         shape=shape,
         reach=_reach(residues),
-        height=height,
         neighbour=_largest(curves),
         twin=twin,
         trend=trend,
@@ -142,7 +137,8 @@ def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[
     weight = strength * purity
     weight = weight / weight.sum() * np.sum(strength > 0)
     step = 0.05 / omega[strength > 0].max()
-    grid = step * np.arange(-np.ceil(_LONGEST_DELAY / step), np.ceil(_LONGEST_DELAY / step) + 1)
+    most = np.ceil(5 * _DELAY_PRIOR / step)
+    grid = step * np.arange(-most, most + 1)
     merit = np.cos(angle + 2 * grid[:, None] * omega) @ weight
     prior = (grid / _DELAY_PRIOR) ** 2 / 2
     straight, crossed = merit - prior, -merit - prior
@@ -174,7 +170,7 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     at = np.searchsorted(np.cumsum(strength[use][order]), strength[use].sum() / 2)
     usual = zeta[use][order][min(at, order.size - 1)]
     trend = np.full(zeta.size, usual)
-    for _ in range(_ROBUST):
+    for _ in range(6):  # the weights change little after these
         off = np.log(zeta / trend)
         weight = np.sqrt(np.where(use, strength, 0.0) / (1 + (off / USUAL) ** 2)) / np.sqrt(zeta * trend)
         found = scipy.optimize.nnls(shape * weight[:, None], zeta * weight)[0]
@@ -200,7 +196,7 @@ def _shape(residues: ComplexArray, curves: FloatArray) -> tuple[FloatArray, IntA
         return np.full(len(curves), np.nan), _largest(curves)
     scaled = residues / np.maximum(np.linalg.norm(residues, axis=0), np.finfo(float).tiny)
     mac = np.minimum(np.abs(scaled.conj().T @ scaled) ** 2, 1.0)
-    distinct = (1 - mac + _ONE_SHAPE) ** np.sqrt(curves)
+    distinct = (1 - mac + _LEAST) ** np.sqrt(curves)
     return distinct.min(axis=1), _largest(-distinct)
 
 
@@ -209,4 +205,4 @@ def _reach(residues: ComplexArray) -> FloatArray:
     if len(residues) < FEW:
         return np.full(residues.shape[1], np.nan)
     power = np.abs(residues / np.maximum(np.abs(residues).max(axis=0), np.finfo(float).tiny)) ** 2
-    return np.asarray(np.maximum(1 - 1 / np.maximum(power.sum(axis=0), 1.0), _LEAST_REACHED))
+    return np.asarray(np.maximum(1 - 1 / np.maximum(power.sum(axis=0), 1.0), _LEAST))

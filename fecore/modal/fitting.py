@@ -9,7 +9,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import Terms
+from fecore.modal.basis import BESIDE, Terms
 from fecore.modal.compression import compress
 from fecore.modal.drift import Drift, aligned, drift_of, drift_price
 from fecore.modal.error_model import memory, shared_error
@@ -32,7 +32,6 @@ from fecore.modal.refinement import Fit, Level, level_at, refine, spare
 
 _CULLS = 2  # turns of probability and refinement
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
-_COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 _RATHER = 0.5  # probability below which a pole is rather no mode, and what it takes up is error of its neighbours
 
@@ -177,7 +176,7 @@ def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray
     width = terms.half_bandwidth_hz
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
     good = p >= _RATHER
-    return np.asarray(~good & arrangement.in_band(terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1))
+    return np.asarray(~good & arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1))
 
 
 def _last(data: _Data, fit: Level) -> Fit:

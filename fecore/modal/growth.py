@@ -14,7 +14,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import DAMPING_RANGE, Terms, columns
+from fecore.modal.basis import DAMPING_RANGE, ONE, Terms, columns
 from fecore.modal.error_model import RELATIVE
 from fecore.modal.linear import stacked
 from fecore.modal.lscf import NARROW, clusters, linear_poles
@@ -40,9 +40,7 @@ _SETTLES = (
 PRICE = 2.0
 """Of an unknown (Akaike)."""
 
-_ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
-_APART = 0.5  # summed half bandwidths between two poles that are taken in one round
 
 
 def grow(
@@ -250,7 +248,7 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
         right = right - (target @ own) @ along
         a, b = along[:, 0::2], along[:, 1::2]
         gram = [g - np.sum(x * y, axis=0) for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)]
-        open_ &= np.abs(pool - pool[k]) > _APART * -(pool.real + pool[k].real)
+        open_ &= np.abs(pool - pool[k]) > ONE * -(pool.real + pool[k].real)
     return pool[taken]
 
 
@@ -258,6 +256,7 @@ def _two_by_two(right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray) 
     """(C,) gain of each pair of columns from their products with the residuals (M, 2C) and with one another."""
     one, two = right[:, 0::2], right[:, 1::2]
     determinant = a * d - b**2
-    alone = (a > _ALONE) & (d > _ALONE) & (determinant > _ALONE * a * d)
+    new = 1e-6  # of a candidate's power: what the series leaves below it is round-off
+    alone = (a > new) & (d > new) & (determinant > new * a * d)
     total = d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)
     return np.asarray(np.where(alone, total / np.where(alone, determinant, 1.0), 0.0))

@@ -18,6 +18,7 @@ from fecore.modal.evidence import Evidence, evidence_of
 from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.growth import gains, pole_price
 from fecore.modal.linear import real_times
+from fecore.modal.noise import OUTLYING
 from fecore.modal.parting import part
 from fecore.modal.preparation import Prepared, prepare
 from fecore.modal.probability import Feature, features, probability
@@ -33,11 +34,8 @@ Report = Callable[[str, float], None]
 REFUSED = 0.1
 """Probability below which a pole is refused."""
 
-_STEPS = ("screening", "search and refinement", "probability and shapes")  # whose time is taken
 _SAID = 3  # features that are said of a pole
-_FAR = 4.6  # |residual|² over its own variance from which a value has hardly any weight
 _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
-_MOST_NOTES = 8  # on outliers
 
 
 @dataclass(frozen=True)
@@ -83,7 +81,8 @@ def identify(
     found = _judged(prepared, fitted, options.threshold)
     times.append(time.perf_counter())
     report("done", 1.0)
-    return replace(found, seconds=dict(zip(_STEPS, np.diff(times).tolist(), strict=True)))
+    steps = ("screening", "search and refinement", "probability and shapes")
+    return replace(found, seconds=dict(zip(steps, np.diff(times).tolist(), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -240,8 +239,8 @@ def _of_phase(evidence: Evidence) -> list[str]:
 
 
 def _outliers(fit: Fit) -> BoolArray:
-    """(N, L) single values that Student's law has left hardly any weight: |r|² over 4.6 of its variance is u < 0.1."""
-    far = np.abs(fit.residual) ** 2 > _FAR * fit.variance
+    """(N, L) single values that Student's law has left hardly any weight."""
+    far = np.abs(fit.residual) ** 2 > OUTLYING * fit.variance
     alone = far.copy()
     alone[:, 1:] &= ~far[:, :-1]
     alone[:, :-1] &= ~far[:, 1:]
@@ -253,8 +252,8 @@ def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[str]:
     words = [lines_in_words(arrangement.frequency_hz[outliers[row]]) for row in rows]
     said = "left out, far off what the other lines say"
     notes = [f"{arrangement.label(int(row))}: {lines} {said}" for row, lines in zip(rows, words, strict=True)]
-    more = len(notes) - _MOST_NOTES
-    return notes if more <= 0 else [*notes[:_MOST_NOTES], f"outlying values were left out of {more} more FRFs"]
+    more = len(notes) - 8
+    return notes if more <= 0 else [*notes[:8], f"outlying values were left out of {more} more FRFs"]
 
 
 def _ratio(arrangement: Arrangement, fit: Fit) -> float:

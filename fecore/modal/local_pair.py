@@ -18,8 +18,6 @@ from fecore.modal.growth import without_poles
 from fecore.modal.linear import mean_weight, orthonormal, stacked
 from fecore.modal.refinement import Fit, widened
 
-_EVALUATIONS = 40  # of the least squares
-
 
 @dataclass(frozen=True)
 class Modes:
@@ -119,7 +117,7 @@ class Site:
             frame = np.linalg.qr(self._design(start.at(theta)))[0]
             return np.asarray(target - frame @ (frame.T @ target)).ravel()
 
-        best = scipy.optimize.least_squares(apart, start.theta, x_scale=scale, max_nfev=_EVALUATIONS, args=(few,)).x
+        best = scipy.optimize.least_squares(apart, start.theta, x_scale=scale, max_nfev=40, args=(few,)).x
         last = scipy.optimize.least_squares(apart, best, x_scale=scale, max_nfev=1, args=(self.target,))
         pull = np.einsum("rpn,rp->pn", last.jac.reshape(*self.target.shape, -1), last.fun.reshape(self.target.shape))
         inverse = np.linalg.pinv(last.jac.T @ last.jac, hermitian=True)

@@ -31,7 +31,6 @@ _CLOSE = 0.3  # distance over the half bandwidth within which two poles are one 
 _OF_LINE = 0.05  # ... and over the line spacing
 _TIMES = 3  # that a pole must come at least
 _BROADEST = 0.5  # of a window that a pole's half bandwidth may take
-_NEIGHBOURS = 60  # poles next in frequency that one is compared with
 
 
 @dataclass(frozen=True)
@@ -67,23 +66,24 @@ def linear_poles(
     return LinearPoles(number, pole, spacing)
 
 
-def clusters(found: LinearPoles, least: int = _TIMES) -> ComplexArray:
+def clusters(found: LinearPoles) -> ComplexArray:
     """(c,) the medians of poles that came back, those that came most often first."""
     order = np.argsort(found.pole.imag)
     pole = found.pole[order]
     reach = np.maximum(_CLOSE * -pole.real, _OF_LINE * found.spacing[order])
-    near = np.zeros((2 * _NEIGHBOURS + 1, pole.size), dtype=bool)
-    near[_NEIGHBOURS] = True
-    for shift in range(1, min(_NEIGHBOURS, pole.size - 1) + 1):
+    most = min(60, pole.size)  # poles next in frequency that one is compared with: more than come near
+    near = np.zeros((2 * most + 1, pole.size), dtype=bool)
+    near[most] = True
+    for shift in range(1, min(most, pole.size - 1) + 1):
         close = np.abs(pole[shift:] - pole[:-shift]) < np.minimum(reach[shift:], reach[:-shift])
-        near[_NEIGHBOURS + shift, :-shift], near[_NEIGHBOURS - shift, shift:] = close, close
+        near[most + shift, :-shift], near[most - shift, shift:] = close, close
     count, free = near.sum(axis=0), np.ones(pole.size, dtype=bool)
     out = []
     for k in np.argsort(-count, kind="stable"):
-        if count[k] < least:
+        if count[k] < _TIMES:
             break
         if free[k]:
-            members = k + np.flatnonzero(near[:, k]) - _NEIGHBOURS
+            members = k + np.flatnonzero(near[:, k]) - most
             free[members] = False
             out.append(np.median(pole[members].real) + 1j * np.median(pole[members].imag))
     return np.array(out, dtype=complex)

@@ -26,18 +26,14 @@ from fecore.modal.linear import (
     LinearFit,
     mean_weight,
     normal_columns,
-    normal_matrices,
     orthonormal,
     real_part,
     real_times,
     solve_normal,
 )
 
-_ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtieth of a standard deviation
 _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
-_TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
 _FEWEST_SESSIONS = 8  # from which their scatter is known well enough
-_STEPS = 40  # most steps of one fit
 _SHIFT = 4.0  # half bandwidths by which a pole is off over the relative error that all FRFs share (see `error_model`)
 
 
@@ -108,9 +104,8 @@ class Fit(Level):
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
-        inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ np.where(
-            vector.T**2 > _TOUCHED, vector.T**2, 0.0
-        )
+        part = np.where(vector.T**2 > 1e-4, vector.T**2, 0.0)  # less is round-off
+        inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ part
         inverse = inverse / scale[:, None] / scale
         shifts = np.tile((_SHIFT * self.shared * self.terms.damping_ratio) ** 2, 2)
         return np.asarray(widened(inverse, self.inflation, self.pull, self.sessions) + np.diag(shifts))
@@ -163,7 +158,7 @@ def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Le
     weight = np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0)
     basis = columns(arrangement.omega, terms, arrangement.power)
     frame, turn = orthonormal(basis, weight)
-    linear = solve_normal(normal_matrices(frame, weight), frame, turn, arrangement.values, weight)
+    linear = solve_normal(normal_columns(frame, weight), frame, turn, arrangement.values, weight)
     residual = np.where(arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0)
     return Level(
         terms=terms,
@@ -216,10 +211,10 @@ def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
     )
 
 
-def refine(
-    arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: int = _STEPS, enough: float = _ENOUGH
-) -> Fit:
+def refine(arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: int = 40, enough: float = 1e-3) -> Fit:
     """Poles of least χ² for a given noise variance, from the given start; a step that would gain less than `enough` ends it.
+
+    A decrease of χ² by 1e-3 is a move of a thirtieth of a standard deviation.
 
     Raises:
         IdentificationError: a term has no weight.

@@ -10,7 +10,6 @@ from fecore.modal.shapes import Shapes, of_rank_two
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
 _WEAK = 0.1  # of the FRFs at its frequency, below which a mode is called weak
-_ALONE = 0.99  # share of Σ|R|² in one of several FRFs from which it alone shows the pole
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 
 
@@ -60,7 +59,7 @@ def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[s
     return [
         f"mode {k + 1} ({fit.terms.frequency_hz[kept[k]]:.2f} Hz): {arrangement.label(int(np.argmax(size[:, k])))} alone shows"
         " it: a local mode, or a resonance of that sensor or hammer"
-        for k in np.flatnonzero(size.max(axis=0) > _ALONE * size.sum(axis=0))
+        for k in np.flatnonzero(size.max(axis=0) > 0.99 * size.sum(axis=0))
     ]
 
 

@@ -17,7 +17,6 @@ from fecore.modal.arrangement import Arrangement
 
 _SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
 _ABOVE_NOISE = 5.0  # largest singular values of noise alone that the second one must reach
-_ITERATIONS = 60  # of the rank-one fit, at most
 _SURE = 4.0  # standard deviations that a driving-point residue must be above zero to normalise by it
 
 
@@ -127,7 +126,7 @@ def _rank_one(
             factor[column] = np.vdot(known, other) / np.sum(shared**2) if np.any(shared) else 0.0
     vector = np.zeros(p, dtype=complex)
     information: FloatArray = np.ones(p)
-    for _ in range(_ITERATIONS):
+    for _ in range(60):  # more change no digit that counts
         information = np.maximum(_add_up(i, weight * np.abs(factor[j]) ** 2, p), 1e-300)
         vector = _scatter(i, weight * factor[j].conj() * entries, p) / information
         if m == 1:  # it sees all dofs alike
