@@ -33,7 +33,7 @@ def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:
     at = np.argsort(np.abs(linear.pole), kind="stable")
     order, pole = linear.order[at], linear.pole[at]
     size = np.abs(pole)
-    hz, zeta = size / (2 * np.pi), -pole.real / np.maximum(size, 1e-300)
+    hz, zeta = size / (2 * np.pi), -pole.real / np.maximum(size, np.finfo(float).tiny)
     near, still = np.zeros(hz.size, dtype=bool), np.zeros(hz.size, dtype=bool)
     for below in np.unique(order)[:-1]:
         lower = order == below

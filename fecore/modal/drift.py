@@ -153,13 +153,13 @@ def _misfits(
     """(g, N) misfit of every FRF for every drift of the grid."""
     omega, values, own = arrangement.omega[lines], arrangement.values[:, lines], weight[:, lines]
     mean = own.mean(axis=0)
-    root, level = np.sqrt(mean), own.sum(axis=1) / max(mean.sum(), 1e-300)
+    root, level = np.sqrt(mean), own.sum(axis=1) / max(mean.sum(), np.finfo(float).tiny)
     target = stacked(values.T, root).T
     whole = np.sum(target**2, axis=1)
     out = np.empty((grid.size, len(values)))
     for place, drift in enumerate(grid):
         basis = stacked(columns(omega, _moved(arrangement, terms, float(drift)), arrangement.power), root)
-        frame = np.linalg.qr(basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300))[0]
+        frame = np.linalg.qr(basis / np.maximum(np.linalg.norm(basis, axis=0), np.finfo(float).tiny))[0]
         out[place] = level * (whole - np.sum((target @ frame) ** 2, axis=1))
     return out
 
@@ -180,8 +180,8 @@ def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArr
     the drift of that pole alone spoils all FRFs. With B the weighted columns of length 1, (BᵀB + N/|H|² I) c = BᵀH (Tikhonov).
     """
     scaled = stacked(basis, root)
-    size = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+    size = np.maximum(np.linalg.norm(scaled, axis=0), np.finfo(float).tiny)
     both = stacked(values.T, root).T
     left, singular, right = np.linalg.svd(scaled / size, full_matrices=False)
-    damped = singular / (singular**2 + len(both) / max(float(np.sum(both**2)), 1e-300))
+    damped = singular / (singular**2 + len(both) / max(float(np.sum(both**2)), np.finfo(float).tiny))
     return np.asarray((((both @ left) * damped) @ right) / size)

@@ -114,7 +114,7 @@ def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray
     height = np.abs(c[:, 0 : 2 * n : 2] * own[:, 0] + c[:, 1 : 2 * n : 2] * own[:, 1])
     whole = np.abs(c @ at.T)
     total = np.sqrt(np.sum(height**2, axis=0))
-    share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), 1e-300)
+    share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), np.finfo(float).tiny)
     return total, np.asarray(np.clip(share, *_SHARE))
 
 
@@ -133,7 +133,7 @@ def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[
     turns = _turns(terms, residues)
     square = np.sum(turns**2, axis=0)
     angle, omega = np.angle(square), 2 * np.pi * terms.frequency_hz
-    purity = np.abs(square) / np.maximum(np.sum(np.abs(turns) ** 2, axis=0), 1e-300)
+    purity = np.abs(square) / np.maximum(np.sum(np.abs(turns) ** 2, axis=0), np.finfo(float).tiny)
     weight = strength * purity
     weight = weight / weight.sum() * np.sum(strength > 0)
     step = 0.05 / omega[strength > 0].max()

@@ -180,7 +180,7 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         terms = without_poles(terms, np.arange(poor.size) == k)
     while len(terms.exponents) > 1:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
-        worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
+        worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny), axis=0)
         least = int(np.argmin(worth))
         if worth[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
             break
@@ -226,7 +226,7 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
     extra = stacked(
         columns(arrangement.omega, with_poles(Terms(np.empty(0), np.empty(0), ()), pool), arrangement.power), root
     )
-    extra = extra / np.maximum(np.linalg.norm(extra, axis=0), 1e-300)
+    extra = extra / np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
     frame = np.linalg.qr(frame)[0]
     extra = extra - frame @ (frame.T @ extra)
     right = target @ extra

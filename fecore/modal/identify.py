@@ -117,6 +117,9 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)
     shapes = _shapes(arrangement, fit, kept)
     known, outliers = arrangement.measured & np.isfinite(arrangement.variance), _outliers(fit)
+    ratio = fit.chi_squared / fit.freedom
+    if known.any():
+        ratio = float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
     notes = (
         *prepared.said,
         *_of_drift(fitted),
@@ -126,7 +129,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
         *parted,
         *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
         *_of_outliers(arrangement, outliers),
-        *_noise_remarks(arrangement, fit),
+        *(_of_noise(ratio) if known.any() and ratio >= 2 else []),
         *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
     )
     return Identification(
@@ -149,7 +152,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
         measured=np.where(arrangement.measured & ~outliers & ~toned, arrangement.values, np.nan),
         predicted=fit.model(arrangement),
         noise_variance=np.where(known, arrangement.variance, fit.variance),
-        noise_ratio=_ratio(arrangement, fit),
+        noise_ratio=ratio,
         model_error=_model_error(arrangement, fitted),
         drift=0.0 if fitted.drift is None else fitted.drift.sd,
         delay=evidence.delay,
@@ -256,14 +259,6 @@ def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[str]:
     return notes if more <= 0 else [*notes[:8], f"outlying values were left out of {more} more FRFs"]
 
 
-def _ratio(arrangement: Arrangement, fit: Fit) -> float:
-    """Mean square of the residual over the noise as stated; over the variance of the fit where none is."""
-    known = arrangement.measured & np.isfinite(arrangement.variance)
-    if known.any():
-        return float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
-    return fit.chi_squared / fit.freedom
-
-
 def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
     """Relative error of the FRFs beside the noise, from lines where they are large: root of Σ(|r|² - n²)|H|²/Σ|H|⁴."""
     size = np.where(arrangement.measured, np.abs(arrangement.values) ** 2, 0.0)
@@ -272,10 +267,7 @@ def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
     return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
 
 
-def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
-    """Compare the stated noise with the residual."""
-    if not np.any(arrangement.measured & np.isfinite(arrangement.variance)) or (ratio := _ratio(arrangement, fit)) < 2:
-        return []
+def _of_noise(ratio: float) -> list[str]:
     return [
         f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state: the model does not"
         " explain all of the data (non-linearity, leakage, a moving sensor mass); the standard deviations were enlarged"

@@ -101,7 +101,9 @@ class Site:
         shift, vectors = np.linalg.eig(left.conj().T @ second @ right.conj().T / size)
         seen = np.linalg.pinv(vectors) @ (size[:, None] * right)
         pole = at.poles[0]
-        s = pole + np.where(np.abs(shift) < -pole.real, shift, -pole.real * shift / np.maximum(np.abs(shift), 1e-300))
+        s = pole + np.where(
+            np.abs(shift) < -pole.real, shift, -pole.real * shift / np.maximum(np.abs(shift), np.finfo(float).tiny)
+        )
         seen = seen / seen[[0, 1], np.argmax(np.abs(seen), axis=1)][:, None]
         return Modes(np.abs(s) / (2 * np.pi), np.clip(-s.real / np.abs(s), *DAMPING_RANGE), seen)
 

@@ -21,18 +21,10 @@ _LOCAL = 25  # lines over which the misfit is averaged
 _FLOOR = 1e-5  # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 
 
-def believable(variance: FloatArray, scatter: FloatArray, measured: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Stated variance, enlarged for each FRF whose scatter of lines is larger by more than a factor 2: (N, L), (N,) factors.
-
-    Coherence that was averaged over few hits, or stated for the wrong estimator, is often too good by far.
-    """
+def excess(variance: FloatArray, scatter: FloatArray, measured: BoolArray) -> FloatArray:
+    """(N,) median over the lines of each FRF of the scatter (N, L) over the stated variance; NaN where none is stated."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ratio = np.where(measured & np.isfinite(variance), scatter / variance, np.nan)
-    factor = np.ones(len(ratio))
-    stated = np.isfinite(ratio).any(axis=1)
-    factor[stated] = _row_medians(ratio[stated])
-    factor = np.where(factor > 2, factor, 1.0)
-    return variance * factor[:, None], factor
+        return _row_medians(np.where(measured & np.isfinite(variance), scatter / variance, np.nan))
 
 
 def _row_medians(rows: FloatArray) -> FloatArray:
@@ -78,7 +70,7 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
 
 def scatter_of(arrangement: Arrangement) -> FloatArray:
     """(N, L) variance of what changes from line to line of FRFs."""
-    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
+    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, np.finfo(float).tiny))
     return line_scatter(arrangement.values, arrangement.measured, first)
 
 

@@ -94,20 +94,12 @@ def features(evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatA
     added = np.concatenate([ratio[:, None], x[:, 1:] * MEAN[1:]], axis=1)
     out = []
     for k in range(len(x)):
-        values = [getattr(evidence, name)[k] for name in NAMES]
-        known = [i for i, value in enumerate(values) if np.isfinite(value)]
-        known.sort(key=lambda i: -abs(added[k, i]))
-        out.append(
-            tuple(
-                Feature(
-                    NAMES[i],
-                    float(values[i]),
-                    float(added[k, i]),
-                    _words(NAMES[i], evidence, k, frequency_hz, damping_ratio),
-                )
-                for i in known
-            )
-        )
+        each = [
+            Feature(name, float(value), float(weight), _words(name, evidence, k, frequency_hz, damping_ratio))
+            for name, weight in zip(NAMES, added[k], strict=True)
+            if np.isfinite(value := getattr(evidence, name)[k])
+        ]
+        out.append(tuple(sorted(each, key=lambda feature: -abs(feature.weight))))
     return out
 
 

@@ -99,7 +99,7 @@ class Fit(Level):
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
 
         A null direction of the information gives its own parameters a large variance and touches no other. Where the sessions
-        are known, each standard deviation is at least what the scatter between them shows (`_between`). Errors e that all FRFs
+        are known, each standard deviation is at least what the scatter between them shows (`widened`). Errors e that all FRFs
         share are taken to have shifted a pole by `_SHIFT` e half bandwidths.
         """
         scale, value, vector, null = spectrum(self.information)
@@ -112,24 +112,20 @@ class Fit(Level):
 
 
 def widened(inverse: FloatArray, inflation: float, pull: FloatArray, sessions: IntArray | None) -> FloatArray:
-    """The covariance H⁻¹ times the inflation, each standard deviation at least what the scatter between sessions shows."""
+    """The covariance H⁻¹ times the inflation, each standard deviation at least what the scatter between sessions shows:
+
+    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1), g_s the sessions' own gradients about the optimum (White 1980, for clusters Liang and
+    Zeger 1986). It asks nothing of the errors within a session, so it holds where these last over lines, channels or modes.
+    Of S sessions it is known to 1 ± 1/√(2(S - 1)).
+    """
     grow = np.sqrt(inflation) * np.ones(len(inverse))
     if sessions is not None and (count := int(sessions.max()) + 1) >= _FEWEST_SESSIONS:
-        usual = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-        grow = np.maximum(grow, _between(pull, sessions, inverse) / usual / (1 + 1 / np.sqrt(2 * count - 2)))
+        sums = np.zeros((count, pull.shape[1]))
+        np.add.at(sums, sessions, pull)
+        between = np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1))
+        usual = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+        grow = np.maximum(grow, between / usual / (1 + 1 / np.sqrt(2 * count - 2)))
     return np.asarray(inverse * np.outer(grow, grow))
-
-
-def _between(pull: FloatArray, sessions: IntArray, inverse: FloatArray) -> FloatArray:
-    """(parameters,) standard deviations by the scatter of the sessions' own gradients g_s about the optimum.
-
-    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1) (White 1980, for clusters Liang and Zeger 1986): it asks nothing of the errors within a
-    session, so it holds where these last over lines, channels or modes. Of S sessions it is known to 1 ± 1/√(2(S - 1)).
-    """
-    count = int(sessions.max()) + 1
-    sums = np.zeros((count, pull.shape[1]))
-    np.add.at(sums, sessions, pull)
-    return np.asarray(np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1)))
 
 
 def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -225,8 +221,11 @@ def refine(arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: 
         step, predicted = _step(fit, damping)
         if predicted < enough:
             break
-        trial = _try(arrangement, moved(fit.terms, step), variance)
-        if trial is not None and trial.chi_squared < fit.chi_squared:
+        try:
+            trial = level_at(arrangement, moved(fit.terms, step), variance)
+        except IdentificationError:  # a term has no weight there: a shorter step
+            trial = fit
+        if trial.chi_squared < fit.chi_squared:
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
             fit = _with_slopes(arrangement, trial)
@@ -260,13 +259,6 @@ def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
     along = np.where(null, 0.0, vector.T @ (fit.gradient / scale)) / root
     step = scipy.optimize.lsq_linear(root[:, None] * vector.T, along, (-limit, limit), method="bvls").x / scale
     return step, float(2 * step @ fit.gradient - step @ fit.information @ step)
-
-
-def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level | None:
-    try:
-        return level_at(arrangement, terms, variance)
-    except IdentificationError:
-        return None
 
 
 def _slope_combinations(terms: Terms, residues: ComplexArray) -> FloatArray:

@@ -29,7 +29,7 @@ def remarks(
         name = f"mode {k + 1} ({f[k]:.2f} Hz)"
         if (why := doubt[k]) is not None:
             notes.append(f"{name} is uncertain: {why}")
-        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, 1e-300)
+        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, np.finfo(float).tiny)
         if lines < _FEW_LINES:
             notes.append(
                 f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
