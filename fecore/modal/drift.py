@@ -13,7 +13,7 @@ independent lines) than the series with the twins and without.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,14 +31,6 @@ _ALIKE = 3.0  # ratio of their widths
 _REACH = 6.0  # half bandwidths, and lines at least, on each side of a pole whose lines show the drift
 _SPREAD = 5.0  # half its width, and the farthest drift, over the median of the drifts
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Relative drifts of the FRFs (N,) and their standard deviation."""
-
-    each: FloatArray
-    sd: float
 
 
 def drift_of(

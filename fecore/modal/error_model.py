@@ -29,19 +29,15 @@ _CAP = 3.0  # standard deviations
 _REACH = 3.0  # half bandwidths, and lines at least, on each side of a pole whose errors are its own
 
 
-def memory(
-    residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray | None = None
-) -> float:
+def memory(residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray) -> float:
     """τ, the number of lines that are worth one, from the correlation of the standardised residual; at least 1.
 
-    With the `model` the error is taken relative to it, for a relative error turns with the phase of a resonance, and lines
-    count
-    by their signal to noise: what matters for a mode are the lines where it is seen.
+    The error is taken relative to the model, for a relative error turns with the phase of a resonance, and lines count by their
+    signal to noise: what matters for a mode are the lines where it is seen.
     """
     z = np.where(measured, residual / np.sqrt(variance), 0)
-    if model is not None:
-        z = z / np.maximum(1.0, np.abs(z) / _CAP)  # one line of interference must not hide what the others share
-        z = z * model.conj() / np.sqrt(variance)
+    z = z / np.maximum(1.0, np.abs(z) / _CAP)  # one line of interference must not hide what the others share
+    z = z * model.conj() / np.sqrt(variance)
     lines = z.shape[1]
     size = 1 << int(2 * lines - 1).bit_length()
     power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)

@@ -1,22 +1,16 @@
-"""What speaks for a pole being a mode: a few features, all from the joint fit.
+"""What speaks for a pole being a mode: a few features, all from the joint fit. Why these: `docs/identification.md`.
 
-phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R the residue of the receptance. A mode's residue
-        is in quadrature to the force, φ_i φ_j/(2iω_d): r = 1. The response of a quadratic non-linearity at f_i ± f_j
-        is driven by a product of two such residues, so its own is real: r = -1.
+phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R the residue of the receptance.
 rise    ρ, the local misfit without the pole over that with it, within 1 and 10³.
 share   s, the pole's height over the FRFs at its frequency, within 0.03 and 1.
 damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all poles of the set.
 apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of its resonance curve with that of the larger pole
-        nearest by it, σ = ζω. Where a mode moves from test to test, by temperature or the sensor's mass, or is not of a linear
-        structure, the fit has several poles for it, with shapes of their own and far nearer than modes are.
-shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a larger pole, of the one that makes q least. Two modes
-        have two shapes; a mode that every test shows at several heights of the hit, or while it drifts, is several poles with
-        one shape, between which another mode may stand. Not for fewer than four FRFs.
-reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest: a sensor or hammer that
-        rings is seen in one. Not for fewer than four FRFs.
+        nearest by it, σ = ζω.
+shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a larger pole, of the one that makes q least.
+reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest.
 
-A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are found first, from the strong
-poles.
+Shape and reach need four FRFs. A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are
+found first, from the strong poles.
 """
 
 from dataclasses import dataclass

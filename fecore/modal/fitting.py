@@ -11,7 +11,7 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import BESIDE, Terms
 from fecore.modal.compression import compress
-from fecore.modal.drift import Drift, aligned, drift_of, drift_price
+from fecore.modal.drift import aligned, drift_of, drift_price
 from fecore.modal.error_model import memory, shared_error
 from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import (
@@ -46,7 +46,7 @@ class Fitted:
     fit: Fit
     noise: FloatArray  # (N, L) variance of the FRFs' noise
     linear: LinearPoles  # the linear poles
-    drift: Drift | None  # None where there is none
+    drift: FloatArray  # (N,) relative drift of each FRF's frequencies, all 0 where no drift pays
     full: bool  # whether the search had as many poles as it may
 
     @property
@@ -57,10 +57,9 @@ class Fitted:
         them, modes do not drift alike: each may be off by the mean of the drifts by its own power in the FRFs.
         """
         covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
-        if self.drift is not None:
-            power = np.abs(self.fit.residues) ** 2
-            own = self.drift.each @ power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
-            covariance[:n, :n] += self.drift.sd**2 / self.arrangement.sessions + np.diag(own**2)
+        power = np.abs(self.fit.residues) ** 2
+        own = self.drift @ power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+        covariance[:n, :n] += self.drift.var() / self.arrangement.sessions + np.diag(own**2)
         return covariance
 
 
@@ -135,7 +134,7 @@ def _steps(report: Report) -> Callable[[int], None]:
 
 def _aligned(
     data: _Data, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
-) -> tuple[_Data, Terms, Drift | None]:
+) -> tuple[_Data, Terms, FloatArray]:
     """The FRFs and the series that they need, grown from a first one: without the drift of their tests where it pays.
 
     Poles that the series lacks may pass for a drift, and a drift for poles. So both grow on aligned FRFs first, and the same
@@ -153,8 +152,8 @@ def _aligned(
         left = level_at(still.arrangement, still.settled(grown), fit.variance).chi_squared
         without = level_at(data.arrangement, data.settled(grown), fit.variance).chi_squared
         if without - left > price:
-            return still, grown, Drift(each, float(np.std(each)))
-    return data, data.grown(terms, pool, most, step), None
+            return still, grown, each
+    return data, data.grown(terms, pool, most, step), np.zeros(len(data.arrangement.pairs))
 
 
 def _without_company(data: _Data, fit: Level) -> Level:

@@ -154,7 +154,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
         noise_variance=np.where(known, arrangement.variance, fit.variance),
         noise_ratio=ratio,
         model_error=_model_error(arrangement, fitted),
-        drift=0.0 if fitted.drift is None else fitted.drift.sd,
+        drift=float(fitted.drift.std()),
         delay=evidence.delay,
         memory_lines=fit.memory,
         seconds={},
@@ -205,10 +205,10 @@ def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
 
 
 def _of_drift(fitted: Fitted) -> list[str]:
-    if fitted.drift is None:
+    if not fitted.drift.any():
         return []
     return [
-        f"all natural frequencies drift together between the tests, by {100 * fitted.drift.sd:.2g} % (1 sd): the tests were"
+        f"all natural frequencies drift together between the tests, by {100 * fitted.drift.std():.2g} % (1 sd): the tests were"
         " aligned; temperature does this, or a support that comes loose"
     ]
 
