@@ -17,7 +17,6 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet, Quantity
 
-_AXIS_NAMES = ("X", "Y", "Z", "RX", "RY", "RZ")
 FEW = 4
 """FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors, one that is alone."""
 
@@ -98,8 +97,8 @@ class Arrangement:
 
 def pair_label(response: Dof, reference: Dof) -> str:
     """Name of an FRF as laboratories write it, response first: `33Z/1Z`."""
-    names = (f"{'-' if d.sign < 0 else ''}{_AXIS_NAMES[d.axis - 1]}" for d in (response, reference))
-    return "/".join(f"{d.point}{name}" for d, name in zip((response, reference), names, strict=True))
+    axes = ("X", "Y", "Z", "RX", "RY", "RZ")
+    return "/".join(f"{d.point}{'-' if d.sign < 0 else ''}{axes[d.axis - 1]}" for d in (response, reference))
 
 
 def set_with_gaps(

@@ -4,7 +4,7 @@ A receptance is, with s = iω,
 
     α(s) = Σ_k R_k/(s - s_k) + R̄_k/(s - s̄_k)  +  Σ_e c_e s^e,
 
-s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The last sum is the residual terms: s⁻² and s⁻¹ stand for modes below the band (rigid
+s_k = ω_k(-ζ_k + i√(1 - ζ_k²)). The last sum is the residual terms: s⁻³ to s⁻¹ stand for modes below the band (rigid
 body motion and its damping), s⁰, s¹, s² for modes above it; their coefficients are real because α is the transform of
 a real function. A mobility or accelerance is α times s or s². Everything is linear in (Re R, Im R, c) for given
 poles.

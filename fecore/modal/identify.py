@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import columns
 from fecore.modal.diagram import Stabilisation, diagram_of
 from fecore.modal.evidence import Evidence, evidence_of
-from fecore.modal.fitting import Fitted, fit_series
+from fecore.modal.fitting import Fitted, Report, fit_series
 from fecore.modal.growth import gains, pole_price
 from fecore.modal.linear import real_times
 from fecore.modal.noise import OUTLYING
@@ -28,8 +28,6 @@ from fecore.modal.result import Found, Identification, RefusedPole
 from fecore.modal.screening import lines_in_words
 from fecore.modal.shapes import Shapes, shapes_from_residues
 from fecore.modes import MeasuredModes
-
-Report = Callable[[str, float], None]
 
 REFUSED = 0.1
 """Probability below which a pole is refused."""
