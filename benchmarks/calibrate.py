@@ -29,7 +29,6 @@ from benchmarks.made_frfs import GOOD, KINDS, Draw, Harsh
 from benchmarks.tables import Table
 from benchmarks.truth import OPTIONAL, OTHER, SPLIT, modes_of_poles
 from fecore.errors import IdentificationError
-from fecore.modal.drift import in_band
 from fecore.modal.evidence import evidence_of
 from fecore.modal.fitting import Fitted, fit_series
 from fecore.modal.preparation import prepare
@@ -85,7 +84,7 @@ def keep(draw: Draw, kind: str, number: int, fitted: Fitted, poles: Poles) -> No
     evidence = evidence_of(fitted.arrangement, fitted.fit)
     ratio, rows = design(evidence)
     of = modes_of_poles(draw, fitted.arrangement, fitted.fit)
-    use = in_band(fitted.arrangement, hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)
+    use = fitted.arrangement.in_band(hz) & (of != OPTIONAL) & ~no_mode(evidence, zeta)
     use &= hz >= 1.3 * np.max(draw.frequency_hz[draw.optional], initial=0.0)
     poles.lost[kind] = poles.lost.get(kind, 0) + int(np.sum(~draw.optional)) - int(np.sum(of[use] >= 0))
     for k in np.flatnonzero(use):

@@ -17,7 +17,6 @@ import scipy
 from benchmarks.made_frfs import Draw
 from fecore.correlation import mac
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.evidence import residues_of
 from fecore.modal.refinement import Level
 
 OTHER, SPLIT, OPTIONAL = -1, -2, -3
@@ -37,11 +36,11 @@ def modes_of_poles(draw: Draw, arrangement: Arrangement, fit: Level) -> np.ndarr
     width = np.maximum(_NEAR, draw.zeta / 2) * draw.frequency_hz
     off = np.abs(hz[:, None] - draw.frequency_hz) / width
     ratio = np.abs(np.log(zeta[:, None] / draw.zeta)) / _RATIO
-    alike = mac(residues_of(fit).T, draw.residue[:, arrangement.source]) * np.exp(-(off**2 + ratio**2) / 2)
+    alike = mac(fit.residues.T, draw.residue[:, arrangement.source]) * np.exp(-(off**2 + ratio**2) / 2)
     near = (off < 2) & (ratio < 1)
     pairs = [(k, m) for k, m in zip(*scipy.optimize.linear_sum_assignment(alike, maximize=True), strict=True)]
     pairs = [(k, m) for k, m in pairs if alike[k, m] >= _LEAST]
-    height = np.linalg.norm(residues_of(fit), axis=0) / (hz * zeta)
+    height = np.linalg.norm(fit.residues, axis=0) / (hz * zeta)
     of[near[:, [m for _, m in pairs]].any(axis=1)] = SPLIT
     of[[k for k, _ in pairs]] = [m for _, m in pairs]
     for k, m in pairs:

@@ -17,11 +17,8 @@ from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.frf import POWER_OF_I_OMEGA, Dof, FrfSet, Quantity
 
-_AXIS_NAMES = ("X", "Y", "Z", "RX", "RY", "RZ")
 FEW = 4
 """FRFs or tests below which nothing is learnt of what differs between them: shapes, drift, errors, one that is alone."""
-
-_SAME_LINE = 1e-6  # lines of two axes closer than this share of the smallest spacing are one line
 
 
 @dataclass(frozen=True)
@@ -43,6 +40,22 @@ class Arrangement:
     def omega(self) -> FloatArray:
         """(L,) circular frequency of the lines, rad/s."""
         return 2 * np.pi * self.frequency_hz
+
+    @cached_property
+    def session(self) -> IntArray:
+        """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of one sensor, share theirs."""
+        side = max((0, 1), key=lambda i: len({pair[i] for pair in self.pairs}))
+        dofs = sorted({pair[side] for pair in self.pairs})
+        return np.array([dofs.index(pair[side]) for pair in self.pairs], dtype=np.int64)
+
+    @property
+    def sessions(self) -> int:
+        """Number of tests, each of which may have drifted on its own."""
+        return int(self.session.max()) + 1
+
+    def in_band(self, hz: FloatArray) -> BoolArray:
+        """(n,) True for frequencies within the lines."""
+        return np.asarray((hz >= self.frequency_hz[0]) & (hz <= self.frequency_hz[-1]))
 
     @property
     def power(self) -> int:
@@ -84,8 +97,8 @@ class Arrangement:
 
 def pair_label(response: Dof, reference: Dof) -> str:
     """Name of an FRF as laboratories write it, response first: `33Z/1Z`."""
-    names = (f"{'-' if d.sign < 0 else ''}{_AXIS_NAMES[d.axis - 1]}" for d in (response, reference))
-    return "/".join(f"{d.point}{name}" for d, name in zip((response, reference), names, strict=True))
+    axes = ("X", "Y", "Z", "RX", "RY", "RZ")
+    return "/".join(f"{d.point}{'-' if d.sign < 0 else ''}{axes[d.axis - 1]}" for d in (response, reference))
 
 
 def set_with_gaps(
@@ -191,7 +204,7 @@ def _union_axis(axes: list[FloatArray]) -> tuple[FloatArray, list[IntArray]]:
     """Union of frequency axes and where the lines of each fall on it."""
     together = np.sort(np.concatenate(axes))
     spacings = [float(np.diff(a).min()) for a in axes if a.size > 1]
-    tolerance = _SAME_LINE * (min(spacings) if spacings else 1.0)
+    tolerance = 1e-6 * min(spacings, default=1.0)  # closer lines of two axes are one, written with fewer digits
     union = together[np.concatenate(([True], np.diff(together) > tolerance))]
     places = [np.searchsorted(union, a + tolerance, side="right") - 1 for a in axes]
     return union, [p.astype(np.int64) for p in places]

@@ -10,8 +10,6 @@ from fecore.modal.lscf import LinearPoles
 
 FREQUENCY_TOLERANCE = 0.01  # relative, between orders: the usual 1 % of stabilisation diagrams
 DAMPING_TOLERANCE = 0.05  # relative, between orders: the usual 5 %
-MOST_CURVES = 3
-"""Singular values of the mode indicator: of more modes at one frequency nobody reads off the number."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +31,7 @@ def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:
     at = np.argsort(np.abs(linear.pole), kind="stable")
     order, pole = linear.order[at], linear.pole[at]
     size = np.abs(pole)
-    hz, zeta = size / (2 * np.pi), -pole.real / np.maximum(size, 1e-300)
+    hz, zeta = size / (2 * np.pi), -pole.real / np.maximum(size, np.finfo(float).tiny)
     near, still = np.zeros(hz.size, dtype=bool), np.zeros(hz.size, dtype=bool)
     for below in np.unique(order)[:-1]:
         lower = order == below
@@ -54,13 +52,14 @@ def diagram_of(arrangement: Arrangement, linear: LinearPoles) -> Stabilisation:
 
 
 def mode_indicator(arrangement: Arrangement) -> FloatArray:
-    """(c, L) the largest singular values of H(ω), roving by fixed dofs, at most three: as many are large at a line as modes are
-    there (complex mode indicator function, Shih et al. 1988). With one fixed dof it is the root of the sum of squares.
+    """(c, L) the largest singular values of H(ω), roving by fixed dofs: as many are large at a line as modes are there (complex
+    mode indicator function, Shih et al. 1988). With one fixed dof it is the root of the sum of squares. At most three, as of
+    more modes at one frequency nobody reads off the number.
     """
     whole = np.zeros((arrangement.frequency_hz.size, len(arrangement.roving), len(arrangement.fixed)), dtype=complex)
     whole[:, arrangement.row[:, 0], arrangement.row[:, 1]] = arrangement.values.T
     gram = np.einsum("lpm,lpn->lmn", whole.conj(), whole)
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(gram)[:, ::-1][:, :MOST_CURVES], 0)).T
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(gram)[:, ::-1][:, :3], 0)).T
 
 
 def _close(

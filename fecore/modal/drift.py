@@ -13,35 +13,24 @@ independent lines) than the series with the twins and without.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.basis import Terms, columns
+from fecore.modal.basis import BESIDE, ONE, Terms, columns
 from fecore.modal.error_model import memory
 from fecore.modal.growth import PRICE, gains, pole_price
 from fecore.modal.linear import stacked
-from fecore.modal.refinement import Level, level_at, weights
+from fecore.modal.refinement import Level, level_at
 
 _WIDEST = 0.02  # relative drift of a frequency to either side: 8 % of a modulus, beyond any room's temperature
-_TOGETHER, _APART = 0.5, 1.5  # summed half bandwidths within which two poles may be one that drifts
 _TWICE = 0.5  # share of the modes that come in pairs from which drift makes them
 _ALIKE = 3.0  # ratio of their widths
 _REACH = 6.0  # half bandwidths, and lines at least, on each side of a pole whose lines show the drift
-_STEPS = 41  # of a grid
 _SPREAD = 5.0  # half its width, and the farthest drift, over the median of the drifts
-_TURNS = 30  # of drift and poles, at most
 _TONE = 0.1  # lines: a half bandwidth below is a tone's
-
-
-@dataclass(frozen=True)
-class Drift:
-    """Relative drifts of the FRFs (N,) and their standard deviation."""
-
-    each: FloatArray
-    sd: float
 
 
 def drift_of(
@@ -55,15 +44,15 @@ def drift_of(
         price: of a drift, as `drift_price`.
         settle: refines a series on aligned FRFs.
     """
-    tests, inside = session_of(arrangement), in_band(arrangement, fit.terms.frequency_hz)
-    if int(tests.max()) + 1 < FEW or not inside.any():
+    inside = arrangement.in_band(fit.terms.frequency_hz)
+    if arrangement.sessions < FEW or not inside.any():
         return None
-    terms, weight = _merged(fit, inside), weights(arrangement, fit.variance)
+    terms, weight = _merged(fit, inside), fit.weight
     twins = (fit.terms.pairs - terms.pairs) * pole_price(fit)
     each: FloatArray = np.zeros(len(arrangement.pairs))
     reach, least = _WIDEST, fit.chi_squared + twins - price
-    for _ in range(_TURNS):
-        trial, gain = _drifts(arrangement, terms, weight, tests, reach)
+    while True:  # every turn lowers χ² by the price of a test, so it ends
+        trial, gain = _drifts(arrangement, terms, weight, reach)
         if gain <= price:
             break
         still = aligned(arrangement, terms, weight, trial)
@@ -71,7 +60,7 @@ def drift_of(
         left = level_at(still, settled, fit.variance).chi_squared
         if left > least:
             break
-        each, terms, least = trial, settled, left - price / int(tests.max())
+        each, terms, least = trial, settled, left - price / (arrangement.sessions - 1)
         reach = _SPREAD * float(np.median(np.abs(each)))
     return (each, terms) if np.any(each) else None
 
@@ -79,21 +68,19 @@ def drift_of(
 def drift_price(arrangement: Arrangement, fit: Level) -> float:
     """What a drift of all tests but one must lower χ² by (Akaike), where lines share their errors."""
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return PRICE * (sessions(arrangement) - 1) * tau
+    return PRICE * (arrangement.sessions - 1) * tau
 
 
-def _drifts(
-    arrangement: Arrangement, terms: Terms, weight: FloatArray, tests: IntArray, reach: float
-) -> tuple[FloatArray, float]:
+def _drifts(arrangement: Arrangement, terms: Terms, weight: FloatArray, reach: float) -> tuple[FloatArray, float]:
     """(N,) the most probable drifts about their mean, on a grid about none, and what they lower χ² by."""
-    grid, count = np.linspace(-reach, reach, _STEPS), int(tests.max()) + 1
+    grid, tests = np.linspace(-reach, reach, 41), arrangement.session
     each = _misfits(arrangement, terms, weight, grid, _lines(arrangement, terms))
-    misfit: FloatArray = np.stack([np.bincount(tests, own, count) for own in each]).astype(float)
+    misfit: FloatArray = np.stack([np.bincount(tests, own) for own in each]).astype(float)
     drift, least = _lowest(grid, misfit)
     drift -= np.median(drift)
     most = _SPREAD * float(np.median(np.abs(drift)))
     drift = np.clip(drift, -most, most)  # a test that shows nothing drifts no further than the others
-    return np.asarray((drift - drift.mean())[tests]), float(np.sum(misfit[_STEPS // 2] - least))
+    return np.asarray((drift - drift.mean())[tests]), float(np.sum(misfit[grid.size // 2] - least))
 
 
 def aligned(arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: FloatArray) -> Arrangement:
@@ -109,27 +96,9 @@ def aligned(arrangement: Arrangement, terms: Terms, weight: FloatArray, drift: F
     return replace(arrangement, values=np.where(arrangement.measured, values, 0))
 
 
-def session_of(arrangement: Arrangement) -> IntArray:
-    """(N,) number of the test that each FRF belongs to: the sensors of one hit, or the hits of one sensor, share theirs."""
-    side = max((0, 1), key=lambda i: len({pair[i] for pair in arrangement.pairs}))
-    dofs = sorted({pair[side] for pair in arrangement.pairs})
-    place = {dof: number for number, dof in enumerate(dofs)}
-    return np.array([place[pair[side]] for pair in arrangement.pairs], dtype=np.int64)
-
-
-def sessions(arrangement: Arrangement) -> int:
-    """Number of tests that may have drifted on their own."""
-    return int(session_of(arrangement).max()) + 1
-
-
-def in_band(arrangement: Arrangement, hz: FloatArray) -> BoolArray:
-    """(n,) True for frequencies within the measured lines."""
-    return np.asarray((hz >= arrangement.frequency_hz[0]) & (hz <= arrangement.frequency_hz[-1]))
-
-
 def _moved(arrangement: Arrangement, terms: Terms, drift: float) -> Terms:
     """The series with all its resonances moved; a pole much narrower than a line is a tone, which stays where it is."""
-    tone = terms.frequency_hz * terms.damping_ratio < _TONE * arrangement.spacing_hz
+    tone = terms.half_bandwidth_hz < _TONE * arrangement.spacing_hz
     return replace(terms, frequency_hz=terms.frequency_hz * np.where(tone, 1.0, 1 + drift))
 
 
@@ -139,15 +108,15 @@ def _merged(fit: Level, inside: BoolArray) -> Terms:
     Poles within half a bandwidth are what a small drift makes of one mode; those further apart may be true pairs,
     unless at least half of the modes come in pairs.
     """
-    near, double = _side_by_side(fit, inside, _APART)
-    return near if double else _side_by_side(fit, inside, _TOGETHER)[0]
+    near, double = _side_by_side(fit, inside, BESIDE)
+    return near if double else _side_by_side(fit, inside, ONE)[0]
 
 
 def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, bool]:
     """The series with one pole for those within so many summed half bandwidths, and whether half of the modes were more."""
     terms = fit.terms
     hz, zeta, gain = terms.frequency_hz.copy(), terms.damping_ratio.copy(), gains(fit)
-    width, gone = hz * zeta, np.zeros(hz.size, dtype=bool)
+    width, gone = terms.half_bandwidth_hz, np.zeros(hz.size, dtype=bool)
     several = []
     for k in np.argsort(-gain):
         if gone[k] or not inside[k]:
@@ -164,10 +133,10 @@ def _side_by_side(fit: Level, inside: BoolArray, reach: float) -> tuple[Terms, b
 
 def _lines(arrangement: Arrangement, terms: Terms) -> IntArray:
     """Numbers of the lines about the poles in band."""
-    inside = in_band(arrangement, terms.frequency_hz)
-    hz, zeta = terms.frequency_hz[inside], terms.damping_ratio[inside]
-    off = np.abs(arrangement.frequency_hz[:, None] - hz)
-    return np.flatnonzero((off <= _REACH * np.maximum(zeta * hz, arrangement.spacing_hz)).any(axis=1))
+    inside = arrangement.in_band(terms.frequency_hz)
+    off = np.abs(arrangement.frequency_hz[:, None] - terms.frequency_hz[inside])
+    reach = _REACH * np.maximum(terms.half_bandwidth_hz[inside], arrangement.spacing_hz)
+    return np.flatnonzero((off <= reach).any(axis=1))
 
 
 def _misfits(
@@ -176,13 +145,13 @@ def _misfits(
     """(g, N) misfit of every FRF for every drift of the grid."""
     omega, values, own = arrangement.omega[lines], arrangement.values[:, lines], weight[:, lines]
     mean = own.mean(axis=0)
-    root, level = np.sqrt(mean), own.sum(axis=1) / max(mean.sum(), 1e-300)
+    root, level = np.sqrt(mean), own.sum(axis=1) / max(mean.sum(), np.finfo(float).tiny)
     target = stacked(values.T, root).T
     whole = np.sum(target**2, axis=1)
     out = np.empty((grid.size, len(values)))
     for place, drift in enumerate(grid):
         basis = stacked(columns(omega, _moved(arrangement, terms, float(drift)), arrangement.power), root)
-        frame = np.linalg.qr(basis / np.maximum(np.linalg.norm(basis, axis=0), 1e-300))[0]
+        frame = np.linalg.qr(basis / np.maximum(np.linalg.norm(basis, axis=0), np.finfo(float).tiny))[0]
         out[place] = level * (whole - np.sum((target @ frame) ** 2, axis=1))
     return out
 
@@ -203,8 +172,8 @@ def _solved(basis: np.ndarray, values: np.ndarray, root: FloatArray) -> FloatArr
     the drift of that pole alone spoils all FRFs. With B the weighted columns of length 1, (BᵀB + N/|H|² I) c = BᵀH (Tikhonov).
     """
     scaled = stacked(basis, root)
-    size = np.maximum(np.linalg.norm(scaled, axis=0), 1e-300)
+    size = np.maximum(np.linalg.norm(scaled, axis=0), np.finfo(float).tiny)
     both = stacked(values.T, root).T
     left, singular, right = np.linalg.svd(scaled / size, full_matrices=False)
-    damped = singular / (singular**2 + len(both) / max(float(np.sum(both**2)), 1e-300))
+    damped = singular / (singular**2 + len(both) / max(float(np.sum(both**2)), np.finfo(float).tiny))
     return np.asarray((((both @ left) * damped) @ right) / size)

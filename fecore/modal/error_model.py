@@ -26,27 +26,22 @@ RELATIVE = 0.02
 
 _STILL = 0.05  # correlation below which the sum ends
 _CAP = 3.0  # standard deviations
-_LONGEST = 200  # lines
 _REACH = 3.0  # half bandwidths, and lines at least, on each side of a pole whose errors are its own
 
 
-def memory(
-    residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray | None = None
-) -> float:
+def memory(residual: ComplexArray, variance: FloatArray, measured: BoolArray, model: ComplexArray) -> float:
     """τ, the number of lines that are worth one, from the correlation of the standardised residual; at least 1.
 
-    With the `model` the error is taken relative to it, for a relative error turns with the phase of a resonance, and lines
-    count
-    by their signal to noise: what matters for a mode are the lines where it is seen.
+    The error is taken relative to the model, for a relative error turns with the phase of a resonance, and lines count by their
+    signal to noise: what matters for a mode are the lines where it is seen.
     """
     z = np.where(measured, residual / np.sqrt(variance), 0)
-    if model is not None:
-        z = z / np.maximum(1.0, np.abs(z) / _CAP)  # one line of interference must not hide what the others share
-        z = z * model.conj() / np.sqrt(variance)
+    z = z / np.maximum(1.0, np.abs(z) / _CAP)  # one line of interference must not hide what the others share
+    z = z * model.conj() / np.sqrt(variance)
     lines = z.shape[1]
     size = 1 << int(2 * lines - 1).bit_length()
     power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
-    lagged = np.fft.ifft(power).real[: min(_LONGEST, lines // 4) + 1]
+    lagged = np.fft.ifft(power).real[: lines // 4 + 1]
     if not lagged[0] > 0:
         return 1.0
     rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
@@ -58,7 +53,7 @@ def shared_error(arrangement: Arrangement, fit: Level) -> FloatArray:
     """(n,) the root mean square of e about each pole, less what FRFs leave whose errors do not depend on each other."""
     terms, shared = fit.terms, np.zeros(fit.terms.pairs)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    reach = _REACH * np.maximum(terms.damping_ratio * terms.frequency_hz, arrangement.spacing_hz)
+    reach = _REACH * np.maximum(terms.half_bandwidth_hz, arrangement.spacing_hz)
     for k in range(terms.pairs):
         near = np.abs(arrangement.frequency_hz - terms.frequency_hz[k]) <= reach[k]
         freedom = 2 * int(near.sum()) - 4  # two values less for the residue, two for the pole

@@ -1,22 +1,16 @@
-"""What speaks for a pole being a mode: a few features, all from the joint fit.
+"""What speaks for a pole being a mode: a few features, all from the joint fit. Why these: `docs/identification.md`.
 
-phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R the residue of the receptance. A mode's residue
-        is in quadrature to the force, φ_i φ_j/(2iω_d): r = 1. The response of a quadratic non-linearity at f_i ± f_j
-        is driven by a product of two such residues, so its own is real: r = -1.
+phase   r, the median over the FRFs, weighted by |R|, of cos 2∠(2iω_d R), R the residue of the receptance.
 rise    ρ, the local misfit without the pole over that with it, within 1 and 10³.
 share   s, the pole's height over the FRFs at its frequency, within 0.03 and 1.
 damping z = |ln ζ/ζ_t|, ζ_t a robust trend c + a₀/2ω + a₁ω/2 with coefficients >= 0 through all poles of the set.
 apart   d = √(1 - C), at least 0.01, C = 4σ_kσ_j/|s_k + s̄_j|² the MAC of its resonance curve with that of the larger pole
-        nearest by it, σ = ζω. Where a mode moves from test to test, by temperature or the sensor's mass, or is not of a linear
-        structure, the fit has several poles for it, with shapes of their own and far nearer than modes are.
-shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a larger pole, of the one that makes q least. Two modes
-        have two shapes; a mode that every test shows at several heights of the hit, or while it drifts, is several poles with
-        one shape, between which another mode may stand. Not for fewer than four FRFs.
-reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest: a sensor or hammer that
-        rings is seen in one. Not for fewer than four FRFs.
+        nearest by it, σ = ζω.
+shape   q = (1 - M + 0.01)^√C, M the MAC of its residues with those of a larger pole, of the one that makes q least.
+reach   n = 1 - max|R|²/Σ|R|², at least 0.01, the share of it that other FRFs show than the strongest.
 
-A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are found first, from the strong
-poles.
+Shape and reach need four FRFs. A delay d of a channel turns the phase of residues by -ωd, and a wrong quantity by 90°: both are
+found first, from the strong poles.
 """
 
 from dataclasses import dataclass
@@ -26,22 +20,18 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import FEW, Arrangement
-from fecore.modal.basis import Terms, columns, poles
-from fecore.modal.drift import in_band
+from fecore.modal.basis import Terms, columns
 from fecore.modal.growth import gains
-from fecore.modal.refinement import Level, weights
+from fecore.modal.refinement import Level
 
 _REACH = 3.0  # half bandwidths on each side of a pole within which the misfit is local
 _LEAST_REACH = 2  # ... and at least lines
 _LASTS = 0.02  # lines: a half bandwidth below swings through the whole record
 _RISE = (1.0, 1e3)  # least and most that counts
 _SHARE = (0.03, 1.0)  # least and most that counts
-_NEAREST, _LEAST_REACHED = 0.01, 0.01  # least distance, and least share in other FRFs, that count
-_ONE_SHAPE = 0.01  # 1 - MAC that errors leave of one shape
-_LONGEST_DELAY = 1e-3  # s
+_LEAST = 0.01  # distance, share in other FRFs, and 1 - MAC of one shape that errors leave
 _DELAY_PRIOR = 2e-4  # s, one standard deviation
 _STRONG = 10.0  # rise from which a pole shows the delay
-_ROBUST = 6  # rounds of reweighting of the damping's trend
 USUAL = 0.3
 """Scatter of ln ζ about its trend."""
 
@@ -58,7 +48,6 @@ class Evidence:
     apart: FloatArray
     shape: FloatArray
     reach: FloatArray
-    height: FloatArray  # (n,) of its part in the FRFs at its frequency, root of the sum of squares over them
     neighbour: IntArray  # (n,) number of the larger pole that it is nearest to; any where there is none
     twin: IntArray  # (n,) number of the larger pole of most alike curve and shape, of most alike curve for few FRFs
     trend: FloatArray  # (n,) ζ_t
@@ -70,11 +59,11 @@ class Evidence:
 def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
     """The features of all poles of a series fitted to FRFs."""
     terms = fit.terms
-    residues = residues_of(fit)
+    residues = fit.residues
     rise = _rise(arrangement, fit)
     height, share = _share(arrangement, fit)
-    inside = in_band(arrangement, terms.frequency_hz)
-    tone = inside & (terms.frequency_hz * terms.damping_ratio < _LASTS * arrangement.spacing_hz)
+    inside = arrangement.in_band(terms.frequency_hz)
+    tone = inside & (terms.half_bandwidth_hz < _LASTS * arrangement.spacing_hz)
     strength = np.where(inside & ~tone, np.log10(rise) * share, 0.0)
     delay, turned = _delay(terms, residues, np.where(rise > _STRONG, strength, 0.0))
     phase = _phase(terms, residues, delay, turned)
@@ -86,10 +75,9 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
         rise=rise,
         share=share,
         damping=np.abs(np.log(terms.damping_ratio / trend)),
-        apart=np.sqrt(np.maximum(1 - curves.max(axis=1, initial=0.0), _NEAREST**2)),
+        apart=np.sqrt(np.maximum(1 - curves.max(axis=1, initial=0.0), _LEAST**2)),
         shape=shape,
         reach=_reach(residues),
-        height=height,
         neighbour=_largest(curves),
         twin=twin,
         trend=trend,
@@ -99,17 +87,10 @@ def evidence_of(arrangement: Arrangement, fit: Level) -> Evidence:
     )
 
 
-def residues_of(fit: Level) -> ComplexArray:
-    """(N, n) residues of the receptance."""
-    c = fit.linear.coefficients[:, : 2 * fit.terms.pairs]
-    return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
-
-
 def _rise(arrangement: Arrangement, fit: Level) -> FloatArray:
     off = np.abs(arrangement.frequency_hz[:, None] - fit.terms.frequency_hz)
-    width = fit.terms.damping_ratio * fit.terms.frequency_hz
-    near = off <= np.maximum(_REACH * width, _LEAST_REACH * arrangement.spacing_hz)
-    misfit = np.sum(weights(arrangement, fit.variance) * np.abs(fit.residual) ** 2, axis=0)
+    near = off <= np.maximum(_REACH * fit.terms.half_bandwidth_hz, _LEAST_REACH * arrangement.spacing_hz)
+    misfit = np.sum(fit.weight * np.abs(fit.residual) ** 2, axis=0)
     lines = np.maximum(near.sum(axis=0), 1)
     usual = 2.0 * np.mean(arrangement.measured.sum(axis=0)) * lines * 0.05  # clean data leave nothing
     with_it = np.maximum(misfit @ near, usual)
@@ -127,14 +108,13 @@ def _share(arrangement: Arrangement, fit: Level) -> tuple[FloatArray, FloatArray
     height = np.abs(c[:, 0 : 2 * n : 2] * own[:, 0] + c[:, 1 : 2 * n : 2] * own[:, 1])
     whole = np.abs(c @ at.T)
     total = np.sqrt(np.sum(height**2, axis=0))
-    share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), 1e-300)
+    share = total / np.maximum(np.sqrt(np.sum(whole**2, axis=0)), np.finfo(float).tiny)
     return total, np.asarray(np.clip(share, *_SHARE))
 
 
 def _turns(terms: Terms, residues: ComplexArray) -> ComplexArray:
     """(N, n) 2iω_d R, whose phase is 0 or 180° for a mode."""
-    damped = poles(terms.frequency_hz, terms.damping_ratio).imag
-    return np.asarray(2j * damped * residues)
+    return np.asarray(2j * terms.poles.imag * residues)
 
 
 def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[float, bool]:
@@ -147,11 +127,12 @@ def _delay(terms: Terms, residues: ComplexArray, strength: FloatArray) -> tuple[
     turns = _turns(terms, residues)
     square = np.sum(turns**2, axis=0)
     angle, omega = np.angle(square), 2 * np.pi * terms.frequency_hz
-    purity = np.abs(square) / np.maximum(np.sum(np.abs(turns) ** 2, axis=0), 1e-300)
+    purity = np.abs(square) / np.maximum(np.sum(np.abs(turns) ** 2, axis=0), np.finfo(float).tiny)
     weight = strength * purity
     weight = weight / weight.sum() * np.sum(strength > 0)
     step = 0.05 / omega[strength > 0].max()
-    grid = step * np.arange(-np.ceil(_LONGEST_DELAY / step), np.ceil(_LONGEST_DELAY / step) + 1)
+    most = np.ceil(5 * _DELAY_PRIOR / step)
+    grid = step * np.arange(-most, most + 1)
     merit = np.cos(angle + 2 * grid[:, None] * omega) @ weight
     prior = (grid / _DELAY_PRIOR) ** 2 / 2
     straight, crossed = merit - prior, -merit - prior
@@ -183,7 +164,7 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
     at = np.searchsorted(np.cumsum(strength[use][order]), strength[use].sum() / 2)
     usual = zeta[use][order][min(at, order.size - 1)]
     trend = np.full(zeta.size, usual)
-    for _ in range(_ROBUST):
+    for _ in range(6):  # the weights change little after these
         off = np.log(zeta / trend)
         weight = np.sqrt(np.where(use, strength, 0.0) / (1 + (off / USUAL) ** 2)) / np.sqrt(zeta * trend)
         found = scipy.optimize.nnls(shape * weight[:, None], zeta * weight)[0]
@@ -193,7 +174,7 @@ def _trend(terms: Terms, strength: FloatArray) -> FloatArray:
 
 def _curves(terms: Terms, height: FloatArray) -> FloatArray:
     """(n, n) C of the resonance curves of each pole and each larger one, 0 of others."""
-    s = poles(terms.frequency_hz, terms.damping_ratio)
+    s = terms.poles
     alike = 4 * np.outer(s.real, s.real) / np.abs(s[:, None] + s.conj()) ** 2
     return np.asarray(np.where(height[None, :] > height[:, None], alike, 0.0))
 
@@ -209,7 +190,7 @@ def _shape(residues: ComplexArray, curves: FloatArray) -> tuple[FloatArray, IntA
         return np.full(len(curves), np.nan), _largest(curves)
     scaled = residues / np.maximum(np.linalg.norm(residues, axis=0), np.finfo(float).tiny)
     mac = np.minimum(np.abs(scaled.conj().T @ scaled) ** 2, 1.0)
-    distinct = (1 - mac + _ONE_SHAPE) ** np.sqrt(curves)
+    distinct = (1 - mac + _LEAST) ** np.sqrt(curves)
     return distinct.min(axis=1), _largest(-distinct)
 
 
@@ -218,4 +199,4 @@ def _reach(residues: ComplexArray) -> FloatArray:
     if len(residues) < FEW:
         return np.full(residues.shape[1], np.nan)
     power = np.abs(residues / np.maximum(np.abs(residues).max(axis=0), np.finfo(float).tiny)) ** 2
-    return np.asarray(np.maximum(1 - 1 / np.maximum(power.sum(axis=0), 1.0), _LEAST_REACHED))
+    return np.asarray(np.maximum(1 - 1 / np.maximum(power.sum(axis=0), 1.0), _LEAST))

@@ -9,9 +9,9 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import Terms, poles
+from fecore.modal.basis import BESIDE, Terms
 from fecore.modal.compression import compress
-from fecore.modal.drift import Drift, aligned, drift_of, drift_price, in_band, session_of, sessions
+from fecore.modal.drift import aligned, drift_of, drift_price
 from fecore.modal.error_model import memory, shared_error
 from fecore.modal.evidence import evidence_of
 from fecore.modal.growth import (
@@ -28,11 +28,10 @@ from fecore.modal.growth import (
 from fecore.modal.lscf import LinearPoles, clusters, linear_poles
 from fecore.modal.noise import student
 from fecore.modal.probability import probability
-from fecore.modal.refinement import Fit, Level, level_at, refine, spare, weights
+from fecore.modal.refinement import Fit, Level, level_at, refine, spare
 
 _CULLS = 2  # turns of probability and refinement
 _LAST = 3  # steps of the refinement with all FRFs and a weight for each value
-_COMPANY = 1.5  # summed half bandwidths within which a refused pole only bends its neighbour
 _ONE = 0.05  # distance below which the residues of two poles cancel, and have no phase of their own
 _RATHER = 0.5  # probability below which a pole is rather no mode, and what it takes up is error of its neighbours
 
@@ -47,7 +46,7 @@ class Fitted:
     fit: Fit
     noise: FloatArray  # (N, L) variance of the FRFs' noise
     linear: LinearPoles  # the linear poles
-    drift: Drift | None  # None where there is none
+    drift: FloatArray  # (N,) relative drift of each FRF's frequencies, all 0 where no drift pays
     full: bool  # whether the search had as many poles as it may
 
     @property
@@ -58,10 +57,9 @@ class Fitted:
         them, modes do not drift alike: each may be off by the mean of the drifts by its own power in the FRFs.
         """
         covariance, n = self.fit.parameter_covariance.copy(), self.fit.terms.pairs
-        if self.drift is not None:
-            power = np.abs(self.fit.residues()[0]) ** 2
-            own = self.drift.each @ power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
-            covariance[:n, :n] += self.drift.sd**2 / sessions(self.arrangement) + np.diag(own**2)
+        power = np.abs(self.fit.residues) ** 2
+        own = self.drift @ power / np.maximum(power.sum(axis=0), np.finfo(float).tiny)
+        covariance[:n, :n] += self.drift.var() / self.arrangement.sessions + np.diag(own**2)
         return covariance
 
 
@@ -136,27 +134,26 @@ def _steps(report: Report) -> Callable[[int], None]:
 
 def _aligned(
     data: _Data, terms: Terms, pool: ComplexArray, most: int, step: Callable[[int], None]
-) -> tuple[_Data, Terms, Drift | None]:
+) -> tuple[_Data, Terms, FloatArray]:
     """The FRFs and the series that they need, grown from a first one: without the drift of their tests where it pays.
 
     Poles that the series lacks may pass for a drift, and a drift for poles. So both grow on aligned FRFs first, and the same
     poles, refined, must do worse by the price of the drift without it.
     """
     fit = data.fitted(terms)
-    pool = np.append(pool, poles(terms.frequency_hz, terms.damping_ratio))
+    pool = np.append(pool, terms.poles)
     price = drift_price(data.arrangement, fit)
     found = drift_of(data.arrangement, fit, price, lambda moved, own: _Data.of(moved, data.noise).settled(own))
     if found is not None:
         each, moved = found
-        weight = weights(data.arrangement, fit.variance)
-        still = _Data.of(aligned(data.arrangement, moved, weight, each), data.noise)
+        still = _Data.of(aligned(data.arrangement, moved, fit.weight, each), data.noise)
         grown = still.grown(moved, pool, most, step)
-        still = _Data.of(aligned(data.arrangement, grown, weight, each), data.noise)
+        still = _Data.of(aligned(data.arrangement, grown, fit.weight, each), data.noise)
         left = level_at(still.arrangement, still.settled(grown), fit.variance).chi_squared
         without = level_at(data.arrangement, data.settled(grown), fit.variance).chi_squared
         if without - left > price:
-            return still, grown, Drift(each, float(np.std(each)))
-    return data, data.grown(terms, pool, most, step), None
+            return still, grown, each
+    return data, data.grown(terms, pool, most, step), np.zeros(len(data.arrangement.pairs))
 
 
 def _without_company(data: _Data, fit: Level) -> Level:
@@ -175,12 +172,10 @@ def _without_company(data: _Data, fit: Level) -> Level:
 
 def _company(arrangement: Arrangement, terms: Terms, p: FloatArray) -> BoolArray:
     """(n,) poles in band that are hardly modes and overlap one with a better probability."""
-    width = terms.frequency_hz * terms.damping_ratio
+    width = terms.half_bandwidth_hz
     apart = np.abs(terms.frequency_hz[:, None] - terms.frequency_hz) / (width[:, None] + width)
     good = p >= _RATHER
-    return np.asarray(
-        (p < _RATHER) & in_band(arrangement, terms.frequency_hz) & (apart[:, good] < _COMPANY).any(axis=1)
-    )
+    return np.asarray(~good & arrangement.in_band(terms.frequency_hz) & (apart[:, good] < BESIDE).any(axis=1))
 
 
 def _last(data: _Data, fit: Level) -> Fit:
@@ -189,14 +184,14 @@ def _last(data: _Data, fit: Level) -> Fit:
     variance = student(arrangement, fit.residual, data.noise, spare(arrangement, fit))
     fit = refine(arrangement, fit.terms, variance, steps=_LAST)
     tau = memory(fit.residual, fit.variance, arrangement.measured, fit.model(arrangement))
-    return replace(fit, memory=tau, sessions=session_of(arrangement), shared=_shared(arrangement, fit))
+    return replace(fit, memory=tau, sessions=arrangement.session, shared=_shared(arrangement, fit))
 
 
 def _shared(arrangement: Arrangement, fit: Fit) -> FloatArray:
     """(n,) error of each pole's curve that all FRFs share; what poles that are rather no modes take up is error too."""
     evidence = evidence_of(arrangement, fit)
     p = probability(evidence, fit.terms.damping_ratio)
-    gone = (p < _RATHER) & in_band(arrangement, fit.terms.frequency_hz) & ~evidence.tone
+    gone = (p < _RATHER) & arrangement.in_band(fit.terms.frequency_hz) & ~evidence.tone
     alone = level_at(arrangement, without_poles(fit.terms, gone), fit.variance)
     shared = shared_error(arrangement, fit)
     shared[~gone] = np.maximum(shared[~gone], shared_error(arrangement, alone))

@@ -14,12 +14,12 @@ import numpy as np
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import DAMPING_RANGE, Terms, columns
+from fecore.modal.basis import DAMPING_RANGE, ONE, Terms, columns
 from fecore.modal.error_model import RELATIVE
 from fecore.modal.linear import stacked
 from fecore.modal.lscf import NARROW, clusters, linear_poles
 from fecore.modal.noise import local_variance
-from fecore.modal.refinement import Fit, Level, level_at, refine, weights
+from fecore.modal.refinement import Fit, Level, level_at, refine
 
 EXPONENTS = (-3, -2, -1, 0, 1, 2)
 """Powers of iω of the receptance that stand for the modes outside the band and for rigid body motion with its damping."""
@@ -40,9 +40,7 @@ _SETTLES = (
 PRICE = 2.0
 """Of an unknown (Akaike)."""
 
-_ALONE = 1e-6  # share of a candidate's power that the series leaves: below it nothing new is in it
 _FEW = 2  # FRFs up to which the first round looks at groups: where more differ by a drift, doubles would pay too
-_APART = 0.5  # summed half bandwidths between two poles that are taken in one round
 
 
 def grow(
@@ -98,8 +96,7 @@ def grow(
 
 def _in_residual(arrangement: Arrangement, fit: Level) -> ComplexArray:
     """Candidates that the residual shows, rad/s."""
-    weight = weights(arrangement, fit.variance)
-    return clusters(linear_poles(arrangement.omega, fit.residual, weight, _RESIDUAL_ORDER, (NARROW,)))
+    return clusters(linear_poles(arrangement.omega, fit.residual, fit.weight, _RESIDUAL_ORDER, (NARROW,)))
 
 
 def local_level(arrangement: Arrangement, terms: Terms, noise: FloatArray) -> Level:
@@ -165,7 +162,7 @@ def pole_price(fit: Level, beside: int = 0) -> float:
     Combinations stand for more FRFs, `beside` them. In each of these a pole has two unknowns too, that gain 1 each from noise.
     """
     own = PRICE * (2 * len(fit.residual) + 2) + 2 * float(np.log(fit.residual.shape[1]))
-    return (own + (PRICE - 1) * 2 * beside) * fit.memory
+    return own + (PRICE - 1) * 2 * beside
 
 
 def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
@@ -178,14 +175,14 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         poor = _gains(c, C, terms.pairs) < price
         if not poor.any():
             break
-        k = int(np.argmax(np.where(poor, terms.damping_ratio * terms.frequency_hz, -1.0)))
+        k = int(np.argmax(np.where(poor, terms.half_bandwidth_hz, -1.0)))
         c, C = _left_out(c, C, [2 * k, 2 * k + 1])
         terms = without_poles(terms, np.arange(poor.size) == k)
     while len(terms.exponents) > 1:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
-        worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, 1e-300), axis=0)
+        worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny), axis=0)
         least = int(np.argmin(worth))
-        if worth[least] > (PRICE * len(fit.residual) + (PRICE - 1) * beside) * fit.memory:
+        if worth[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])
@@ -222,15 +219,14 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
     """The candidates that pay, most gain first, each on top of those before it."""
     if not pool.size or room <= 0:
         return pool[:0]
-    weight = weights(arrangement, fit.variance)
-    root = np.sqrt(weight.mean(axis=0))
-    scaled = fit.residual * np.sqrt(weight)
+    root = np.sqrt(fit.weight.mean(axis=0))
+    scaled = fit.residual * np.sqrt(fit.weight)
     target = np.concatenate([scaled.real, scaled.imag], axis=1)
     frame = stacked(fit.linear.frame, root)
     extra = stacked(
         columns(arrangement.omega, with_poles(Terms(np.empty(0), np.empty(0), ()), pool), arrangement.power), root
     )
-    extra = extra / np.maximum(np.linalg.norm(extra, axis=0), 1e-300)
+    extra = extra / np.maximum(np.linalg.norm(extra, axis=0), np.finfo(float).tiny)
     frame = np.linalg.qr(frame)[0]
     extra = extra - frame @ (frame.T @ extra)
     right = target @ extra
@@ -252,7 +248,7 @@ def _chosen(arrangement: Arrangement, fit: Level, pool: ComplexArray, room: int,
         right = right - (target @ own) @ along
         a, b = along[:, 0::2], along[:, 1::2]
         gram = [g - np.sum(x * y, axis=0) for g, (x, y) in zip(gram, ((a, a), (a, b), (b, b)), strict=True)]
-        open_ &= np.abs(pool - pool[k]) > _APART * -(pool.real + pool[k].real)
+        open_ &= np.abs(pool - pool[k]) > ONE * -(pool.real + pool[k].real)
     return pool[taken]
 
 
@@ -260,6 +256,7 @@ def _two_by_two(right: FloatArray, a: FloatArray, b: FloatArray, d: FloatArray) 
     """(C,) gain of each pair of columns from their products with the residuals (M, 2C) and with one another."""
     one, two = right[:, 0::2], right[:, 1::2]
     determinant = a * d - b**2
-    alone = (a > _ALONE) & (d > _ALONE) & (determinant > _ALONE * a * d)
+    new = 1e-6  # of a candidate's power: what the series leaves below it is round-off
+    alone = (a > new) & (d > new) & (determinant > new * a * d)
     total = d * np.sum(one**2, axis=0) - 2 * b * np.sum(one * two, axis=0) + a * np.sum(two**2, axis=0)
     return np.asarray(np.where(alone, total / np.where(alone, determinant, 1.0), 0.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,13 +12,13 @@ from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import columns, poles
+from fecore.modal.basis import columns
 from fecore.modal.diagram import Stabilisation, diagram_of
-from fecore.modal.drift import in_band
 from fecore.modal.evidence import Evidence, evidence_of
-from fecore.modal.fitting import Fitted, fit_series
+from fecore.modal.fitting import Fitted, Report, fit_series
 from fecore.modal.growth import gains, pole_price
 from fecore.modal.linear import real_times
+from fecore.modal.noise import OUTLYING
 from fecore.modal.parting import part
 from fecore.modal.preparation import Prepared, prepare
 from fecore.modal.probability import Feature, features, probability
@@ -29,16 +29,11 @@ from fecore.modal.screening import lines_in_words
 from fecore.modal.shapes import Shapes, shapes_from_residues
 from fecore.modes import MeasuredModes
 
-Report = Callable[[str, float], None]
-
 REFUSED = 0.1
 """Probability below which a pole is refused."""
 
-_STEPS = ("screening", "search and refinement", "probability and shapes")  # whose time is taken
 _SAID = 3  # features that are said of a pole
-_FAR = 4.6  # |residual|² over its own variance from which a value has hardly any weight
 _FEW_OUTLIERS = 0.01  # share of a record that may be outliers
-_MOST_NOTES = 8  # on outliers
 
 
 @dataclass(frozen=True)
@@ -84,7 +79,8 @@ def identify(
     found = _judged(prepared, fitted, options.threshold)
     times.append(time.perf_counter())
     report("done", 1.0)
-    return replace(found, seconds=dict(zip(_STEPS, np.diff(times).tolist(), strict=True)))
+    steps = ("screening", "search and refinement", "probability and shapes")
+    return replace(found, seconds=dict(zip(steps, np.diff(times).tolist(), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -111,7 +107,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     verdict = _verdict(arrangement, fit, evidence)
     if not verdict.kept.size:
         raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
-    significance, toned = gains(fit) / pole_price(fit), _toned(arrangement, fit, evidence)
+    significance, toned = gains(fit) / (pole_price(fit) * fit.memory), _toned(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
     fitted = replace(fitted, fit=fit)
     verdict = verdict.of(old, fit.terms.frequency_hz)
@@ -119,6 +115,9 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     doubt = tuple(_doubt(verdict, int(k), threshold) for k in kept)
     shapes = _shapes(arrangement, fit, kept)
     known, outliers = arrangement.measured & np.isfinite(arrangement.variance), _outliers(fit)
+    ratio = fit.chi_squared / fit.freedom
+    if known.any():
+        ratio = float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
     notes = (
         *prepared.said,
         *_of_drift(fitted),
@@ -128,7 +127,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
         *parted,
         *remarks(arrangement, fit, kept, shapes, evidence.share[old], doubt),
         *_of_outliers(arrangement, outliers),
-        *_noise_remarks(arrangement, fit),
+        *(_of_noise(ratio) if known.any() and ratio >= 2 else []),
         *(f"FRF {r.frf} was not used: {r.reason}" for r in prepared.refused),
     )
     return Identification(
@@ -151,9 +150,9 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
         measured=np.where(arrangement.measured & ~outliers & ~toned, arrangement.values, np.nan),
         predicted=fit.model(arrangement),
         noise_variance=np.where(known, arrangement.variance, fit.variance),
-        noise_ratio=_ratio(arrangement, fit),
+        noise_ratio=ratio,
         model_error=_model_error(arrangement, fitted),
-        drift=0.0 if fitted.drift is None else fitted.drift.sd,
+        drift=float(fitted.drift.std()),
         delay=evidence.delay,
         memory_lines=fit.memory,
         seconds={},
@@ -165,7 +164,7 @@ def _verdict(arrangement: Arrangement, fit: Fit, evidence: Evidence) -> _Verdict
     p = probability(evidence, terms.damping_ratio)
     said = features(evidence, terms.frequency_hz, terms.damping_ratio)
     order = np.argsort(terms.frequency_hz, kind="stable")
-    order = order[in_band(arrangement, terms.frequency_hz)[order]]
+    order = order[arrangement.in_band(terms.frequency_hz)[order]]
     refused = tuple(
         RefusedPole(
             float(terms.frequency_hz[k]), float(terms.damping_ratio[k]), _against(said[k]), float(p[k]), said[k][:_SAID]
@@ -189,9 +188,8 @@ def _doubt(verdict: _Verdict, k: int, threshold: float) -> str | None:
 
 
 def _shapes(arrangement: Arrangement, fit: Fit, kept: IntArray) -> Shapes:
-    residues, spread = fit.residues()
-    damped = poles(fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]).imag
-    return shapes_from_residues(arrangement, residues[:, kept], spread[:, kept], damped)
+    damped = fit.terms.poles[kept].imag
+    return shapes_from_residues(arrangement, fit.residues[:, kept], fit.residue_variance[:, kept], damped)
 
 
 def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
@@ -205,10 +203,10 @@ def _modes(fitted: Fitted, verdict: _Verdict, shapes: Shapes) -> MeasuredModes:
 
 
 def _of_drift(fitted: Fitted) -> list[str]:
-    if fitted.drift is None:
+    if not fitted.drift.any():
         return []
     return [
-        f"all natural frequencies drift together between the tests, by {100 * fitted.drift.sd:.2g} % (1 sd): the tests were"
+        f"all natural frequencies drift together between the tests, by {100 * fitted.drift.std():.2g} % (1 sd): the tests were"
         " aligned; temperature does this, or a support that comes loose"
     ]
 
@@ -242,8 +240,8 @@ def _of_phase(evidence: Evidence) -> list[str]:
 
 
 def _outliers(fit: Fit) -> BoolArray:
-    """(N, L) single values that Student's law has left hardly any weight: |r|² over 4.6 of its variance is u < 0.1."""
-    far = np.abs(fit.residual) ** 2 > _FAR * fit.variance
+    """(N, L) single values that Student's law has left hardly any weight."""
+    far = np.abs(fit.residual) ** 2 > OUTLYING * fit.variance
     alone = far.copy()
     alone[:, 1:] &= ~far[:, :-1]
     alone[:, :-1] &= ~far[:, 1:]
@@ -255,16 +253,8 @@ def _of_outliers(arrangement: Arrangement, outliers: BoolArray) -> list[str]:
     words = [lines_in_words(arrangement.frequency_hz[outliers[row]]) for row in rows]
     said = "left out, far off what the other lines say"
     notes = [f"{arrangement.label(int(row))}: {lines} {said}" for row, lines in zip(rows, words, strict=True)]
-    more = len(notes) - _MOST_NOTES
-    return notes if more <= 0 else [*notes[:_MOST_NOTES], f"outlying values were left out of {more} more FRFs"]
-
-
-def _ratio(arrangement: Arrangement, fit: Fit) -> float:
-    """Mean square of the residual over the noise as stated; over the variance of the fit where none is."""
-    known = arrangement.measured & np.isfinite(arrangement.variance)
-    if known.any():
-        return float(np.mean(np.abs(fit.residual[known]) ** 2 / arrangement.variance[known]))
-    return fit.chi_squared / fit.freedom
+    more = len(notes) - 8
+    return notes if more <= 0 else [*notes[:8], f"outlying values were left out of {more} more FRFs"]
 
 
 def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
@@ -275,10 +265,7 @@ def _model_error(arrangement: Arrangement, fitted: Fitted) -> float:
     return float(np.sqrt(max(float(np.sum(excess)), 0.0) / total)) if total > 0 else 0.0
 
 
-def _noise_remarks(arrangement: Arrangement, fit: Fit) -> list[str]:
-    """Compare the stated noise with the residual."""
-    if not np.any(arrangement.measured & np.isfinite(arrangement.variance)) or (ratio := _ratio(arrangement, fit)) < 2:
-        return []
+def _of_noise(ratio: float) -> list[str]:
     return [
         f"the residual is {np.sqrt(ratio):.1f} times the noise that coherence and averages state: the model does not"
         " explain all of the data (non-linearity, leakage, a moving sensor mass); the standard deviations were enlarged"

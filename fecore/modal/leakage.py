@@ -21,7 +21,7 @@ def leakage(arrangement: Arrangement) -> tuple[Arrangement, list[str]]:
     power = np.sum(np.abs(values) ** 2, axis=0)
     jump = np.sum(np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2, axis=0) / 1.5
     around = (power[:-2] + power[1:-1] + power[2:]) / 3
-    rough = scipy.ndimage.median_filter(jump / np.maximum(around, 1e-300), size=5, mode="nearest")
+    rough = scipy.ndimage.median_filter(jump / np.maximum(around, np.finfo(float).tiny), size=5, mode="nearest")
     drowned = int(np.argmax(rough < _DROWNED))
     first = drowned + 1  # `rough` is of the lines between others
     left = power.size - first

@@ -95,13 +95,8 @@ def _roots(normal: FloatArray) -> FloatArray:
     return np.asarray(inverse[:, :, None] * vector.transpose(0, 2, 1))
 
 
-def normal_matrices(basis: ComplexArray, weight: FloatArray) -> FloatArray:
-    """(N, q, q) normal matrices Re Φᴴ W_i² Φ of all FRFs, by matrix products over the lines."""
-    return normal_columns(basis, weight, 0)
-
-
-def normal_columns(basis: ComplexArray, weight: FloatArray, first: int) -> FloatArray:
-    """(N, q, q - first) the columns of the normal matrices from the `first` on."""
+def normal_columns(basis: ComplexArray, weight: FloatArray, first: int = 0) -> FloatArray:
+    """(N, q, q - first) the columns, from the `first` on, of the normal matrices Re Φᴴ W_i² Φ of all FRFs."""
     q, rows = basis.shape[1], weight.shape[0]
     if (share := proportional(weight)) is not None:
         both = np.concatenate([basis.real, basis.imag]) * np.sqrt(np.tile(weight[0], 2))[:, None]

@@ -13,12 +13,10 @@ import scipy
 
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.modal.arrangement import Arrangement
-from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives, poles
+from fecore.modal.basis import DAMPING_RANGE, Terms, columns, derivatives
 from fecore.modal.growth import without_poles
 from fecore.modal.linear import mean_weight, orthonormal, stacked
 from fecore.modal.refinement import Fit, widened
-
-_EVALUATIONS = 40  # of the least squares
 
 
 @dataclass(frozen=True)
@@ -102,8 +100,10 @@ class Site:
         left, size, right = left[:, :2], size[:2], right[:2]
         shift, vectors = np.linalg.eig(left.conj().T @ second @ right.conj().T / size)
         seen = np.linalg.pinv(vectors) @ (size[:, None] * right)
-        pole = poles(at.frequency_hz, at.damping_ratio)[0]
-        s = pole + np.where(np.abs(shift) < -pole.real, shift, -pole.real * shift / np.maximum(np.abs(shift), 1e-300))
+        pole = at.poles[0]
+        s = pole + np.where(
+            np.abs(shift) < -pole.real, shift, -pole.real * shift / np.maximum(np.abs(shift), np.finfo(float).tiny)
+        )
         seen = seen / seen[[0, 1], np.argmax(np.abs(seen), axis=1)][:, None]
         return Modes(np.abs(s) / (2 * np.pi), np.clip(-s.real / np.abs(s), *DAMPING_RANGE), seen)
 
@@ -119,7 +119,7 @@ class Site:
             frame = np.linalg.qr(self._design(start.at(theta)))[0]
             return np.asarray(target - frame @ (frame.T @ target)).ravel()
 
-        best = scipy.optimize.least_squares(apart, start.theta, x_scale=scale, max_nfev=_EVALUATIONS, args=(few,)).x
+        best = scipy.optimize.least_squares(apart, start.theta, x_scale=scale, max_nfev=40, args=(few,)).x
         last = scipy.optimize.least_squares(apart, best, x_scale=scale, max_nfev=1, args=(self.target,))
         pull = np.einsum("rpn,rp->pn", last.jac.reshape(*self.target.shape, -1), last.fun.reshape(self.target.shape))
         inverse = np.linalg.pinv(last.jac.T @ last.jac, hermitian=True)

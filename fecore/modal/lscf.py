@@ -31,7 +31,6 @@ _CLOSE = 0.3  # distance over the half bandwidth within which two poles are one 
 _OF_LINE = 0.05  # ... and over the line spacing
 _TIMES = 3  # that a pole must come at least
 _BROADEST = 0.5  # of a window that a pole's half bandwidth may take
-_NEIGHBOURS = 60  # poles next in frequency that one is compared with
 
 
 @dataclass(frozen=True)
@@ -55,35 +54,41 @@ def linear_poles(
         highest: largest order.
         windows: numbers of lines.
     """
-    found: list[tuple[IntArray, ComplexArray, FloatArray]] = []
+    found: list[tuple[int, ComplexArray, float]] = []
     for lines in _MEANS:
         if lines > 1 and omega.size < lines * NARROW:
             break
         w, h, g = (omega, values, weight) if lines == 1 else _means(omega, values, weight, lines)
         for size in windows if lines == 1 else (WIDE,):
             orders = tuple(n for n in ORDERS[size] if n <= max(highest, ORDERS[size][0]))
-            found += [_in_window(w, h, g, part, orders) for part in _parts(w.size, size)]
-    number, pole, spacing = (np.concatenate(each) for each in zip(*found, strict=True))
-    return LinearPoles(number, pole, spacing)
+            for part in _parts(w.size, size):
+                found += _in_window(w, h, g, part, orders)
+    counts = [pole.size for _, pole, _ in found]
+    return LinearPoles(
+        order=np.repeat(np.array([order for order, _, _ in found], dtype=np.int64), counts),
+        pole=np.concatenate([np.empty(0, dtype=complex), *(pole for _, pole, _ in found)]),
+        spacing=np.repeat(np.array([spacing for _, _, spacing in found]), counts),
+    )
 
 
-def clusters(found: LinearPoles, least: int = _TIMES) -> ComplexArray:
+def clusters(found: LinearPoles) -> ComplexArray:
     """(c,) the medians of poles that came back, those that came most often first."""
     order = np.argsort(found.pole.imag)
     pole = found.pole[order]
     reach = np.maximum(_CLOSE * -pole.real, _OF_LINE * found.spacing[order])
-    near = np.zeros((2 * _NEIGHBOURS + 1, pole.size), dtype=bool)
-    near[_NEIGHBOURS] = True
-    for shift in range(1, min(_NEIGHBOURS, pole.size - 1) + 1):
+    most = min(60, pole.size)  # poles next in frequency that one is compared with: more than come near
+    near = np.zeros((2 * most + 1, pole.size), dtype=bool)
+    near[most] = True
+    for shift in range(1, min(most, pole.size - 1) + 1):
         close = np.abs(pole[shift:] - pole[:-shift]) < np.minimum(reach[shift:], reach[:-shift])
-        near[_NEIGHBOURS + shift, :-shift], near[_NEIGHBOURS - shift, shift:] = close, close
+        near[most + shift, :-shift], near[most - shift, shift:] = close, close
     count, free = near.sum(axis=0), np.ones(pole.size, dtype=bool)
     out = []
     for k in np.argsort(-count, kind="stable"):
-        if count[k] < least:
+        if count[k] < _TIMES:
             break
         if free[k]:
-            members = k + np.flatnonzero(near[:, k]) - _NEIGHBOURS
+            members = k + np.flatnonzero(near[:, k]) - most
             free[members] = False
             out.append(np.median(pole[members].real) + 1j * np.median(pole[members].imag))
     return np.array(out, dtype=complex)
@@ -118,25 +123,22 @@ def _in_window(
     weight: FloatArray,
     part: tuple[slice, float, float],
     orders: tuple[int, ...],
-) -> tuple[IntArray, ComplexArray, FloatArray]:
+) -> list[tuple[int, ComplexArray, float]]:
+    """Order, poles (rad/s) and line spacing, order by order."""
     lines, low, high = part
     w, h, g = omega[lines], values[:, lines], weight[:, lines]
     span = float(w[-1] - w[0])
     top = [n for n in orders if n <= w.size // 3] or [max(w.size // 3, 2)]
     period = 2 * np.pi * _CIRCLE / span
-    numbers: list[IntArray] = []
-    found: list[ComplexArray] = []
+    found = []
     for n, z in _of_orders(h, g, np.exp(1j * (w - w[0]) * period), top):
         turned = np.log(z)
         turned = np.where(turned.imag < -(1 - _CIRCLE) * np.pi, turned + 2j * np.pi, turned)
         s = turned / period + 1j * w[0]
         place = (s.imag - w[0]) / span
         keep = (s.real < 0) & (-s.real < _BROADEST * span) & (s.imag > 0) & (place > low) & (place < high)
-        found.append(s[keep])
-        numbers.append(np.full(int(keep.sum()), n, dtype=np.int64))
-    pole = np.concatenate(found) if found else np.empty(0, dtype=complex)
-    number = np.concatenate(numbers) if numbers else np.empty(0, dtype=np.int64)
-    return number, pole, np.full(pole.size, span / max(w.size - 1, 1))
+        found.append((n, s[keep], span / max(w.size - 1, 1)))
+    return found
 
 
 def _of_orders(

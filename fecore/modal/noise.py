@@ -10,28 +10,21 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray
 from fecore.modal.arrangement import Arrangement
 
-_NODES = 64  # frequencies at which the scatter of the lines is taken, by ratio
 _REACH = 0.3  # half the window over the number of its line
 _NARROW, _WIDE = 4, 40  # ... and its bounds, lines
 _FREEDOM = 8.0  # of Student's law
-_ROUNDS = 3  # of its weights
+OUTLYING = (_FREEDOM + 2 - 0.1 * _FREEDOM) / 2
+"""|r|² over its variance v/u from which a value's weight u is below 0.1."""
+
 _LARGE, _MOST_RELATIVE = 0.95, 0.05  # quantile of the values that are large; largest ε
 _LOCAL = 25  # lines over which the misfit is averaged
 _FLOOR = 1e-5  # of the rms of a record: below this nothing is believed, so that clean data keep finite weights
 
 
-def believable(variance: FloatArray, scatter: FloatArray, measured: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Stated variance, enlarged for each FRF whose scatter of lines is larger by more than a factor 2: (N, L), (N,) factors.
-
-    Coherence that was averaged over few hits, or stated for the wrong estimator, is often too good by far.
-    """
+def excess(variance: FloatArray, scatter: FloatArray, measured: BoolArray) -> FloatArray:
+    """(N,) median over the lines of each FRF of the scatter (N, L) over the stated variance; NaN where none is stated."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        ratio = np.where(measured & np.isfinite(variance), scatter / variance, np.nan)
-    factor = np.ones(len(ratio))
-    stated = np.isfinite(ratio).any(axis=1)
-    factor[stated] = _row_medians(ratio[stated])
-    factor = np.where(factor > 2, factor, 1.0)
-    return variance * factor[:, None], factor
+        return _row_medians(np.where(measured & np.isfinite(variance), scatter / variance, np.nan))
 
 
 def _row_medians(rows: FloatArray) -> FloatArray:
@@ -59,7 +52,7 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
     jump = np.abs(values[:, 1:-1] - (values[:, :-2] + values[:, 2:]) / 2) ** 2 / (1.5 * np.log(2))
     whole = measured[:, 1:-1] & measured[:, :-2] & measured[:, 2:]
     jump = np.where(whole & (jump > 0), jump, np.nan)
-    nodes = np.unique(np.geomspace(1 + first_line, lines + first_line, _NODES).round() - first_line - 1).astype(int)
+    nodes = np.unique(np.geomspace(1 + first_line, lines + first_line, 64).round() - first_line - 1).astype(int)
     nodes = np.clip(nodes, 0, lines - 3)
     seen = np.empty((len(values), nodes.size))
     for place, node in enumerate(nodes):
@@ -77,7 +70,7 @@ def line_scatter(values: ComplexArray, measured: BoolArray, first_line: float) -
 
 def scatter_of(arrangement: Arrangement) -> FloatArray:
     """(N, L) variance of what changes from line to line of FRFs."""
-    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, 1e-300))
+    first = float(arrangement.frequency_hz[0] / max(arrangement.spacing_hz, np.finfo(float).tiny))
     return line_scatter(arrangement.values, arrangement.measured, first)
 
 
@@ -131,7 +124,7 @@ def student(arrangement: Arrangement, residual: ComplexArray, noise: FloatArray,
     interference or an overload counts for little, and does not raise the variance of the lines beside it.
     """
     weight: FloatArray = np.ones(residual.shape)
-    for _ in range(_ROUNDS):
+    for _ in range(3):  # the weights change little after these
         v = local_variance(arrangement, residual * np.sqrt(weight), noise, spare=spare, alike=False)
         weight = (_FREEDOM + 2) / (_FREEDOM + 2 * np.abs(residual) ** 2 / v)
     return np.asarray(v / np.minimum(weight, 1.0))

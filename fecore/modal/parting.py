@@ -47,14 +47,21 @@ class PartedFit(Fit):
     base: Fit = field(kw_only=True)  # the fit with one pole for both
     parted: tuple[Parted, ...] = field(kw_only=True)  # the pairs, in ascending number of their pole
 
-    def residues(self) -> tuple[ComplexArray, FloatArray]:
-        """(N, n) receptance residues and their variance E|error|²."""
-        at = _places(self.base.terms.pairs, self.parted)
-        values, spread = self.base.residues()
-        values, spread = values[:, at], spread[:, at]
+    @cached_property
+    def residues(self) -> ComplexArray:
+        """(N, n) residues of the receptance; those beside a pair are of the fit with one pole for it."""
+        values = self.base.residues[:, _places(self.base.terms.pairs, self.parted)]
         for first, pair in _first_of(self.parted):
-            values[:, first : first + 2], spread[:, first : first + 2] = pair.residues, pair.variance
-        return values, spread
+            values[:, first : first + 2] = pair.residues
+        return values
+
+    @cached_property
+    def residue_variance(self) -> FloatArray:
+        """(N, n) E|error|² of the residues."""
+        spread = self.base.residue_variance[:, _places(self.base.terms.pairs, self.parted)]
+        for first, pair in _first_of(self.parted):
+            spread[:, first : first + 2] = pair.variance
+        return spread
 
     @cached_property
     def parameter_covariance(self) -> FloatArray:
@@ -76,9 +83,9 @@ def part(arrangement: Arrangement, fit: Fit, among: IntArray) -> tuple[Fit, IntA
     Returns:
         the fit; the number of the old pole of each new one; and what was done, in words.
     """
-    f, width = fit.terms.frequency_hz, fit.terms.frequency_hz * fit.terms.damping_ratio
+    f, width = fit.terms.frequency_hz, fit.terms.half_bandwidth_hz
     alone = np.sum(np.abs(f[among] - f[:, None]) < width[:, None], axis=1) <= 1  # a pole beside it is the other mode
-    two = np.intersect1d(among, np.flatnonzero(of_rank_two(arrangement, *fit.residues()) & alone))
+    two = np.intersect1d(among, np.flatnonzero(of_rank_two(arrangement, fit.residues, fit.residue_variance) & alone))
     parted = tuple(pair for k in two if (pair := _pair(arrangement, fit, int(k))) is not None)
     at = _places(fit.terms.pairs, parted)
     if not parted:

@@ -9,7 +9,7 @@ from fecore.arrays import FloatArray
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import FEW, Arrangement
 from fecore.modal.leakage import leakage
-from fecore.modal.noise import believable, scatter_of
+from fecore.modal.noise import excess, scatter_of
 from fecore.modal.screening import Refused, screen
 
 _ALIKE_ON_LINES = 4.0  # stated noise over the scatter of lines from which most of it is alike on neighbouring lines
@@ -55,8 +55,12 @@ def _known_or(arrangement: Arrangement, scatter: FloatArray) -> FloatArray:
 
 
 def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arrangement, list[str]]:
-    """Enlarge a stated noise that the records themselves contradict, and say so."""
-    variance, factor = believable(arrangement.variance, scatter, arrangement.measured)
+    """Enlarge a stated noise that the records themselves contradict by more than a factor 2, and say so.
+
+    Coherence that was averaged over few hits, or stated for the wrong estimator, is often too good by far.
+    """
+    factor = excess(arrangement.variance, scatter, arrangement.measured)
+    factor = np.where(factor > 2, factor, 1.0)
     if np.all(factor == 1):
         return arrangement, []
     worst = int(np.argmax(factor))
@@ -65,7 +69,7 @@ def _doubt_variance(arrangement: Arrangement, scatter: FloatArray) -> tuple[Arra
         f" state (most in {arrangement.label(worst)}: {np.sqrt(factor[worst]):.1f} times the noise); the stated noise was"
         " enlarged there"
     )
-    return replace(arrangement, variance=variance), [note]
+    return replace(arrangement, variance=arrangement.variance * factor[:, None]), [note]
 
 
 def _of_lines(arrangement: Arrangement, scatter: FloatArray) -> Arrangement:

@@ -21,12 +21,11 @@ from fecore.modal.evidence import USUAL, Evidence
 from fecore.modal.weights import COVARIANCE, MEAN
 
 _SIGMA = 0.1  # of 1 - r of modes
-_STRAY = 0.2  # share of the modes whose phase is anything up to 90°
-_ANY = 0.2  # share of what is no mode that has one phase for all FRFs
-_EDGE = 1e-6  # of r at -1
+_RARE = (
+    0.2  # share of the modes whose phase is anything up to 90°, and of what is no mode that has one phase for all FRFs
+)
 _OVERDAMPED = 0.6  # ζ from which a pole is a trend of the record
 _DOUBLE = 0.15  # distance below which two poles are rather one mode
-_ALONE = 0.99  # distance from which a pole is alone
 
 
 @dataclass(frozen=True)
@@ -41,10 +40,10 @@ class Feature:
 
 def phase_ratio(r: FloatArray) -> FloatArray:
     """Λ(r) = ln p₁(r)/p₀(r), both densities times π√(1-r²)."""
-    r = np.clip(r, _EDGE - 1, 1)
+    r = np.clip(r, 1e-6 - 1, 1)  # Λ stays finite
     usual = np.sqrt(np.pi * (1 + r) / _SIGMA) * np.exp(-(1 - r) / _SIGMA)
-    of_modes = (1 - _STRAY) * usual + _STRAY * (1 + r) / 2
-    of_others = _ANY + (1 - _ANY) * np.pi * np.sqrt(1 - r**2) / 2
+    of_modes = (1 - _RARE) * usual + _RARE * (1 + r) / 2
+    of_others = _RARE + (1 - _RARE) * np.pi * np.sqrt(1 - r**2) / 2
     return np.asarray(np.log(of_modes / of_others))
 
 
@@ -95,20 +94,12 @@ def features(evidence: Evidence, frequency_hz: FloatArray, damping_ratio: FloatA
     added = np.concatenate([ratio[:, None], x[:, 1:] * MEAN[1:]], axis=1)
     out = []
     for k in range(len(x)):
-        values = [getattr(evidence, name)[k] for name in NAMES]
-        known = [i for i, value in enumerate(values) if np.isfinite(value)]
-        known.sort(key=lambda i: -abs(added[k, i]))
-        out.append(
-            tuple(
-                Feature(
-                    NAMES[i],
-                    float(values[i]),
-                    float(added[k, i]),
-                    _words(NAMES[i], evidence, k, frequency_hz, damping_ratio),
-                )
-                for i in known
-            )
-        )
+        each = [
+            Feature(name, float(value), float(weight), _words(name, evidence, k, frequency_hz, damping_ratio))
+            for name, weight in zip(NAMES, added[k], strict=True)
+            if np.isfinite(value := getattr(evidence, name)[k])
+        ]
+        out.append(tuple(sorted(each, key=lambda feature: -abs(feature.weight))))
     return out
 
 
@@ -127,7 +118,7 @@ def _words(name: str, evidence: Evidence, k: int, frequency_hz: FloatArray, damp
     if name == "apart":
         other = evidence.neighbour[k]
         width = frequency_hz[k] * damping_ratio[k] + frequency_hz[other] * damping_ratio[other]
-        if evidence.apart[k] > _ALONE:
+        if evidence.apart[k] > 0.99:
             return "no larger pole is beside it"
         return (
             f"the larger pole at {frequency_hz[other]:.2f} Hz is {abs(frequency_hz[k] - frequency_hz[other]) / width:.2g}"

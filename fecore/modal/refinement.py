@@ -26,18 +26,14 @@ from fecore.modal.linear import (
     LinearFit,
     mean_weight,
     normal_columns,
-    normal_matrices,
     orthonormal,
     real_part,
     real_times,
     solve_normal,
 )
 
-_ENOUGH = 1e-3  # a predicted decrease of χ² below this is a move of a thirtieth of a standard deviation
 _VAGUE = 1e-10  # eigenvalue of the scaled information below which a direction is null: a large variance, not infinity
-_TOUCHED = 1e-4  # share of a null direction from which a parameter takes part in it; less is round-off
 _FEWEST_SESSIONS = 8  # from which their scatter is known well enough
-_STEPS = 40  # most steps of one fit
 _SHIFT = 4.0  # half bandwidths by which a pole is off over the relative error that all FRFs share (see `error_model`)
 
 
@@ -48,11 +44,15 @@ class Level:
     terms: Terms  # poles and residual terms
     linear: LinearFit  # coefficients of every FRF, with their covariance for fixed poles
     variance: FloatArray  # (N, L) noise variance that weighted the fit
-    weight: FloatArray  # (N, L) weights of the lines
-    own: FloatArray  # (q, r) coefficients of the terms from those of the orthonormal frame
+    weight: FloatArray  # (N, L) 2/v of each complex value, 0 where nothing was measured
     residual: ComplexArray  # (N, L) measured minus model
     chi_squared: float  # weighted sum of squared residuals
-    memory: float = 1.0  # number of lines that count as one independent line
+
+    @cached_property
+    def residues(self) -> ComplexArray:
+        """(N, n) residues of the receptance."""
+        c = self.linear.coefficients[:, : 2 * self.terms.pairs]
+        return np.asarray(c[:, 0::2] + 1j * c[:, 1::2])
 
     def model(self, arrangement: Arrangement) -> ComplexArray:
         """(N, L) fitted FRFs."""
@@ -67,6 +67,7 @@ class Fit(Level):
     information: FloatArray  # (parameters, parameters) matrix H of (ln ω_1 … ln ω_n, ζ_1 … ζ_n)
     lever: FloatArray  # (N, q, parameters) -∂c/∂θ, by which residues inherit the uncertainty of the poles
     pull: FloatArray  # (N, parameters) what each FRF adds to the gradient of -χ²/2
+    memory: float = 1.0  # number of lines that count as one independent line
     # (N,) number of the test that each FRF belongs to, where the scatter between tests is to count
     sessions: IntArray | None = None
     shared: FloatArray | float = 0.0  # (n,) relative error of each mode's curve that all FRFs share
@@ -81,8 +82,9 @@ class Fit(Level):
         """Factor of all variances: the residual's size over the stated noise, and the lines that are worth one."""
         return max(1.0, self.chi_squared / self.freedom) * self.memory
 
-    def residues(self) -> tuple[ComplexArray, FloatArray]:
-        """(N, n) receptance residues and their variance E|error|², the uncertainty of the poles included.
+    @cached_property
+    def residue_variance(self) -> FloatArray:
+        """(N, n) E|error|² of the residues, the uncertainty of the poles included.
 
         With c = A⁻¹(Φᵀy) and poles that err by e, δc = -A⁻¹ΦᵀJ e: Cov(c) = A⁻¹ + A⁻¹B Cov(θ) BᵀA⁻¹, B = ΦᵀJ.
         """
@@ -90,46 +92,40 @@ class Fit(Level):
         lever = self.lever[:, : 2 * n]
         own = np.einsum("nii->ni", self.linear.covariance)[:, : 2 * n] * self.inflation
         spread = own + np.einsum("nip,pq,niq->ni", lever, self.parameter_covariance, lever)
-        c = self.linear.coefficients[:, : 2 * n]
-        return c[:, 0::2] + 1j * c[:, 1::2], spread[:, 0::2] + spread[:, 1::2]
+        return np.asarray(spread[:, 0::2] + spread[:, 1::2])
 
     @cached_property
     def parameter_covariance(self) -> FloatArray:
         """Covariance of the non-linear parameters, scaled up where the residual is larger than the stated noise.
 
         A null direction of the information gives its own parameters a large variance and touches no other. Where the sessions
-        are known, each standard deviation is at least what the scatter between them shows (`_between`). Errors e that all FRFs
+        are known, each standard deviation is at least what the scatter between them shows (`widened`). Errors e that all FRFs
         share are taken to have shifted a pole by `_SHIFT` e half bandwidths.
         """
         scale, value, vector, null = spectrum(self.information)
         inverse = (vector[:, ~null] / value[~null]) @ vector[:, ~null].T
-        inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ np.where(
-            vector.T**2 > _TOUCHED, vector.T**2, 0.0
-        )
+        part = np.where(vector.T**2 > 1e-4, vector.T**2, 0.0)  # less is round-off
+        inverse[np.diag_indices_from(inverse)] += np.where(null, 1 / _VAGUE, 0.0) @ part
         inverse = inverse / scale[:, None] / scale
         shifts = np.tile((_SHIFT * self.shared * self.terms.damping_ratio) ** 2, 2)
         return np.asarray(widened(inverse, self.inflation, self.pull, self.sessions) + np.diag(shifts))
 
 
 def widened(inverse: FloatArray, inflation: float, pull: FloatArray, sessions: IntArray | None) -> FloatArray:
-    """The covariance H⁻¹ times the inflation, each standard deviation at least what the scatter between sessions shows."""
+    """The covariance H⁻¹ times the inflation, each standard deviation at least what the scatter between sessions shows:
+
+    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1), g_s the sessions' own gradients about the optimum (White 1980, for clusters Liang and
+    Zeger 1986). It asks nothing of the errors within a session, so it holds where these last over lines, channels or modes.
+    Of S sessions it is known to 1 ± 1/√(2(S - 1)).
+    """
     grow = np.sqrt(inflation) * np.ones(len(inverse))
     if sessions is not None and (count := int(sessions.max()) + 1) >= _FEWEST_SESSIONS:
-        usual = np.sqrt(np.maximum(np.diag(inverse), 1e-300))
-        grow = np.maximum(grow, _between(pull, sessions, inverse) / usual / (1 + 1 / np.sqrt(2 * count - 2)))
+        sums = np.zeros((count, pull.shape[1]))
+        np.add.at(sums, sessions, pull)
+        between = np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1))
+        usual = np.sqrt(np.maximum(np.diag(inverse), np.finfo(float).tiny))
+        grow = np.maximum(grow, between / usual / (1 + 1 / np.sqrt(2 * count - 2)))
     return np.asarray(inverse * np.outer(grow, grow))
-
-
-def _between(pull: FloatArray, sessions: IntArray, inverse: FloatArray) -> FloatArray:
-    """(parameters,) standard deviations by the scatter of the sessions' own gradients g_s about the optimum.
-
-    H⁻¹ (Σ_s g_s g_sᵀ) H⁻¹ · S/(S - 1) (White 1980, for clusters Liang and Zeger 1986): it asks nothing of the errors within a
-    session, so it holds where these last over lines, channels or modes. Of S sessions it is known to 1 ± 1/√(2(S - 1)).
-    """
-    count = int(sessions.max()) + 1
-    sums = np.zeros((count, pull.shape[1]))
-    np.add.at(sums, sessions, pull)
-    return np.asarray(np.sqrt(np.sum((sums @ inverse) ** 2, axis=0) * count / (count - 1)))
 
 
 def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
@@ -138,11 +134,6 @@ def spectrum(information: FloatArray) -> tuple[FloatArray, FloatArray, FloatArra
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     value, vector = np.linalg.eigh(information / scale[:, None] / scale)
     return scale, value, vector, value < _VAGUE
-
-
-def weights(arrangement: Arrangement, variance: FloatArray) -> FloatArray:
-    """(N, L) weights 2/v of each complex value, 0 where nothing was measured."""
-    return np.asarray(np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0))
 
 
 def evaluate(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Fit:
@@ -160,16 +151,15 @@ def level_at(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Le
     Raises:
         IdentificationError: an FRF has no weight on the lines of a term.
     """
-    weight = weights(arrangement, variance)
+    weight = np.where(arrangement.measured, 2 / np.maximum(variance, np.finfo(float).tiny), 0.0)
     basis = columns(arrangement.omega, terms, arrangement.power)
-    frame, own = orthonormal(basis, weight)
-    linear = solve_normal(normal_matrices(frame, weight), frame, own, arrangement.values, weight)
+    frame, turn = orthonormal(basis, weight)
+    linear = solve_normal(normal_columns(frame, weight), frame, turn, arrangement.values, weight)
     residual = np.where(arrangement.measured, arrangement.values - real_times(linear.coefficients, basis.T), 0)
     return Level(
         terms=terms,
         variance=variance,
         weight=weight,
-        own=own,
         linear=linear,
         residual=residual,
         chi_squared=float(np.sum((weight * residual.conj() * residual).real)),
@@ -202,11 +192,11 @@ def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
     steep = steep - real_times(inside.T, frame.T).T
     r = frame.shape[1]
     gram = normal_columns(np.concatenate([frame, steep], axis=1), weight, r)
-    turn = _slope_combinations(terms, linear.coefficients)
+    turn = _slope_combinations(terms, level.residues)
     seen = np.matmul(linear.root, np.matmul(gram[:, :r], turn))
     whole = np.matmul(turn.transpose(0, 2, 1), np.matmul(gram[:, r:], turn))
     information = (whole - np.matmul(seen.transpose(0, 2, 1), seen)).sum(axis=0)
-    lever = np.matmul(level.own, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
+    lever = np.matmul(linear.turn, np.matmul(linear.root.transpose(0, 2, 1), seen) + np.matmul(inside, turn))
     pull = np.einsum("nij,ni->nj", turn, real_part(weight * level.residual, steep.T))
     return Fit(
         **{each.name: getattr(level, each.name) for each in fields(Level)},
@@ -217,10 +207,10 @@ def _with_slopes(arrangement: Arrangement, level: Level) -> Fit:
     )
 
 
-def refine(
-    arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: int = _STEPS, enough: float = _ENOUGH
-) -> Fit:
+def refine(arrangement: Arrangement, terms: Terms, variance: FloatArray, steps: int = 40, enough: float = 1e-3) -> Fit:
     """Poles of least χ² for a given noise variance, from the given start; a step that would gain less than `enough` ends it.
+
+    A decrease of χ² by 1e-3 is a move of a thirtieth of a standard deviation.
 
     Raises:
         IdentificationError: a term has no weight.
@@ -231,8 +221,11 @@ def refine(
         step, predicted = _step(fit, damping)
         if predicted < enough:
             break
-        trial = _try(arrangement, moved(fit.terms, step), variance)
-        if trial is not None and trial.chi_squared < fit.chi_squared:
+        try:
+            trial = level_at(arrangement, moved(fit.terms, step), variance)
+        except IdentificationError:  # a term has no weight there: a shorter step
+            trial = fit
+        if trial.chi_squared < fit.chi_squared:
             gain = fit.chi_squared - trial.chi_squared
             damping = max(damping / (10 if gain > 0.7 * predicted else 2), 1e-10)
             fit = _with_slopes(arrangement, trial)
@@ -268,18 +261,10 @@ def _step(fit: Fit, damping: float) -> tuple[FloatArray, float]:
     return step, float(2 * step @ fit.gradient - step @ fit.information @ step)
 
 
-def _try(arrangement: Arrangement, terms: Terms, variance: FloatArray) -> Level | None:
-    try:
-        return level_at(arrangement, terms, variance)
-    except IdentificationError:
-        return None
-
-
-def _slope_combinations(terms: Terms, coefficients: FloatArray) -> FloatArray:
+def _slope_combinations(terms: Terms, residues: ComplexArray) -> FloatArray:
     """(N, 2n, 2n) how each FRF's Jacobian is made of the derivative columns."""
     n = terms.pairs
-    turn = np.zeros((coefficients.shape[0], 2 * n, 2 * n))
-    residues = coefficients[:, 0 : 2 * n : 2] + 1j * coefficients[:, 1 : 2 * n : 2]
+    turn = np.zeros((len(residues), 2 * n, 2 * n))
     for place, slope in enumerate(slopes(terms)):
         pull = residues * slope
         for k in range(n):

@@ -10,7 +10,6 @@ from fecore.modal.shapes import Shapes, of_rank_two
 _FEW_LINES = 2.0  # lines in the half-power bandwidth below which the damping is not resolved
 _COMPLEX = 0.8  # modal phase collinearity below which a mode is called complex
 _WEAK = 0.1  # of the FRFs at its frequency, below which a mode is called weak
-_ALONE = 0.99  # share of Σ|R|² in one of several FRFs from which it alone shows the pole
 _CLOSE = 1.5  # distance of two modes in their mean bandwidth from which their shapes mix little
 
 
@@ -30,7 +29,7 @@ def remarks(
         name = f"mode {k + 1} ({f[k]:.2f} Hz)"
         if (why := doubt[k]) is not None:
             notes.append(f"{name} is uncertain: {why}")
-        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, 1e-300)
+        lines = 2 * zeta[k] * f[k] / max(arrangement.spacing_hz, np.finfo(float).tiny)
         if lines < _FEW_LINES:
             notes.append(
                 f"{name}: its half-power bandwidth covers {lines:.1f} lines, so its damping rests on the window and on"
@@ -54,19 +53,19 @@ def remarks(
 
 def _of_one_record(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
     """Poles that one of several FRFs shows: a mode and a resonance of that sensor have the same phase."""
-    size = np.abs(fit.residues()[0][:, kept]) ** 2
+    size = np.abs(fit.residues[:, kept]) ** 2
     if len(size) < 3:
         return []
     return [
         f"mode {k + 1} ({fit.terms.frequency_hz[kept[k]]:.2f} Hz): {arrangement.label(int(np.argmax(size[:, k])))} alone shows"
         " it: a local mode, or a resonance of that sensor or hammer"
-        for k in np.flatnonzero(size.max(axis=0) > _ALONE * size.sum(axis=0))
+        for k in np.flatnonzero(size.max(axis=0) > 0.99 * size.sum(axis=0))
     ]
 
 
 def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
     """Poles whose residues against several fixed dofs are not one shape, and which the data did not part."""
-    two = of_rank_two(arrangement, *fit.residues())
+    two = of_rank_two(arrangement, fit.residues, fit.residue_variance)
     return [
         f"mode {number} ({fit.terms.frequency_hz[k]:.2f} Hz): its residues against the fixed dofs are of rank two:"
         " two modes at one frequency, of which the stronger shape is given"
@@ -78,13 +77,11 @@ def _rank_two(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
 def _driving_points(arrangement: Arrangement, fit: Fit, kept: IntArray) -> list[str]:
     """A driving point has positive modal masses; where most come out negative, one of its signs is wrong."""
     notes = []
-    f, zeta = fit.terms.frequency_hz[kept], fit.terms.damping_ratio[kept]
-    damped = 2 * np.pi * f * np.sqrt(1 - zeta**2)
+    masses = (2j * fit.terms.poles.imag * fit.residues)[:, kept].real
     for row, (a, b) in enumerate(arrangement.pairs):
         if a != b:
             continue
-        c = fit.linear.coefficients[row]
-        modal = (2j * damped * (c[2 * kept] + 1j * c[2 * kept + 1])).real
+        modal = masses[row]
         if modal.size and np.sum(modal[modal < 0]) < -0.5 * np.sum(np.abs(modal)):
             notes.append(
                 f"driving point {arrangement.label(row)}: {int(np.sum(modal < 0))} of {modal.size} modes have a negative"

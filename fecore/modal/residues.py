@@ -12,8 +12,7 @@ from fecore.arrays import FloatArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement, arrange
-from fecore.modal.basis import Terms, poles
-from fecore.modal.evidence import residues_of
+from fecore.modal.basis import Terms
 from fecore.modal.growth import local_level
 from fecore.modal.preparation import noise_of
 from fecore.modal.refinement import Level
@@ -64,9 +63,7 @@ def shapes_at_poles(
     arrangement = arrangement.without(dead) if dead else arrangement
     fit = _fit_at(arrangement, Terms(frequency, zeta, exponents))
     spread = np.einsum("nii->ni", fit.linear.covariance)[:, : 2 * frequency.size]
-    shapes = shapes_from_residues(
-        arrangement, residues_of(fit), spread[:, 0::2] + spread[:, 1::2], poles(frequency, zeta).imag
-    )
+    shapes = shapes_from_residues(arrangement, fit.residues, spread[:, 0::2] + spread[:, 1::2], fit.terms.poles.imag)
     return MeasuredModes(frequency, zeta, shapes.complex, arrangement.roving), shapes
 
 
@@ -83,7 +80,7 @@ def _fit_at(arrangement: Arrangement, terms: Terms) -> Level:
             f" {arrangement.label(int(lines.argmin()))} has only {lines.min()} lines; use a wider band or fewer modes"
         )
     fit = local_level(arrangement, terms, noise_of(arrangement))
-    if fit.own.shape[1] < terms.columns:
+    if fit.linear.turn.shape[1] < terms.columns:
         raise IdentificationError(
             "the model's terms cannot be distinguished on the measured lines: two poles coincide, or there are fewer lines"
             " than unknowns; use fewer poles or a wider band"

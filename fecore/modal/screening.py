@@ -14,7 +14,7 @@ import scipy
 from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
-from fecore.modal.arrangement import FEW, Arrangement, arrange, pair_label
+from fecore.modal.arrangement import FEW, Arrangement, arrange
 from fecore.modal.causality import turned_backwards
 
 FEWEST_LINES = 16
@@ -28,12 +28,6 @@ _ALONE = (
 _RAISED = 2.0  # neighbours of a true resonance stand this much above the lines further off; those of a spike do not
 _LIKE = 0.5  # correlation from which two reciprocal FRFs may be the same beside drift and hits off the point
 _SAME = 0.9  # correlation from which two FRFs between the same dofs are the same FRF
-_DEAD = 1e-9  # of the strongest record's rms: below it a channel is dead
-_CONJUGATES = (
-    "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive structure does with exp(+iωt)"
-    " (written with exp(-iωt), or the wrong channel of the cross spectrum conjugated); they were conjugated back,"
-    " write them with exp(+iωt)"
-)
 
 
 @dataclass(frozen=True)
@@ -80,7 +74,11 @@ def screen(frfs: FrfSet | Sequence[FrfSet], band_hz: tuple[float, float] | None 
     conjugated = turned_backwards(arrangement if band_hz is None else _alive(arrange(sets)))
     if conjugated:  # judged by all lines: a band about an antiresonance alone turns the other way
         arrangement = replace(arrangement, values=arrangement.values.conj())
-        notes.append(_CONJUGATES)
+        notes.append(
+            "the FRFs are conjugates: from line to line they turn anti-clockwise, as no passive structure does with exp(+iωt)"
+            " (written with exp(-iωt), or the wrong channel of the cross spectrum conjugated); they were conjugated back,"
+            " write them with exp(+iωt)"
+        )
     arrangement, spikes = _without_spikes(arrangement)
     merged, drop, notes_on_doubles = _merge_repeated(arrangement)
     out += [fault for fault in drop.values() if fault is not None]
@@ -141,7 +139,7 @@ def _unusable(arrangement: Arrangement) -> dict[int, str]:
     for row, (level, lines) in enumerate(zip(rms, arrangement.measured.sum(axis=1), strict=True)):
         if not np.any(arrangement.values[row]):
             found[row] = "is zero at all lines: a dead channel; check the cable and measure again"
-        elif level <= _DEAD * rms.max():
+        elif level <= 1e-9 * rms.max():  # no converter has so many digits
             largest, strongest = np.abs(arrangement.values).max(axis=1), int(np.argmax(rms))
             found[row] = (
                 f"is at most {largest[row]:.2g} where {arrangement.label(strongest)} reaches {largest[strongest]:.2g}: a dead "
@@ -227,21 +225,19 @@ def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Re
     values, measured = arrangement.values.copy(), arrangement.measured.copy()
     drop: dict[int, Refused | None] = {}
     notes: list[str] = []
-    for rows in groups.values():
-        first, rest = rows[0], rows[1:]
+    for first, *rest in groups.values():
         for other in rest:
-            label = pair_label(*arrangement.pairs[other])
+            own, label = arrangement.label(first), arrangement.label(other)
             likeness = _correlation(arrangement, first, other)
             reciprocal = arrangement.pairs[first] != arrangement.pairs[other]
             if reciprocal and _LIKE < likeness < _SAME:  # a session with a drift and hits of its own
                 notes.append(
-                    f"{arrangement.label(first)} and {label} should be the same FRF by reciprocity; their correlation is"
-                    f" {likeness:.2f}"
+                    f"{own} and {label} should be the same FRF by reciprocity; their correlation is {likeness:.2f}"
                 )
             elif likeness < _SAME:
-                reason = _contradiction(arrangement.label(first), label, likeness)
-                drop[first], drop[other] = Refused(arrangement.label(first), reason), Refused(label, reason)
-            elif arrangement.pairs[first] == arrangement.pairs[other] and first not in drop:
+                reason = _contradiction(own, label, likeness)
+                drop[first], drop[other] = Refused(own, reason), Refused(label, reason)
+            elif not reciprocal and first not in drop:
                 both = arrangement.measured[[first, other]]
                 share = both / np.maximum(both.sum(axis=0), 1)
                 values[first] = (arrangement.values[[first, other]] * share).sum(axis=0)

@@ -17,7 +17,6 @@ from fecore.modal.arrangement import Arrangement
 
 _SECOND_SHAPE = 0.1  # second singular value of the residues over the first from which there are two modes
 _ABOVE_NOISE = 5.0  # largest singular values of noise alone that the second one must reach
-_ITERATIONS = 60  # of the rank-one fit, at most
 _SURE = 4.0  # standard deviations that a driving-point residue must be above zero to normalise by it
 
 
@@ -113,27 +112,27 @@ def _rank_one(
 ) -> tuple[ComplexArray, FloatArray, ComplexArray]:
     """Weighted rank-one fit entries_r ≈ ψ_i l_j (alternating least squares): ψ, its standard deviation, and l."""
     i, j = arrangement.row.T
-    p, m = len(arrangement.roving), len(arrangement.fixed)
-    weight: FloatArray = 1 / np.maximum(variance, 1e-30 * np.max(variance, initial=1e-300))
-    strength = _add_up(j, np.abs(entries) ** 2 * weight, m)
-    factor = np.zeros(m, dtype=complex)
-    factor[int(np.argmax(strength))] = 1.0
+    of_roving, of_fixed = (
+        np.eye(len(arrangement.roving))[i],
+        np.eye(len(arrangement.fixed))[j],
+    )  # sum over the entries of a dof
+    m, tiny = len(arrangement.fixed), np.finfo(float).tiny
+    weight: FloatArray = 1 / np.maximum(variance, 1e-30 * np.max(variance, initial=1e-270))
+    strongest = int(np.argmax((np.abs(entries) ** 2 * weight) @ of_fixed))
+    factor = np.eye(m, dtype=complex)[strongest]
     if m > 1:  # start: correlate every column with the strongest one over the dofs that they share
-        best = residue_matrix(arrangement, entries)[:, int(np.argmax(strength))]
-        known = np.nan_to_num(best)
-        for column in range(m):
-            other = np.nan_to_num(residue_matrix(arrangement, entries)[:, column])
+        columns = np.nan_to_num(residue_matrix(arrangement, entries))
+        known = columns[:, strongest]
+        for column, other in enumerate(columns.T):
             shared = np.abs(known) * (other != 0)
             factor[column] = np.vdot(known, other) / np.sum(shared**2) if np.any(shared) else 0.0
-    vector = np.zeros(p, dtype=complex)
-    information: FloatArray = np.ones(p)
-    for _ in range(_ITERATIONS):
-        information = np.maximum(_add_up(i, weight * np.abs(factor[j]) ** 2, p), 1e-300)
-        vector = _scatter(i, weight * factor[j].conj() * entries, p) / information
+    for _ in range(60):  # more change no digit that counts
+        information = np.maximum((weight * np.abs(factor[j]) ** 2) @ of_roving, tiny)
+        vector = (weight * factor[j].conj() * entries) @ of_roving / information
         if m == 1:  # it sees all dofs alike
             return vector, 1 / np.sqrt(information), factor
-        own = _add_up(j, weight * np.abs(vector[i]) ** 2, m)
-        factor = _scatter(j, weight * vector[i].conj() * entries, m) / np.maximum(own, 1e-300)
+        own = (weight * np.abs(vector[i]) ** 2) @ of_fixed
+        factor = (weight * vector[i].conj() * entries) @ of_fixed / np.maximum(own, tiny)
         factor /= np.max(np.abs(factor))
     return *_shrunk(vector, information), factor
 
@@ -149,14 +148,6 @@ def _shrunk(vector: ComplexArray, information: FloatArray) -> tuple[ComplexArray
         return vector, 1 / np.sqrt(information)
     total = information + 1 / power
     return np.asarray(vector * information / total), 1 / np.sqrt(total)
-
-
-def _scatter(place: IntArray, values: ComplexArray, size: int) -> ComplexArray:
-    return np.asarray(_add_up(place, values.real, size) + 1j * _add_up(place, values.imag, size))
-
-
-def _add_up(place: IntArray, values: FloatArray, size: int) -> FloatArray:
-    return np.asarray(np.bincount(place, values, size), dtype=np.float64)
 
 
 def _mass_normalised(

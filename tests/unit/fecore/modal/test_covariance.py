@@ -44,7 +44,7 @@ def explicit(arrangement: Arrangement, fit: Fit) -> tuple[np.ndarray, np.ndarray
     pole, by_zeta = omega * (-zeta + 1j * root), omega * (-1 - 1j * zeta / root)
     direct, mirror = 1 / (s - pole), 1 / (s - pole.conj())
     basis = np.concatenate([direct + mirror, 1j * (direct - mirror), np.ones_like(s)], axis=1)
-    residue = fit.residues()[0]
+    residue = fit.residues
     n, q = pole.size, basis.shape[1]
     rows, own, other = [], [], []
     for i, r in enumerate(residue):
@@ -82,7 +82,7 @@ def test_covariances_are_those_of_all_unknowns_at_once(stated: float) -> None:
     inflation = max(1.0, chi_squared / freedom)
     assert (inflation > 1) is (stated < 1)
     np.testing.assert_allclose(fit.parameter_covariance, theta * inflation, rtol=1e-6, atol=1e-9 * theta.max())
-    np.testing.assert_allclose(fit.residues()[1], residues * inflation, rtol=1e-6)
+    np.testing.assert_allclose(fit.residue_variance, residues * inflation, rtol=1e-6)
     np.testing.assert_allclose(fit.pull, pull, rtol=1e-6, atol=1e-9 * np.abs(pull).max())
     longer = replace(fit, memory=3.0)
     assert longer.inflation == pytest.approx(3 * inflation, rel=1e-12)
@@ -245,22 +245,21 @@ def test_lines_that_share_their_error_count_less(rho: float) -> None:
     for line in range(1, shape[1]):
         error[:, line] = rho * error[:, line - 1] + np.sqrt(1 - rho**2) * white[:, line]
     expected = 1 + 2 * sum(rho**j for j in range(1, 6))
-    variance = np.full(shape, 2.0)
-    assert memory(error, variance, np.ones(shape, dtype=bool)) == pytest.approx(expected, rel=0.03)
+    variance, everywhere, flat = np.full(shape, 2.0), np.ones(shape, dtype=bool), np.ones(shape, dtype=complex)
+    assert memory(error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
     level = np.exp(random.standard_normal(512))
-    everywhere = np.ones(shape, dtype=bool)
-    assert memory(error * level, variance * level**2, everywhere) == pytest.approx(expected, rel=0.03)
-    assert memory(1e-6 * error, variance, everywhere) == pytest.approx(expected, rel=0.03)
+    assert memory(error * level, variance * level**2, everywhere, level * flat) == pytest.approx(expected, rel=0.03)
+    assert memory(1e-6 * error, variance, everywhere, flat) == pytest.approx(expected, rel=0.03)
     turning = np.exp(1j * np.linspace(0, 300, 512)) * np.ones(shape)  # an error relative to a model that turns
-    assert memory(error * turning, variance, np.ones(shape, dtype=bool), turning) == pytest.approx(expected, rel=0.05)
+    assert memory(error * turning, variance, everywhere, turning) == pytest.approx(expected, rel=0.05)
     spike = error.copy()
     spike[:, 200] *= 1000  # counts as three standard deviations: 9 beside the 511 of the other lines
-    hidden = memory(spike, variance, everywhere, np.ones(shape, dtype=complex))
-    plain = memory(error, variance, everywhere, np.ones(shape, dtype=complex))
+    hidden = memory(spike, variance, everywhere, flat)
+    plain = memory(error, variance, everywhere, flat)
     assert 0.97 * (plain - 1) <= hidden - 1 <= plain - 1 + 0.01
-    assert memory(np.zeros(shape, dtype=complex), variance, everywhere) == 1.0
+    assert memory(0 * flat, variance, everywhere, flat) == 1.0
     whole = np.ones((1, 40))  # one error on all lines, seen over a quarter of them
-    assert memory(whole.astype(complex), whole, whole > 0) == pytest.approx(1 + 2 * 10, rel=1e-9)
+    assert memory(whole.astype(complex), whole, whole > 0, whole.astype(complex)) == pytest.approx(1 + 2 * 10, rel=1e-9)
 
 
 @pytest.mark.parametrize("size", [0.0, 0.003])
