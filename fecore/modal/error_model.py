@@ -41,7 +41,7 @@ def memory(residual: ComplexArray, variance: FloatArray, measured: BoolArray, mo
     lines = z.shape[1]
     size = 1 << int(2 * lines - 1).bit_length()
     power = np.sum(np.abs(np.fft.fft(z, size, axis=1)) ** 2, axis=0)
-    lagged = np.fft.ifft(power).real[: lines // 4 + 1]
+    lagged = np.fft.ifft(power).real[: min(200, lines // 4) + 1]
     if not lagged[0] > 0:
         return 1.0
     rho = lagged[1:] / lagged[0] / (1 - np.arange(1, lagged.size) / lines)
