@@ -135,14 +135,14 @@ def watched_page(
 
 @contextmanager
 def held(page: Page, address: str) -> Iterator[Callable[[], list[Route]]]:
-    """Within this, requests for an address wait, as on a slow network: what is given tells those that do so far."""
+    """Hold requests for an address back, as a slow network does, and yield a function that lists them."""
     waiting: list[Route] = []
 
     def hold(route: Route) -> None:
         waiting.append(route)
 
     def asked() -> list[Route]:
-        page.wait_for_timeout(0)  # Playwright tells of requests only while it is asked for something
+        page.wait_for_timeout(0)  # Playwright hears of requests only within its own calls
         return waiting
 
     page.route(address, hold)
@@ -155,12 +155,12 @@ def held(page: Page, address: str) -> Iterator[Callable[[], list[Route]]]:
 
 
 def note_on_leaving(page: Page, what: str) -> None:
-    """Note what an expression of the page is when it goes for another one, which tells it by `noted_on_leaving`."""
+    """Keep the value that an expression has when the browser leaves the page, for `noted_on_leaving`."""
     page.evaluate(f"addEventListener('pagehide', () => sessionStorage.setItem('noted', JSON.stringify({what})))")
 
 
 def noted_on_leaving(page: Page) -> Any:
-    """What the page before has noted."""
+    """The value that `note_on_leaving` kept."""
     return page.evaluate("JSON.parse(sessionStorage.getItem('noted'))")
 
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
-from scipy.linalg import null_space
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body import beams, sections
@@ -220,7 +220,7 @@ def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]
     for support in model.supports if held else ():
         for node in support.nodes.tolist():
             fixed[node].append(directions(support))
-    free = {node: null_space(np.concatenate(rows)) for node, rows in fixed.items()}
+    free = {node: scipy.linalg.null_space(np.concatenate(rows)) for node, rows in fixed.items()}
     groups: dict[tuple[float, int], list[Spring]] = defaultdict(list)
     for spring in model.springs:
         count = 1 if spring.second is None else 2
