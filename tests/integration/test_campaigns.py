@@ -236,6 +236,10 @@ def test_poles_kept_and_dropped_by_hand_are_a_new_set_that_says_who_and_why(api:
     nowhere = {"name": "x", "decisions": [{"frequency_hz": 99.0, "keep": False, "reason": "none"}]}
     refused = ok(api.post(f"mode-sets/{first['id']}/edits", json=nowhere), 422)
     assert "no pole of the set is there; it has 25.63, 50, 160.06 Hz" in str(refused)
+    assert refused["errors"][0]["pointer"] == "/decisions/0/frequency_hz"
+    twice = edit | {"decisions": [*decisions, {"frequency_hz": 50.0, "keep": True, "reason": "a mode"}]}
+    refused = ok(api.post(f"mode-sets/{first['id']}/edits", json=twice), 422)
+    assert refused["errors"] == [{"pointer": "/decisions/1", "detail": "is a second one on 50 Hz; expected one"}]
     none = [{"frequency_hz": hz, "keep": False, "reason": "noise"} for hz in (25.63, 50.0, 160.06)]
     assert "keep at least one" in str(
         ok(api.post(f"mode-sets/{first['id']}/edits", json=edit | {"decisions": none}), 422)

@@ -183,9 +183,14 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
     evidence = list(mode_set.details.get("evidence", [{}] * len(rows)))
     places: list[int | None] = list(range(len(rows)))
     beside = {part: list(mode_set.details.get(part, [])) for part in _BESIDE}
+    poles = sorted(itertools.chain(rows, *beside.values()), key=lambda pole: pole["frequency_hz"])
+    named: list[dict[str, Any]] = []
     decided = []
     for number, decision in enumerate(body.decisions):
-        pole = _pole(f"decisions[{number}].frequency_hz", decision, rows, *beside.values())
+        pole = _pole(f"decisions.{number}.frequency_hz", decision, poles)
+        if any(pole is earlier for earlier in named):
+            raise InputError(f"decisions.{number}", f"is a second one on {pole['frequency_hz']:.6g} Hz; expected one")
+        named.append(pole)
         if decision.keep and pole not in rows:
             place = bisect.bisect([row["frequency_hz"] for row in rows], pole["frequency_hz"])
             rows.insert(place, {part: pole.get(part) for part in _MODE})
@@ -213,13 +218,12 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
     return edited
 
 
-def _pole(field: str, decision: DecisionIn, *where: list[dict[str, Any]]) -> dict[str, Any]:
+def _pole(field: str, decision: DecisionIn, poles: list[dict[str, Any]]) -> dict[str, Any]:
     """The pole that a decision names.
 
     Raises:
         InputError: there is none at that frequency.
     """
-    poles = [pole for rows in where for pole in rows]
     near = min(poles, key=lambda pole: abs(pole["frequency_hz"] - decision.frequency_hz), default=None)
     if near is None or abs(near["frequency_hz"] / decision.frequency_hz - 1) > _SAME:
         there = ", ".join(f"{pole['frequency_hz']:.6g}" for pole in poles[:30])
