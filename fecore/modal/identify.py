@@ -13,7 +13,7 @@ from fecore.errors import IdentificationError, InputError
 from fecore.frf import FrfSet
 from fecore.modal.arrangement import Arrangement
 from fecore.modal.basis import columns
-from fecore.modal.diagram import Stabilisation, diagram_of
+from fecore.modal.diagram import diagram_of
 from fecore.modal.evidence import Evidence, evidence_of
 from fecore.modal.fitting import Fitted, Report, fit_series
 from fecore.modal.growth import gains, pole_price
@@ -50,8 +50,8 @@ class Options:
             raise InputError("highest_order", f"is {self.highest_order}, expected 4 to 200")
         if not 1 <= self.most_modes <= 200:
             raise InputError("most_modes", f"is {self.most_modes}, expected 1 to 200")
-        if not REFUSED <= self.threshold <= 1:
-            raise InputError("threshold", f"is {self.threshold:g}, expected a probability from {REFUSED:g} to 1")
+        if not REFUSED <= self.threshold < 1:
+            raise InputError("threshold", f"is {self.threshold:g}, expected a probability from {REFUSED:g} to below 1")
 
 
 def identify(
@@ -106,7 +106,7 @@ def _judged(prepared: Prepared, fitted: Fitted, threshold: float) -> Identificat
     evidence = evidence_of(arrangement, fit)
     verdict = _verdict(arrangement, fit, evidence)
     if not verdict.kept.size:
-        raise IdentificationError(_nothing(arrangement, diagram, verdict.refused, fitted.full))
+        raise IdentificationError(_nothing(arrangement, verdict.refused, fitted.full))
     significance, toned = gains(fit) / (pole_price(fit) * fit.memory), _toned(arrangement, fit, evidence)
     fit, old, parted = part(arrangement, fit, verdict.kept)
     fitted = replace(fitted, fit=fit)
@@ -273,16 +273,13 @@ def _of_noise(ratio: float) -> list[str]:
     ]
 
 
-def _nothing(arrangement: Arrangement, diagram: Stabilisation, refused: tuple[RefusedPole, ...], full: bool) -> str:
+def _nothing(arrangement: Arrangement, refused: tuple[RefusedPole, ...], full: bool) -> str:
     """What was seen and what to try, for a record without a mode."""
     band = f"{arrangement.frequency_hz[0]:g} to {arrangement.frequency_hz[-1]:g} Hz"
-    stable = np.unique(np.round(diagram.frequency_hz[diagram.damping_stable], -1))
     seen = [f"{p.frequency_hz:.1f} Hz ({p.reason})" for p in refused[:8]]
-    again = f"Poles that came back from order to order lie near {', '.join(f'{f:g}' for f in stable[:8])} Hz. "
     return (
         f"no mode is supported by the {len(arrangement.pairs)} FRFs from {band}. "
         + (f"Poles seen and refused: {'; '.join(seen)}. " if seen else "No pole lowers the misfit by what it costs. ")
-        + (again if stable.size else "")
         + ("The search stopped at most_modes; raise it, or leave it out. " if full else "")
         + "Try a band around a resonance, more averages, or a higher order; check that responses and forces are not"
         " swapped, and that the imaginary part has the sign of exp(+iωt)."

@@ -61,8 +61,11 @@ class ModeSet(Thing):
 
         Raises:
             ClientError: a frequency names no pole of the set, or no mode is left.
+            TypeError: frequencies have no reasons.
         """
         both = ((True, keep or {}), (False, drop or {}))
+        if not all(isinstance(poles, Mapping) for _, poles in both):
+            raise TypeError("keep and drop take each frequency in Hz with a reason, as {25.6: 'hum of the mains'}")
         decisions = [
             {"frequency_hz": hz, "keep": which, "reason": why} for which, poles in both for hz, why in poles.items()
         ]

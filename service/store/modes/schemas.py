@@ -76,7 +76,7 @@ class PolesIn(StrictModel):
     highest_order: int = Field(40, ge=4, le=200, description="of the linear stage")
     most_modes: int = Field(100, ge=1, le=200, description="poles of the fitted series")
     threshold: float = Field(
-        0.9, ge=0.1, le=1, description="probability from which a pole is a mode; below, it is uncertain"
+        0.9, ge=0.1, lt=1, description="probability from which a pole is a mode; below, it is uncertain"
     )
 
     def options(self) -> Options:

@@ -87,8 +87,9 @@ def test_the_threshold_is_the_users() -> None:
     draw = KINDS["bridge"](5)
     found = identify(draw.frfs, Options(threshold=0.5)).found
     assert all((p >= 0.5) == (why is None) for p, why in zip(found.probability, found.doubt, strict=True))
-    with pytest.raises(InputError, match="threshold"):
-        Options(threshold=0.01)
+    for unreachable in (0.01, 1.0):
+        with pytest.raises(InputError, match="threshold"):
+            Options(threshold=unreachable)
 
 
 def test_the_phase_speaks_for_modes_and_its_ratio_stays_finite() -> None:
