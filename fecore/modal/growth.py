@@ -180,9 +180,9 @@ def pruned(arrangement: Arrangement, fit: Level, beside: int = 0) -> Level:
         terms = without_poles(terms, np.arange(poor.size) == k)
     while len(terms.exponents) > 1:
         spread = np.einsum("nii->ni", C)[:, 2 * terms.pairs :]
-        worth = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny), axis=0)
-        least = int(np.argmin(worth))
-        if worth[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
+        gain = np.sum(c[:, 2 * terms.pairs :] ** 2 / np.maximum(spread, np.finfo(float).tiny), axis=0)
+        least = int(np.argmin(gain))
+        if gain[least] > PRICE * len(fit.residual) + (PRICE - 1) * beside:
             break
         c, C = _left_out(c, C, [2 * terms.pairs + least])
         terms = replace(terms, exponents=terms.exponents[:least] + terms.exponents[least + 1 :])

@@ -185,13 +185,19 @@ def directions(of: Link | Support) -> Floats:
     return np.asarray(np.kron(np.eye(2), np.eye(3) if of.axes is None else of.axes)[list(of.dofs)])
 
 
+def free_motions(supports: Iterable[Support], nodes: Iterable[int]) -> dict[int, Floats]:
+    """(6, f) motions, as orthonormal columns, that supports leave to each of these nodes."""
+    held: dict[int, list[Floats]] = {node: [np.zeros((1, 6))] for node in nodes}
+    for support in supports:
+        for node in held.keys() & set(support.nodes.tolist()):
+            held[node].append(directions(support))
+    return {node: scipy.linalg.null_space(np.concatenate(rows)) for node, rows in held.items()}
+
+
 def _held_or_led(model: FiniteElementModel) -> None:
     """A led node moves as its leaders do: to hold it there holds nothing, unless these are held in that motion too."""
     links = {link.node: link for link in model.links}
-    held: dict[int, list[Floats]] = defaultdict(list)
-    for support in model.supports:
-        for node in support.nodes.tolist():
-            held[node].append(directions(support))
+    free = free_motions(model.supports, {leader for link in model.links for leader in link.leaders})
     for support in model.supports:
         for node in links.keys() & set(support.nodes.tolist()):
             link, led = links[node], directions(links[node])
@@ -202,8 +208,7 @@ def _held_or_led(model: FiniteElementModel) -> None:
                     moved = np.hstack([rows[:, :3], rows[:, 3:] + arm])
                 else:
                     moved = np.eye(6)[:3] * np.abs(rows).max(initial=0.0)
-                free = scipy.linalg.null_space(np.concatenate([np.zeros((1, 6)), *held[leader]]))
-                if np.abs(moved @ free).max(initial=0.0) > LEAST:
+                if np.abs(moved @ free[leader]).max(initial=0.0) > LEAST:
                     raise FormatError(
                         str(support.where),
                         f"holds node {model.numbers[node]} in what {link.where} has node {model.numbers[leader]} lead; "

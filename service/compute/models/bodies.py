@@ -10,7 +10,6 @@ from dataclasses import replace
 from itertools import takewhile
 
 import numpy as np
-import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body import beams, sections
@@ -21,7 +20,7 @@ from fecore.body.structure import Structure, axes_of_walls
 from fecore.body.supports import DISPLACEMENTS, Link, Mass, NodeSpring, Support
 from fecore.errors import InputError
 from modalbase.formats.models import model as formats
-from modalbase.formats.models.check import directions
+from modalbase.formats.models.check import free_motions
 from modalbase.formats.models.model import BeamSection, Elements, FiniteElementModel, Material, ShellSection, Spring
 
 AS_MODELLED = "as_modelled"  # the boundary of a campaign that held the body as the model says
@@ -216,17 +215,15 @@ def _springs(model: FiniteElementModel, *, held: bool) -> tuple[NodeSpring, ...]
 
     One of no stiffness, or whose ends are held along it, acts on nothing.
     """
-    fixed: dict[int | None, list[FloatArray]] = defaultdict(list)
-    for support in model.supports if held else ():
-        for node in support.nodes.tolist():
-            fixed[node].append(directions(support))
-    free = {node: scipy.linalg.null_space(np.concatenate(rows)) for node, rows in fixed.items()}
+    ends = {node for spring in model.springs for node in (spring.node, spring.second) if node is not None}
+    free = free_motions(model.supports if held else (), ends)
     groups: dict[tuple[float, int], list[Spring]] = defaultdict(list)
     for spring in model.springs:
         count = 1 if spring.second is None else 2
-        ends = zip((spring.node, spring.second), _stretch(spring), strict=True)
         acts = any(
-            np.abs(row @ free.get(node, np.eye(6))).max(initial=0.0) > 1e-9 * np.abs(row).max() for node, row in ends
+            np.abs(row @ free[node]).max(initial=0.0) > 1e-9 * np.abs(row).max()
+            for node, row in zip((spring.node, spring.second), _stretch(spring), strict=True)
+            if node is not None
         )
         if spring.stiffness and (held or count == 2) and acts:
             groups[spring.stiffness, count].append(spring)
