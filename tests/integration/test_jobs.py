@@ -165,7 +165,7 @@ def test_a_worker_that_shall_end_finishes_what_runs_or_puts_it_back(
 
 
 def test_two_workers_share_without_doing_anything_twice(works: Works) -> None:
-    with worker(works.url):
+    with worker(works.url, works.gate):
         with busy(works):  # one of them, so that the other has come when the next is done
             assert run(works.sessions, "echo").state == "succeeded"
         jobs = [wait(works.sessions, job_id) for job_id in put(works.sessions, "echo", 20)]
