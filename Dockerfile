@@ -4,7 +4,6 @@ WORKDIR /src
 # The versions of requirements.lock and no others, each with its SHA-256; then modalbase alone.
 COPY requirements.lock ./
 RUN python -m venv /opt/modalbase && /opt/modalbase/bin/pip install --no-cache-dir --require-hashes --requirement requirements.lock
-RUN /opt/modalbase/bin/pip install --no-cache-dir "setuptools>=77,<90"
 COPY pyproject.toml README.md LICENSE ./
 COPY fecore fecore
 COPY modalbase modalbase

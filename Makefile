@@ -10,7 +10,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Each process that starts would compile all of it anew, 0.7 s at a time: `__pycache__` is what that is for.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test unit integration acceptance check bench screens guide soak clean
+.PHONY: demo test unit integration acceptance check bench screens guide soak newest oldest lock clean
 
 demo: $(SERVER)
 	$(BIN)/modalbase demo
@@ -48,13 +48,32 @@ soak: $(READY)
 	MODALBASE_TEST_LONG=1 $(BIN)/python -m pytest tests/acceptance/test_main_job.py tests/integration/test_every_operation.py \
 		tests/integration/test_few_frfs.py
 
-# What the service needs; and what the tests and checks need beside it.
-$(SERVER): pyproject.toml
-	$(call install,.[server],$(SIZE_SERVER))
+# The tests with the newest and with the lowest versions that pyproject.toml allows, in environments of their own.
+newest oldest:
+	$(PYTHON) -m venv .venv-$@
+	.venv-$@/bin/python -m pip install --disable-pip-version-check --upgrade uv
+	.venv-$@/bin/uv pip install --python .venv-$@/bin/python --upgrade --resolution $(RESOLUTION_$@) --editable '.[dev]'
+	.venv-$@/bin/python -m pytest -n 3 --dist worksteal
+
+RESOLUTION_newest := highest
+RESOLUTION_oldest := lowest-direct
+
+# One resolution for Python 3.11 to 3.14 and every platform: what the service needs, and with it what the tests need.
+lock:
+	$(PYTHON) -m venv build/uv
+	build/uv/bin/python -m pip install --disable-pip-version-check --upgrade uv
+	$(COMPILE) --upgrade --extra dev --output-file requirements-dev.lock pyproject.toml
+	echo setuptools | $(COMPILE) --constraint requirements-dev.lock --extra server --output-file requirements.lock pyproject.toml -
+
+COMPILE := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
+
+# What the service needs; and what the tests and checks need beside it. Each is installed as it was tested, by its SHA-256.
+$(SERVER): pyproject.toml requirements.lock
+	$(call install,requirements.lock,$(SIZE_SERVER))
 	touch $@
 
-$(READY): pyproject.toml
-	$(call install,.[dev],$(SIZE_DEV))
+$(READY): pyproject.toml requirements-dev.lock
+	$(call install,requirements-dev.lock,$(SIZE_DEV))
 	touch $(SERVER) $@
 
 SIZE_SERVER := 510 MB, of which PostgreSQL, scipy, matplotlib and numpy are most
@@ -63,8 +82,9 @@ define install
 	@$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "modalbase needs Python 3.11 or newer: make PYTHON=python3.11 ...")'
 	@echo "modalbase: installing into $(VENV), once: $(2)"
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --disable-pip-version-check --editable '$(1)'
+	$(BIN)/python -m pip install --disable-pip-version-check --require-hashes --requirement $(1)
+	$(BIN)/python -m pip install --disable-pip-version-check --no-deps --no-build-isolation --editable .
 endef
 
 clean:
-	rm -rf $(VENV)
+	rm -rf $(VENV) .venv-newest .venv-oldest

@@ -12,6 +12,7 @@ import stat
 import subprocess
 import tempfile
 import time
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import quote
@@ -22,6 +23,7 @@ VERSION = "18"
 ACCOUNT = "pgserver"
 SUPERUSER = "postgres"
 TIMEOUT_SECONDS = 60
+ACCOUNT_SECONDS = 10  # for which another process may keep the list of accounts locked
 SOCKET = ".s.PGSQL.5432"
 SOCKET_BYTES = 103
 """A socket's longest path on macOS, Linux allows 107."""
@@ -215,18 +217,21 @@ def _account() -> tuple[int, int]:
     """User and group that PostgreSQL runs as where root starts it, made when absent."""
     import pwd
 
-    try:
-        return pwd.getpwnam(ACCOUNT)[2:4]
-    except KeyError:
-        command = ["useradd", "--system", "--user-group", "--no-create-home", "--shell", "/usr/sbin/nologin", ACCOUNT]
-    try:
-        subprocess.run(command, check=True, capture_output=True, text=True)
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise PostgresError(
-            f"PostgreSQL does not run as root, and an account for it cannot be made ({error});"
-            " start modalbase as an ordinary user"
-        ) from error
-    return pwd.getpwnam(ACCOUNT)[2:4]
+    command = ["useradd", "--system", "--user-group", "--no-create-home", "--shell", "/usr/sbin/nologin", ACCOUNT]
+    until = time.monotonic() + ACCOUNT_SECONDS
+    while True:
+        with suppress(KeyError):
+            return pwd.getpwnam(ACCOUNT)[2:4]
+        try:
+            subprocess.run(command, check=True, capture_output=True, text=True)
+        except (OSError, subprocess.CalledProcessError) as error:
+            why = f"{error}: {getattr(error, 'stderr', '') or ''}".strip().rstrip(":")
+            if isinstance(error, OSError) or time.monotonic() > until:
+                raise PostgresError(
+                    f"PostgreSQL does not run as root, and an account for it cannot be made ({why});"
+                    " start modalbase as an ordinary user"
+                ) from error
+            time.sleep(0.1)  # another process may be making it
 
 
 def _as_owner(files: Path) -> list[str]:

@@ -9,6 +9,7 @@ wider. Ids, times and what depends on the machine are masked.
 import json
 import math
 import os
+import platform
 import re
 import sys
 import zlib
@@ -53,6 +54,8 @@ _ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}"
 _TIME = re.compile(r"20\d\d-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?( UTC|Z|[+-]\d\d:\d\d)?")
 _DATE = re.compile(r"[A-Z][a-z]{2}, \d\d [A-Z][a-z]{2} 20\d\d \d\d:\d\d:\d\d GMT")  # in headers
 _HEX = re.compile(r"(?<![\w.])(mb_[0-9a-f]{12,64}|(?=[a-f]*\d)(?=\d*[a-f])[0-9a-f]{12,64})(?!\w)")
+_VERSION = re.compile(r"(?<![\w./])\d+(?:\.\d+){2,}[\w.+-]*")
+_HOST = re.compile(rf"(?<=\bhost ){re.escape(platform.node())}(?![\w.-])")
 _NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 DEVIATIONS = {
     "frequency_hz": "frequency_sd_hz",
@@ -165,8 +168,9 @@ def _list(values: list[Any]) -> Any:
 
 
 def masked(text: str) -> str:
-    """A text without ids, times and digests; a sentence also without its numbers."""
-    for pattern, name in ((_ID, "<id>"), (_DATE, "<time>"), (_TIME, "<time>"), (_HEX, "<hex>")):
+    """A text without ids, times, digests, versions and the host; a sentence also without its numbers."""
+    dates = (_DATE, "<time>"), (_TIME, "<time>")
+    for pattern, name in ((_ID, "<id>"), *dates, (_HEX, "<hex>"), (_VERSION, "<version>"), (_HOST, "<host>")):
         text = pattern.sub(name, text)
     return _NUMBER.sub("#", text) if " " in text else text
 

@@ -24,6 +24,8 @@ from modalbase.formats.records.wav import read_wav_head
 _DEEPEST = 8
 _COMPRESSED = 15  # type of a compressed element of a .mat of version 7
 _BLOCK_BYTES = 1 << 20
+_SCIPY_LOSES = "Duplicate variable name", "Unreadable variable", "We do not support byte ordering"
+"""How scipy's warnings begin behind which a variable is lost or wrong."""
 
 
 def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | None = None) -> Variables:
@@ -82,7 +84,9 @@ def _mat(path: Path, limit_bytes: int | None) -> Variables:
     except ImportError:  # a script that reads other files goes without it
         raise FormatError("", "is a .mat file; install scipy, which modalbase[server] brings") from None
     with warnings.catch_warnings():
-        warnings.simplefilter("error")  # scipy warns of duplicate names and then loses one of them
+        warnings.simplefilter("ignore")  # of what scipy will change; that is no fault of the file
+        for loss in _SCIPY_LOSES:
+            warnings.filterwarnings("error", message=loss)
         try:
             found = reader.loadmat(path, squeeze_me=False)
         except Exception as error:  # noqa: BLE001 - on damaged files scipy raises errors of a dozen kinds

@@ -235,7 +235,7 @@ def _numbers(name: str, text: str) -> Floats:
         return np.zeros(0)
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)  # so numpy calls text that it cannot read to its end
+            warnings.filterwarnings("error", "string or file could not be read to its end", DeprecationWarning)
             return np.fromstring(text, sep=" ")
     except (ValueError, DeprecationWarning):
         strange = next((word for word in text.split() if not _is_number(word)), "")
