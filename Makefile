@@ -53,10 +53,12 @@ newest oldest:
 	$(PYTHON) -m venv .venv-$@
 	.venv-$@/bin/python -m pip install --disable-pip-version-check --upgrade uv
 	.venv-$@/bin/uv pip install --python .venv-$@/bin/python --upgrade --resolution $(RESOLUTION_$@) --editable '.[dev]'
-	.venv-$@/bin/python -m pytest -n 3 --dist worksteal
+	.venv-$@/bin/python -m pytest -n 3 --dist worksteal $(WARNINGS_$@)
 
 RESOLUTION_newest := highest
 RESOLUTION_oldest := lowest-direct
+# Of libraries of other years about one another.
+WARNINGS_oldest   := -W default::DeprecationWarning -W default::FutureWarning
 
 # One resolution for Python 3.11 to 3.14 and every platform: what the service needs, and with it what the tests need.
 lock:

@@ -199,6 +199,7 @@ def written(kind: str) -> bytes:
         (b"hello", "a.wav", "wav"),
         (b"", "", "uff"),
     ],
+    ids=lambda given: f"{len(given)}b" if isinstance(given, bytes) else None,  # a .mat holds the time of its writing
 )
 def test_a_format_is_recognised_by_content(tmp_path: Path, content: bytes, name: str, found: str) -> None:
     path = tmp_path / "original"
