@@ -7,7 +7,7 @@ from uuid import UUID
 
 import numpy as np
 import pytest
-from sqlalchemy import select, update
+from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from examples.monitoring import structure_body
@@ -257,7 +257,7 @@ def test_a_campaign_settles_before_it_counts_as_complete(world: World) -> None:
     """Without a word that it is complete: not while something was added just now, or while an import is on its way."""
     session, monitor, campaign = world.session, world.monitor, world.campaigns[0]
     plain_frf(session, campaign.id)
-    now = datetime.now(UTC)
+    now = session.scalars(select(func.now())).one()  # when its row was made, by the clock of the database
 
     def complete(later: float) -> bool:
         return seen_campaigns(session, monitor, now + timedelta(seconds=later), timedelta(seconds=30))[0].complete
