@@ -139,8 +139,15 @@ class Structure:
     @cached_property
     def surfaces(self) -> Surfaces:
         """The shells and beams as they lie in space, on which points are found."""
-        walls = [(s.thickness if isinstance(s, ShellSection) else 2 * s.reach) for s in self._sections]
-        return Surfaces(self.mesh, self._joints.shifts, tuple(walls), self.reach)
+        walls = [
+            (s.thickness, s.offset) if isinstance(s, ShellSection) else (2 * s.reach, 0.0) for s in self._sections
+        ]
+        shifts = [
+            shift if isinstance(s, ShellSection) else shift + np.array(s.offset)
+            for shift, s in zip(self._joints.shifts, self._sections, strict=True)
+        ]
+        thickness, offsets = zip(*walls, strict=True)
+        return Surfaces(self.mesh, tuple(shifts), thickness, offsets, self.reach)
 
     @cached_property
     def _joints(self) -> Joints:
