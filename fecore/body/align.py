@@ -135,9 +135,10 @@ def _on_faces(surfaces: Surfaces, points: FloatArray, turn: FloatArray, shift: F
 def _on_face(surfaces: Surfaces, points: FloatArray) -> tuple[FloatArray, FloatArray]:
     """(p, 3) the nearest points of the walls' faces, of beams of their axes; (p, 3) normals there."""
     found = surfaces.nearest(points)
-    side = np.sign(np.sum((points - found.foot) * found.normal, axis=1, keepdims=True))
+    middle = found.foot + found.offset[:, None] * found.normal
+    side = np.sign(np.sum((points - middle) * found.normal, axis=1, keepdims=True))
     half = np.where(found.on_beam, 0.0, found.thickness / 2)[:, None]
-    return np.asarray(found.foot + side * half * found.normal), found.normal
+    return np.asarray(middle + side * half * found.normal), found.normal
 
 
 def _different(found: Sequence[Motion]) -> list[Motion]:

@@ -14,6 +14,7 @@ from fecore.errors import OffSpecimenError
 TOLERANCE = 0.002
 """m beyond half the wall by which a point may lie off the middle surface, unless stated: tapes differ from callipers."""
 
+_BOUNDS = (np.minimum, 1), (np.maximum, -1)
 _STEPS = 12  # of Gauss and Newton: a point on a flat element is found in one
 
 
@@ -28,6 +29,7 @@ class Places:
     arm: FloatArray  # (p, 3) from there to the point, m; from a shell's free edge along its normal alone
     distance: FloatArray  # (p,) from the surface, m
     thickness: FloatArray  # (p,) nominal thickness of the wall, m
+    offset: FloatArray  # (p,) from there along the normal to the wall's middle, m
     block: IntArray  # (p,) number of the element's block
     normal: FloatArray  # (p, 3) of the surface
     on_beam: BoolArray  # (p,) whether it is a beam
@@ -68,6 +70,7 @@ class Surfaces:
     shifts: tuple[FloatArray, ...]  # (e, n, 3) of each block: from the mesh's nodes to where its elements begin
     # nominal thickness of each block, m; of beams twice how far material lies from the axis
     thickness: tuple[float, ...]
+    offsets: tuple[float, ...]  # of each block, from its elements along their normals to the walls' middles, m
     # m along x, y and z by which a point may lie further away than half the wall
     reach: tuple[float, float, float] = (TOLERANCE,) * 3
 
@@ -93,7 +96,7 @@ class Surfaces:
         """The nearest points of the surface to (p, 3) points. One beyond an edge counts as on it.
 
         Raises:
-            OffSpecimenError: a point lies further from the surface than half the wall and `reach`.
+            OffSpecimenError: as of `are_off`.
         """
         found = self.nearest(points)
         off = self.are_off(points, found)
@@ -109,9 +112,13 @@ class Surfaces:
         return found
 
     def are_off(self, points: FloatArray, found: Places) -> BoolArray:
-        """(p,) which points lie further from their places than half the wall and `reach`."""
+        """(p,) which points lie further than `reach` from what is at their places: the wall, and the link to it from nodes."""
         wall = found.thickness[:, None] / 2 * np.where(found.on_beam[:, None], 1.0, np.abs(found.normal))
-        return np.asarray(np.any(np.abs(points - found.foot) > wall + np.array(self.reach) * (1 + 1e-9), axis=1))
+        middle = found.foot + found.offset[:, None] * found.normal
+        nodes = found.foot - np.einsum("pn,pnk->pk", found.functions, found.shift)
+        low, high = (pick.reduce([middle - sign * wall, found.foot, nodes]) for pick, sign in _BOUNDS)
+        beyond = np.maximum(low - points, points - high)
+        return np.asarray(np.any(beyond > np.array(self.reach) * (1 + 1e-9), axis=1))
 
     def nearest(self, points: FloatArray) -> Places:
         """The nearest points of the surface, however far."""
@@ -151,6 +158,7 @@ class Surfaces:
             arm=arm,
             distance=best,
             thickness=np.array(self.thickness)[number],
+            offset=np.array(self.offsets)[number],
             block=number,
             normal=normal,
             on_beam=on_beam,

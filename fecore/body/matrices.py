@@ -68,6 +68,7 @@ class Nodes(Surfaces):
             arm=np.zeros_like(arm),
             distance=distance,
             thickness=np.zeros(count),
+            offset=np.zeros(count),
             block=np.zeros(count, dtype=np.int64),
             normal=arm / np.maximum(distance, 1e-300)[:, None],
             on_beam=np.ones(count, dtype=bool),
@@ -155,7 +156,7 @@ class MatrixBody:
         mesh = Mesh(self.nodes, (Block("point", every, "nodes"),))
         apart = scipy.spatial.cKDTree(self.nodes).query(self.nodes, k=min(2, len(self.nodes)))[0]
         reach = max(TOLERANCE, float(np.median(apart[..., -1])) / 2)
-        return Nodes(mesh, (np.zeros((len(self.nodes), 1, 3)),), (0.0,), (reach,) * 3)
+        return Nodes(mesh, (np.zeros((len(self.nodes), 1, 3)),), (0.0,), (0.0,), (reach,) * 3)
 
     @cached_property
     def _carried(self) -> tuple[AffineMatrix, AffineMatrix]:

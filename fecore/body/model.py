@@ -107,6 +107,10 @@ class Model:
             raise InputError(f"directions[{blind[0]}]", f"is {directions[blind[0]]}; this model has {names} alone")
         return self._rows(self.surfaces.find(points), directions)
 
+    def observe_nodes(self, numbers: IntArray, axis: int) -> scipy.sparse.csr_array:
+        """(p, dofs) displacement of (p,) nodes along an axis from 0."""
+        return self.unfolded[6 * numbers + axis]
+
     def moves_along(self, directions: FloatArray) -> BoolArray:
         """(p,) whether (p, 3) unit directions lie in those in which the model's nodes move."""
         missing = [axis for axis in range(3) if axis not in self.dofs]

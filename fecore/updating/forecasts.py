@@ -198,11 +198,15 @@ class _Rows:
     def of(cls, body: Body, shapes: FloatArray, order: ForecastOrder) -> _Rows:
         """The points of an order on a body whose (dofs, n) shapes have the largest displacement 1."""
         model = body.model
-        numbers = _apart(model.mesh) if order.places is None else np.arange(len(order.places))
-        places = model.mesh.nodes[numbers] if order.places is None else order.places
-        labels = numbers.tolist() if order.labels is None else order.labels
         free = [axis for axis in range(3) if axis in model.dofs]
-        along = [observed_at(model, labels, places, np.tile(np.eye(3)[axis], (len(places), 1))) for axis in free]
+        numbers = _apart(model.mesh) if order.places is None else np.arange(len(order.places))
+        labels = numbers.tolist() if order.labels is None else order.labels
+        if order.places is None:
+            places = model.mesh.nodes[numbers]
+            along = [model.observe_nodes(numbers, axis) for axis in free]
+        else:
+            places = order.places
+            along = [observed_at(model, labels, places, np.tile(np.eye(3)[axis], (len(places), 1))) for axis in free]
         choice = np.argmax([np.sum((rows @ shapes) ** 2, axis=1) for rows in along], axis=0)
         for point, axis in enumerate(() if order.axes is None else order.axes.tolist()):
             if axis and axis - 1 not in free:

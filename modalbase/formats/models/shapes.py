@@ -1,7 +1,7 @@
 """Cross sections of beams from their walls, and those that decks state by name and dimensions.
 
 A section lies in the plane of y (axis 1) and z (axis 2). Those of rectangles are exact in area and moments; torsion is
-Σ b t³/3 of thin open walls, Bredt's of closed ones, and St-Venant's of the bar. Shear factors of Nastran's sections are those
+Σ b t³/3 of thin walls, to which closed ones add Bredt's, and St-Venant's of the bar. Shear factors of Nastran's sections are those
 of Timoshenko for solid ones, and of thin ones the share of the walls along the force. Those of Abaqus's are its own (*Analysis
 User's Guide*, "Choosing a beam element"), after Cowper (1966).
 """
@@ -74,9 +74,13 @@ def bar_torsion(a: float, b: float) -> float:
 
 
 def box_torsion(y: tuple[float, float, float], z: tuple[float, float, float]) -> float:
-    """J of a thin box (Bredt): height and its two walls along z, width and its two walls along y."""
+    """J of a thin box, Bredt's and Σ b t³/3: height and its two walls along z, width and its two walls along y.
+
+    With one wall of next to nothing it is a channel.
+    """
     up, across = y[0] - (y[1] + y[2]) / 2, z[0] - (z[1] + z[2]) / 2
-    return 4 * (across * up) ** 2 / (across / y[1] + across / y[2] + up / z[1] + up / z[2])
+    walls = ((across, y[1]), (across, y[2]), (up, z[1]), (up, z[2]))
+    return 4 * (across * up) ** 2 / sum(b / t for b, t in walls) + sum(b * t**3 for b, t in walls) / 3
 
 
 def is_real(shape: Shape) -> bool:

@@ -189,7 +189,10 @@ def test_torsion_by_bredt_and_st_venant() -> None:
     square = NASTRAN["BAR"](0.02, 0.02)
     assert square.torsion == pytest.approx(0.1406 * 0.02**4, rel=3e-3)
     box = NASTRAN["BOX"](0.061, 0.081, 0.001, 0.001)
-    assert box.torsion == pytest.approx(4 * (0.06 * 0.08) ** 2 * 0.001 / (2 * 0.14), rel=1e-9)
+    assert box.torsion == pytest.approx(4 * (0.06 * 0.08) ** 2 * 0.001 / (2 * 0.14) + 0.28 * 0.001**3 / 3, rel=1e-9)
+    # A box with one wall of next to nothing is a channel.
+    open_box = NASTRAN["BOX1"](0.06, 0.08, 0.002, 1e-12, 0.002, 0.002)
+    assert open_box.torsion == pytest.approx(0.002**3 / 3 * (0.058 + 2 * 0.079), rel=1e-4)
     assert NASTRAN["L"](0.05, 0.05, 0.002, 0.002).torsion == pytest.approx(0.002**3 / 3 * 0.098, rel=1e-9)
 
 
