@@ -32,6 +32,9 @@ from modalbase.formats.records import (
     read_mapping,
     read_variables,
 )
+from modalbase.formats.records.arrays import SAMPLE_RATE
+from modalbase.formats.records.recording import Arrays
+from modalbase.formats.records.tdms import read_tdms_head
 from service.compute.frf_rows import EncodedFrf, encoded
 from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
 from service.errors import Fault, Invalid, pointer
@@ -74,12 +77,17 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         yield from _recording(inputs, inputs.mapping, form)
         return
-    if form == "tdms" or (form == "wav" and inputs.mapping is None):
+    if form in ("tdms", "wav") and inputs.mapping is None:
         file = _faults_as(_dotted, lambda: recording_of(inputs.path))
         if not inputs.dry_run:
-            why = f"is missing: a {form} holds a recording of hits; the file has {', '.join(file.names)}"
+            why = f"is missing: a {form} holds a recording of hits, or one hit; the file has {', '.join(file.names)}"
             raise Invalid(_dotted("mapping.recording"), why)
-        yield Found(form, "hits", _faults_as(_dotted, lambda: looked_at(file)), propose_recording(file.names))
+        yield Found(
+            form, "hits", _faults_as(_dotted, lambda: looked_at(file)), propose_recording(file.names, file.units)
+        )
+        return
+    if form == "tdms":
+        yield from _single_hits(inputs)
         return
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", UserWarning)
@@ -108,6 +116,21 @@ def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> 
     count = sum(map(found.fits, found.hits)) * len(channels.mapped)
     yield Found(form, "hits", channels.file.shapes(), mapping, blocks=count, counted=True, notes=notes)
     yield from channels.blocks(found, places)
+
+
+def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
+    """A TDMS whose channels are a block each."""
+    file = _faults_as(_dotted, lambda: read_tdms_head(inputs.path))
+    stated = inputs.mapping
+    listed = stated.get("channels") if isinstance(stated, dict) else None
+    named = [each.get("variable") for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
+    names = [name for name in file.names if name in named]
+    variables = _faults_as(_dotted, lambda: file.arrays(names, limit_of(inputs.path)))
+    if SAMPLE_RATE in variables and isinstance(stated, dict):
+        stated = {"sample_rate_hz": {"variable": SAMPLE_RATE}, **stated}
+    found, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
+    yield replace(found, format="tdms", notes=_faults_as(_dotted, lambda: file.notes(names)) if names else [])
+    yield from blocks
 
 
 def limit_of(path: Path) -> int:
@@ -160,23 +183,31 @@ def _mapped_frfs(
 
 def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
     found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run)
-    recording = proposed_recording(variables) if inputs.mapping is None else None
+    recording = proposed_recording(Arrays(variables)) if inputs.mapping is None else None
     yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
     yield from blocks
 
 
-def hits_of(variables: Variables, stated: Any, *, dry_run: bool) -> tuple[Found, list[TimeBlock]]:
+def hits_of(
+    variables: Variables, stated: Any, *, dry_run: bool, units: dict[str, str] | None = None
+) -> tuple[Found, list[TimeBlock]]:
     """What arrays of hits are, and the time blocks that a mapping makes of them; none in a dry run without one.
+
+    Args:
+        variables: the arrays.
+        stated: the mapping.
+        dry_run: it need not be stated.
+        units: that the file's properties state, by channel.
 
     Raises:
         Invalid: the mapping is missing or does not fit; each fault with its pointer.
     """
-    found = Found("npz", "hits", _shapes(variables), propose(variables))
+    found = Found("npz", "hits", _shapes(variables), propose(variables, units))
     if stated is None:
         if not dry_run:
             raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {found.mapping}")
         return found, []
-    mapping = _faults_as(_dotted, lambda: read_mapping(stated))
+    mapping = _faults_as(_dotted, lambda: read_mapping(stated, units))
     blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping))
     return replace(found, blocks=len(blocks), counted=mapping.hit is None), blocks
 

@@ -201,6 +201,7 @@ class Intake:
 
     def _refuse_nothing(self) -> None:
         why = [f"dataset {r.number} (type {r.type}, byte {r.offset}): {r.reason}" for r in self.reports if r.reason]
+        why = why or ["it holds no hit, FRF, point or mode", *self.found.notes]
         more = f"; and {len(why) - MOST_NAMED} more" if len(why) > MOST_NAMED else ""
         raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
 
