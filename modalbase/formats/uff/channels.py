@@ -117,6 +117,12 @@ def _channel(
                 if by_type not in (None, quantity):
                     raise Refusal(f"its data type says {by_type}, its unit '{described.unit}' says {quantity}", 8)
                 return quantity, label.factor ** (1 / power)
+        if label.dimension.voltage:
+            raise Refusal(
+                f"its ordinate is in '{described.unit}', and a UFF file states no sensitivity: export it in N and m/s², or "
+                "as npz or .mat, whose mapping states one",
+                8,
+            )
         return None
     if by_type is None:
         return None
