@@ -110,7 +110,7 @@ def test_a_proposal_takes_an_analysers_channels_by_their_length() -> None:
         ("Time_chan_1", None),
         ("Time_chan_2", None),
     ]
-    with pytest.raises(FormatError, match="channels.0.quantity: is empty, expected one of force"):
+    with pytest.raises(FormatError, match=r"channels\.0\.quantity: is empty, expected one of force"):
         read_mapping(proposed)
 
 
