@@ -358,3 +358,17 @@ def test_a_gap_in_arrays_is_left_out_at_0_hz_alone(tmp_path: Path, form: str) ->
     values[1, 7] = np.inf
     path, mapping = file(values)
     assert "first of FRF 2 at line 8 (7 Hz)" in refused(path, mapping, quantity="receptance")
+
+
+def test_a_list_of_structures_holds_several_frfs(tmp_path: Path) -> None:
+    """As Test.Lab writes several blocks: axes and units are the same, names differ."""
+    blocks = np.empty((1, 2), dtype=[(name, object) for name in ("x_values", "y_values", "function_record")])
+    for column, values in enumerate(VALUES):
+        channels = {"primary_channel": {"name": f"P:{column + 7}:-Z"}, "reference_channel": {"name": "P:1:+Z"}}
+        even = {"start_value": 1.0, "increment": 1.0, "number_of_values": 64.0, "quantity": {"label": "Hz"}}
+        blocks[0, column] = (even, {"values": values[:, None], "quantity": {"label": "g/N"}}, channels)
+    path = saved(tmp_path, FRF=blocks)
+    frfs = frfs_in(kept(path, proposed(path)))
+    assert [(f.response_point, f.response_direction, f.reference_point) for f in frfs] == [(7, -3, 1), (8, -3, 1)]
+    for frf, values in zip(frfs, VALUES, strict=True):
+        np.testing.assert_allclose(values_of(frf), values * 9.80665, rtol=1e-12)

@@ -106,18 +106,21 @@ def _ends(name: str, words: tuple[str, ...]) -> bool:
 
 
 def _dofs(texts: Mapping[str, str], count: int) -> dict[str, Any]:
-    """Points and directions of one FRF whose names the file states; else they are empty, the responses one by one."""
+    """Points and directions that the file states in names; else they are empty, the responses one by one."""
     found: dict[str, Any] = dict.fromkeys(DOFS)
-    for side, words in _SIDES.items():
-        named = {
-            dof
-            for name, text in texts.items()
-            if any(word in name.lower() for word in words) and (dof := dof_in_name(text)) is not None
-        }
-        if count == 1 and len(named) == 1:
-            found[f"{side}_point"], found[f"{side}_direction"] = named.pop()
     if 1 < count <= _MOST_EMPTY:
         found["response_point"] = [None] * count
+    for side, words in _SIDES.items():
+        named = {
+            tuple(dof_in_name(line) for line in text.split("\n"))
+            for name, text in texts.items()
+            if any(word in name.lower() for word in words)
+        }
+        whole = [dofs for dofs in named if None not in dofs and len(dofs) in (1, count)]
+        if len(whole) == 1:
+            points, directions = ([dof[part] for dof in whole[0] if dof is not None] for part in (0, 1))
+            for what, numbers in (("point", points), ("direction", directions)):
+                found[f"{side}_{what}"] = numbers[0] if len(set(numbers)) == 1 else numbers
     return found
 
 
