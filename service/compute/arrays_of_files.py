@@ -34,10 +34,11 @@ from modalbase.formats.records import (
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE
 from modalbase.formats.records.recording import Arrays
-from modalbase.formats.records.tdms import read_tdms_head
+from modalbase.formats.records.tdms import Tdms, read_tdms_head
 from modalbase.formats.records.variables import read_named
+from modalbase.formats.records.wav import Wav
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
+from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of, units_in
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -84,9 +85,8 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
         if not inputs.dry_run:
             why = f"is missing: a {form} holds a recording of hits, or one hit; the file has {', '.join(file.names)}"
             raise Invalid(_dotted("mapping.recording"), why)
-        yield Found(
-            form, "hits", _faults_as(_dotted, lambda: looked_at(file)), propose_recording(file.names, file.units)
-        )
+        shapes = _faults_as(_dotted, lambda: looked_at(file))
+        yield Found(form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file))
         return
     if form == "tdms":
         yield from _single_hits(inputs)
@@ -104,7 +104,7 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     if kind == "frfs":
         yield from _mapped_frfs(inputs, form, variables, texts, notes)
     else:
-        yield from _hits(inputs, form, variables, notes)
+        yield from _hits(inputs, form, variables, units_in(variables, texts), notes)
 
 
 def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
@@ -120,6 +120,14 @@ def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> 
     count = sum(map(found.fits, found.hits)) * len(channels.mapped)
     yield Found(form, "hits", channels.file.shapes(), mapping, blocks=count, counted=True, notes=notes)
     yield from channels.blocks(found, places)
+
+
+def _starts(file: Wav | Tdms | Arrays) -> list[str]:
+    """Which channels begin later than others, and whether they can be aligned."""
+    try:
+        return file.notes(file.names)
+    except FormatError as error:
+        return [str(error)]
 
 
 def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
@@ -194,9 +202,11 @@ def _mapped_frfs(
     yield from rows
 
 
-def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
-    found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run)
-    recording = proposed_recording(Arrays(variables)) if inputs.mapping is None else None
+def _hits(
+    inputs: ReadingInputs, form: Format, variables: Variables, units: dict[str, str], notes: list[str]
+) -> Iterator[Found | TimeBlock]:
+    found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run, units=units)
+    recording = proposed_recording(Arrays(variables, units)) if inputs.mapping is None else None
     yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
     yield from blocks
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from modalbase.formats.records import TimeBlock, propose, read_variables
 from service.compute.arrays_of_files import Found, hits_of
@@ -243,3 +244,15 @@ def test_a_file_without_units_says_nothing_of_them() -> None:
     empty = {"unit": None, "sensitivity": None, "point": None, "direction": None}
     assert {k: named["force"][k] for k in empty} == empty
     assert named["resp_2"]["quantity"] is None
+
+
+def test_a_text_beside_an_array_of_a_mat_states_its_unit(tmp_path: Path) -> None:
+    force, response = recording([1.0], [1.0], 3.0)
+    path = tmp_path / "hit.mat"
+    channel = {"values": response, "quantity": {"label": "g"}}
+    savemat(path, {"fs": RATE, "hammer": {"data": force, "unit": "lbf"}, "acc": channel})
+    mapping = proposed(path)
+    assert {c["variable"]: c["unit"] for c in mapping["channels"]} == {"hammer.data": "lbf", "acc.values": "g"}
+    hit, moved = blocks_in(kept(path, placed(mapping)))
+    np.testing.assert_allclose(hit.samples, force * POUND, rtol=1e-12)
+    np.testing.assert_allclose(moved.samples, response * GRAVITY, rtol=1e-12)

@@ -8,7 +8,7 @@ import numpy as np
 from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.records.arrays import Variables
-from modalbase.formats.units import Measured, unit_in_name
+from modalbase.formats.units import unit_beside
 
 _SPECTRA = ("cross", "spec", "psd", "csd")
 """Parts of the names of complex spectra that are no FRFs."""
@@ -20,7 +20,6 @@ _AXIS = {
     "count": ("number_of_values", "count", "n"),
 }
 """Last parts of names of an even axis, in small letters."""
-_UNIT = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")
 _SIDES = {"response": ("primary", "response", "output"), "reference": ("reference", "input", "excit")}
 
 
@@ -59,19 +58,6 @@ def is_empty(given: Any) -> bool:
     """Whether a member of a mapping, or a part of it, is null."""
     parts = given if isinstance(given, list) else given.values() if isinstance(given, dict) else []
     return given is None or any(part is None for part in parts)
-
-
-def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
-    """The unit that a file states of an array, in a text beside it or in the array's name; "" where it states none.
-
-    >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
-    ('g/N', 'm/N')
-    """
-    parent, _, own = name.rpartition(".")
-    beside = [f"{parent}.{end}" if parent else end for end in (*_UNIT, f"{own}_unit", f"{own}_units")]
-    named = unit_in_name(own, quantity)[1]
-    stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
-    return stated or named
 
 
 def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | None:
