@@ -19,9 +19,9 @@ from typing import Literal
 
 import numpy as np
 
-from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.errors import FormatError
 from modalbase.formats.types import FloatArray
+from modalbase.formats.units import factor_of, known_units, plain
 
 _NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE](-\d{1,3}|\+?0?\d{1,2}))?")
 _GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{mark}\d{{3}})+") for mark in ".,"}
@@ -81,24 +81,9 @@ def _decimal_sign(cells: Sequence[str], delimiter: str) -> str:
 
 Quantity = Literal["force", "stress", "strain", "length", "time"]
 
-_INCH = 0.0254
-_PSI = POUND_FORCE / _INCH**2
-
-FACTORS: dict[Quantity, dict[str, float]] = {
-    "force": {"N": 1.0, "kN": 1e3, "MN": 1e6, "lbf": POUND_FORCE, "lb": POUND_FORCE, "kip": 1e3 * POUND_FORCE,
-              "klbf": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY},
-    "stress": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "N/mm²": 1e6, "N/mm2": 1e6, "GPa": 1e9, "psi": _PSI, "ksi": 1e3 * _PSI,
-               "Msi": 1e6 * _PSI},
-    "strain": {"m/m": 1.0, "mm/mm": 1.0, "in/in": 1.0, "1": 1.0, "%": 1e-2, "µε": 1e-6, "µm/m": 1e-6, "um/m": 1e-6,
-               "ue": 1e-6, "µstrain": 1e-6, "microstrain": 1e-6, "ustrain": 1e-6, "strain": 1.0},
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "in": _INCH, "inch": _INCH, "mil": 1e-3 * _INCH},
-    "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0},
-}  # fmt: skip
-"""SI value of one unit, by quantity. MN and mN, Msi and msi differ, so capitals count."""
-
 
 def factor(quantity: Quantity, unit: str, field: str) -> float:
-    """The SI value of one unit of a quantity. Capitals count: MN and mN differ.
+    """The SI value of one unit of a quantity; see `modalbase.formats.units`.
 
     >>> factor("force", "kN", "columns.load.unit"), factor("strain", "µε", "columns.gauge.unit")
     (1000.0, 1e-06)
@@ -111,23 +96,13 @@ def factor(quantity: Quantity, unit: str, field: str) -> float:
     Raises:
         FormatError: the unit is none of the quantity's; lists them.
     """
-    known = FACTORS[quantity]
     name = plain(unit)
-    if name not in known and quantity == "strain" and name in FACTORS["length"]:
+    known = factor_of(quantity, name)
+    if known is None and quantity == "strain" and factor_of("length", name) is not None:
         raise FormatError(field, f"{unit!r} is an elongation, not a strain; state the gauge length")
-    if name not in known:
-        raise FormatError(field, f"{unit!r} is no unit of {quantity} that is known here; use one of {', '.join(known)}")
-    return known[name]
-
-
-def plain(unit: str) -> str:
-    """A unit without its brackets, with one kind of micro sign and epsilon.
-
-    >>> plain("[με]")
-    'µε'
-    """
-    bare = unit.strip().strip("[](){}").strip()
-    return bare.replace("μ", "µ").replace("ɛ", "ε").replace("µe", "µε") if bare != "µstrain" else bare
+    if known is None:
+        raise FormatError(field, f"{unit!r} is no unit of {quantity} that is known here; use {known_units(quantity)}")
+    return known
 
 
 _DELIMITERS = ("\t", ";", ",")
@@ -315,7 +290,7 @@ def _units_row(layout: _Layout, columns: Mapping[str, Column], index: int) -> di
     cells = {name: plain(row[p]) for name, p in layout.places.items() if p < len(row) and row[p]}
     if any(is_number(cell) for cell in cells.values()):
         return None
-    return {name: cell for name, cell in cells.items() if cell in FACTORS[columns[name].quantity]} or None
+    return {name: cell for name, cell in cells.items() if factor_of(columns[name].quantity, cell) is not None} or None
 
 
 def _units(layout: _Layout, columns: Mapping[str, Column]) -> dict[str, str]:

@@ -18,9 +18,10 @@ from fecore.errors import InputError
 from fecore.frf import Quantity
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs import Frfs, read_csv, read_npz
-from modalbase.formats.frfs.mat import frfs_of, propose_frfs
+from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.frfs.npz import REQUIRED
-from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.frfs.proposal import doubts, propose_frfs
+from modalbase.formats.frfs.table import DOFS, without_gap
 from modalbase.formats.recognise import Format
 from modalbase.formats.records import (
     TimeBlock,
@@ -30,10 +31,14 @@ from modalbase.formats.records import (
     propose,
     propose_recording,
     read_mapping,
-    read_variables,
 )
+from modalbase.formats.records.arrays import SAMPLE_RATE
+from modalbase.formats.records.recording import Arrays
+from modalbase.formats.records.tdms import Tdms, read_tdms_head
+from modalbase.formats.records.variables import read_named
+from modalbase.formats.records.wav import Wav
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
+from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of, units_in
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -46,6 +51,7 @@ FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
 """A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or its own size: what is
 measured does not compress better."""
 
+_TEXT = 80  # characters of a text that is listed
 MOST_VARIABLES = 1000  # arrays of a file that are listed
 
 
@@ -74,12 +80,16 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         yield from _recording(inputs, inputs.mapping, form)
         return
-    if form == "tdms" or (form == "wav" and inputs.mapping is None):
+    if form in ("tdms", "wav") and inputs.mapping is None:
         file = _faults_as(_dotted, lambda: recording_of(inputs.path))
         if not inputs.dry_run:
-            why = f"is missing: a {form} holds a recording of hits; the file has {', '.join(file.names)}"
+            why = f"is missing: a {form} holds a recording of hits, or one hit; the file has {', '.join(file.names)}"
             raise Invalid(_dotted("mapping.recording"), why)
-        yield Found(form, "hits", _faults_as(_dotted, lambda: looked_at(file)), propose_recording(file.names))
+        shapes = _faults_as(_dotted, lambda: looked_at(file))
+        yield Found(form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file))
+        return
+    if form == "tdms":
+        yield from _single_hits(inputs)
         return
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", UserWarning)
@@ -87,12 +97,14 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
             yield from _own_frfs(inputs, form)
             return
         limit = limit_of(inputs.path)
-        variables = _faults_as(_dotted, lambda: read_variables(inputs.path, f".{form}", limit))
+        variables, texts = _faults_as(_dotted, lambda: read_named(inputs.path, f".{form}", limit))
     notes = [str(warning.message) for warning in noticed]
     if kind is None:
         kind = "frfs" if any(array.dtype.kind == "c" for array in variables.values()) else "hits"
-    read = _mapped_frfs if kind == "frfs" else _hits
-    yield from read(inputs, form, variables, notes)
+    if kind == "frfs":
+        yield from _mapped_frfs(inputs, form, variables, texts, notes)
+    else:
+        yield from _hits(inputs, form, variables, units_in(variables, texts), notes)
 
 
 def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
@@ -108,6 +120,29 @@ def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> 
     count = sum(map(found.fits, found.hits)) * len(channels.mapped)
     yield Found(form, "hits", channels.file.shapes(), mapping, blocks=count, counted=True, notes=notes)
     yield from channels.blocks(found, places)
+
+
+def _starts(file: Wav | Tdms | Arrays) -> list[str]:
+    """Which channels begin later than others, and whether they can be aligned."""
+    try:
+        return file.notes(file.names)
+    except FormatError as error:
+        return [str(error)]
+
+
+def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
+    """A TDMS whose channels are a block each."""
+    file = _faults_as(_dotted, lambda: read_tdms_head(inputs.path))
+    stated = inputs.mapping
+    listed = stated.get("channels") if isinstance(stated, dict) else None
+    named = [each.get("variable") for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
+    names = [name for name in file.names if name in named]
+    variables = _faults_as(_dotted, lambda: file.arrays(names, limit_of(inputs.path)))
+    if SAMPLE_RATE in variables and isinstance(stated, dict):
+        stated = {"sample_rate_hz": {"variable": SAMPLE_RATE}, **stated}
+    found, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
+    yield replace(found, format="tdms", notes=_faults_as(_dotted, lambda: file.notes(names)) if names else [])
+    yield from blocks
 
 
 def limit_of(path: Path) -> int:
@@ -139,44 +174,63 @@ def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFr
     else:
         frfs = _faults_as(str, lambda: read_csv(inputs.path, _quantity(inputs, form)))
     shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}
+    frfs, notes = _faults_as(_named, lambda: without_gap(frfs))
     rows = encoded(frfs)
-    yield Found(form, "frfs", _shapes({name: array for name, array in shapes.items() if array is not None}))
+    yield Found(
+        form, "frfs", _shapes({name: array for name, array in shapes.items() if array is not None}), notes=notes
+    )
     yield from rows
 
 
 def _mapped_frfs(
-    inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]
+    inputs: ReadingInputs, form: Format, variables: Variables, texts: dict[str, str], notes: list[str]
 ) -> Iterator[Found | EncodedFrf]:
-    found = Found(form, "frfs", _shapes(variables), propose_frfs(variables), notes=notes)
+    shapes = _shapes(variables) | {
+        name: f"text {text[:_TEXT]!r}" for name, text in list(texts.items())[:MOST_VARIABLES]
+    }
+    proposed = propose_frfs(variables, texts)
+    notes = [*notes, *doubts(inputs.mapping or proposed)]
+    found = Found(form, "frfs", shapes, proposed, notes=notes)
     if inputs.mapping is None and inputs.dry_run:
         yield found
         return
-    quantity = _quantity(inputs, form)
-    frfs: Frfs = _faults_as(_dotted, lambda: frfs_of(variables, inputs.mapping, quantity))
+    otherwise: Quantity | None = "accelerance" if inputs.dry_run else None
+    mapped: Frfs = _faults_as(_dotted, lambda: frfs_of(variables, inputs.mapping, inputs.quantity, texts, otherwise))
+    frfs, gap = _faults_as(_dotted, lambda: without_gap(mapped))
     rows = encoded(frfs)
-    yield found
+    yield replace(found, notes=[*notes, *gap])
     yield from rows
 
 
-def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
-    found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run)
-    recording = proposed_recording(variables) if inputs.mapping is None else None
+def _hits(
+    inputs: ReadingInputs, form: Format, variables: Variables, units: dict[str, str], notes: list[str]
+) -> Iterator[Found | TimeBlock]:
+    found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run, units=units)
+    recording = proposed_recording(Arrays(variables, units)) if inputs.mapping is None else None
     yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
     yield from blocks
 
 
-def hits_of(variables: Variables, stated: Any, *, dry_run: bool) -> tuple[Found, list[TimeBlock]]:
+def hits_of(
+    variables: Variables, stated: Any, *, dry_run: bool, units: dict[str, str] | None = None
+) -> tuple[Found, list[TimeBlock]]:
     """What arrays of hits are, and the time blocks that a mapping makes of them; none in a dry run without one.
+
+    Args:
+        variables: the arrays.
+        stated: the mapping.
+        dry_run: it need not be stated.
+        units: that the file's properties state, by channel.
 
     Raises:
         Invalid: the mapping is missing or does not fit; each fault with its pointer.
     """
-    found = Found("npz", "hits", _shapes(variables), propose(variables))
+    found = Found("npz", "hits", _shapes(variables), propose(variables, units))
     if stated is None:
         if not dry_run:
             raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {found.mapping}")
         return found, []
-    mapping = _faults_as(_dotted, lambda: read_mapping(stated))
+    mapping = _faults_as(_dotted, lambda: read_mapping(stated, units))
     blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping))
     return replace(found, blocks=len(blocks), counted=mapping.hit is None), blocks
 

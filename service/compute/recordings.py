@@ -22,17 +22,20 @@ from modalbase.formats.records import (
     propose,
     propose_recording,
     read_mapping,
-    read_variables,
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT
 from modalbase.formats.records.recording import Arrays, Recording, read_recording
+from modalbase.formats.records.scale import SI
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
+from modalbase.formats.records.variables import read_named
 from modalbase.formats.records.wav import Wav, read_wav_head
 from modalbase.formats.uff import Limits, TimeResponse, UffError, read_file
+from modalbase.formats.units import unit_beside
 
 Place = tuple[int, int]
 _MOST_NAMED = 60
+_RECORDING = "mapping.recording"
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class Channels:
         if not order:
             return [_place(force)] * len(hits)
         if order[0][2] == 0:
-            return [order[0][:2]] * len(hits)
+            return [(order[0][0], _place(force)[1])] * len(hits)
         places = [entry[:2] for entry in order for _ in range(entry[2])]
         if len(places) != len(hits):
             raise FormatError(
@@ -112,13 +115,28 @@ class Channels:
         """Hits that are left out or clipped, and whether the file may have been cut off.
 
         Raises:
-            FormatError: a channel is clipped in every hit.
+            FormatError: no hit can be cut, or a channel is clipped in every hit.
         """
-        said = []
+        said = self.file.notes(self.names)
         if not self.file.declared:
             said.append("the file declares no length: it is read to its end, and nobody knows whether it was cut off")
         if left := tuple(hit for hit in found.hits if not found.fits(hit)):
-            seconds = found.length / self.sample_rate_hz
+            lead, seconds = LEAD / self.sample_rate_hz, found.length / self.sample_rate_hz
+            if len(left) == len(found.hits):
+                early = sum(hit.at < LEAD for hit in left)
+                reasons = (
+                    [f"{early} within the first {lead:.3g} s, which a block needs before its hit"] if early else []
+                )
+                if early < len(left):
+                    reasons.append(
+                        f"{len(left) - early} too near to the next hit or the end for a block of {seconds:.3g} s"
+                    )
+                raise FormatError(
+                    _RECORDING,
+                    f"holds {len(left)} {'hit' if len(left) == 1 else 'hits'}, at {self.times(left)}, and none can be cut out: "
+                    f"{', '.join(reasons)}; record longer before and after each hit, or, where the file holds one hit "
+                    "alone, leave `recording` out of the mapping: the whole file is its block then",
+                )
             said.append(
                 f"{len(left)} of {len(found.hits)} hits are left out, since the next hit or the end of the recording comes "
                 f"before their {seconds:.3g} s are over, or the recording begins with them: {self.times(left)}"
@@ -127,7 +145,9 @@ class Channels:
             clipped = tuple(hit for hit in found.hits if row in hit.clipped)
             where = f"at its full scale in {len(clipped)} of {len(found.hits)} hits: {self.times(clipped)}"
             if len(clipped) == len(found.hits):
-                raise FormatError(channel.variable, f"is clipped, {where}; measure again with a larger range")
+                raise FormatError(
+                    channel.variable, f"is clipped, {where}; measure with a larger range, or correct full_scale"
+                )
             if clipped:
                 said.append(f"{channel.variable} is clipped, {where}")
         return said
@@ -175,8 +195,8 @@ def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes
     if not isinstance(file, Arrays) or SAMPLE_RATE in file.variables:
         rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
     if stated.order and isinstance(rest.get("channels"), list):  # the order says where the hammer hits
-        rest["channels"] = [_placed(channel, stated.order[0][0]) for channel in rest["channels"]]
-    mapping = read_mapping(rest)
+        rest["channels"] = [_placed(channel, stated.order[0]) for channel in rest["channels"]]
+    mapping = read_mapping(rest, file.units)
     if mapping.hit is not None:
         raise FormatError("mapping.hit", "is counted in a recording; leave it out")
     for number, c in enumerate(mapping.channels):
@@ -206,7 +226,20 @@ def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None)
         return read_tdms_head(path)
     if form == "wav":
         return read_wav_head(path)
-    return Arrays(_blocks_of_uff(path) if form == "uff" else read_variables(path, f".{form}", limit_bytes))
+    if form == "uff":
+        return _in_si(_blocks_of_uff(path))
+    variables, texts = read_named(path, f".{form}", limit_bytes)
+    return Arrays(variables, units_in(variables, texts))
+
+
+def units_in(variables: Variables, texts: dict[str, str]) -> dict[str, str]:
+    """Units that the texts of a file state of its arrays."""
+    return {name: unit for name in variables if (unit := unit_beside(name, texts))}
+
+
+def _in_si(blocks: Variables) -> Arrays:
+    """The blocks of a UFF file, whose reader has brought them to SI by the file's own units."""
+    return Arrays(blocks, {name: SI[name.partition("_")[0]] for name in blocks if name != SAMPLE_RATE})
 
 
 def _blocks_of_uff(path: Path) -> Variables:
@@ -249,13 +282,13 @@ def recording_in_uff(path: Path, channels: Counter[str]) -> tuple[Variables, dic
         blocks = _blocks_of_uff(path)
     except FormatError:  # channels of two rates are no recording
         return None
-    proposed = proposed_recording(blocks)
+    proposed = proposed_recording(_in_si(blocks))
     return None if proposed is None else (blocks, proposed)
 
 
-def proposed_recording(variables: Variables) -> dict[str, Any] | None:
+def proposed_recording(file: Arrays) -> dict[str, Any] | None:
     """The mapping of a recording that arrays suggest whose force holds several hits; None where they do not."""
-    file, said = Arrays(variables), propose(variables)
+    said = propose(file.variables, file.units)
     names = [channel["variable"] for channel in said["channels"]]
     if not names or said["channels"][0]["quantity"] != "force" or not set(names) <= set(file.names):
         return None
@@ -264,7 +297,7 @@ def proposed_recording(variables: Variables) -> dict[str, Any] | None:
         several = len(survey(file.chunks(names), rate, 0).hits) > 1
     except (KeyError, FormatError, InputError):  # no rate, unlike channels, no pulse: no recording
         return None
-    return {"sample_rate_hz": said["sample_rate_hz"], **propose_recording(names)} if several else None
+    return {"sample_rate_hz": said["sample_rate_hz"], **propose_recording(names, file.units)} if several else None
 
 
 def looked_at(file: Wav | Tdms | Arrays) -> dict[str, str]:
@@ -288,6 +321,9 @@ def _place(channel: ChannelMapping) -> Place:
     return int(cast("float", channel.point)), int(cast("float", channel.direction))
 
 
-def _placed(channel: Any, point: int) -> Any:
-    lacks = isinstance(channel, dict) and channel.get("quantity") == "force" and "point" not in channel
-    return {**channel, "point": point} if lacks else channel
+def _placed(channel: Any, first: tuple[int, int, int]) -> Any:
+    """A force channel whose place the order of the hits states."""
+    if not isinstance(channel, dict) or channel.get("quantity") != "force":
+        return channel
+    stated = dict(zip(("point", "direction"), first[: 2 if first[2] else 1], strict=False))
+    return {**channel, **{name: value for name, value in stated.items() if channel.get(name) is None}}

@@ -7,10 +7,9 @@ from modalbase.formats.records.mapping import (
     ChannelMapping,
     Mapping,
     blocks_of,
-    propose,
-    propose_recording,
     read_mapping,
 )
+from modalbase.formats.records.proposal import propose, propose_recording
 from modalbase.formats.records.sep005 import Place, records_from_sep005, records_to_sep005
 from modalbase.formats.records.variables import SUFFIXES, read_variables
 

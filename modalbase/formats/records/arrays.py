@@ -9,6 +9,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.types import FloatArray
+from modalbase.formats.units import Measured, factor_of, unit_in_name
 
 Variables = dict[str, np.ndarray[Any, Any]]
 
@@ -59,20 +60,33 @@ def sampling_rate(variables: Variables, given: float | str, samples: int) -> flo
     else:
         values = real(np.ravel(variable(variables, given)), given)
         if values.size == 1:
-            rate = float(values[0])
+            rate = float(values[0]) * _factor_in_name(given, "frequency")
         elif values.size == samples:
             steps = np.diff(values)
             step = float(values[-1] - values[0]) / (samples - 1)
             uneven = float(np.abs(steps - step).max())
             if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
                 raise FormatError(given, "is not an evenly rising time axis")
-            rate = 1 / step
+            rate = 1 / step / _factor_in_name(given, "time")
         else:
             raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")
     if not 0 < rate <= _FASTEST_HZ:
         expected = f"expected a positive number of samples a second, up to {_FASTEST_HZ:g}"
         raise FormatError("mapping.sample_rate_hz", f"is {rate:g}, {expected}")
     return float(f"{rate:.12g}")
+
+
+def _factor_in_name(name: str, quantity: Measured) -> float:
+    """The SI value of the unit that the name of a rate or time axis states; 1 where it states none.
+
+    Raises:
+        FormatError: it is a unit of something else.
+    """
+    unit = unit_in_name(name, quantity)[1]
+    factor = factor_of(quantity, unit) if unit else 1.0
+    if factor is None:
+        raise FormatError(name, f"is in {unit!r}, expected a {quantity} (state the rate as a number otherwise)")
+    return factor
 
 
 def real(values: np.ndarray[Any, Any], name: str) -> FloatArray:
@@ -138,7 +152,8 @@ def arrays_of(blocks: Sequence[TimeBlock], *, numbered: bool) -> tuple[bytes, di
     channels = []
     for number, (key, first) in enumerate(sensors.items(), 1):
         own = [block for block in blocks if (block.quantity, block.label) == key]
-        name = first.label if first.label not in ("", "file") else f"channel_{number}"  # savez has an argument `file`
+        name, unit = unit_in_name(first.label, first.quantity)  # the samples are in SI, whatever they were in
+        name = name if name not in ("", "file", *variables) else f"channel_{number}"  # savez has an argument `file`
         variables[name] = np.array([block.samples for block in own])
         variables[f"_point_{number}"] = np.array([block.point for block in own])
         variables[f"_direction_{number}"] = np.array([block.direction for block in own])
@@ -151,6 +166,7 @@ def arrays_of(blocks: Sequence[TimeBlock], *, numbered: bool) -> tuple[bytes, di
                 "window_rate_per_s": first.window_rate_per_s,
                 "full_scale": first.full_scale,
             }
+            | ({"label": [block.label for block in own]} if unit else {})
         )
         variables["_hit"] = np.array([block.hit for block in own])
     mapping: dict[str, Any] = {"sample_rate_hz": blocks[0].sample_rate_hz, "channels": channels}

@@ -8,14 +8,15 @@
        {"variable": "acceleration", "quantity": "acceleration", "sensitivity": 0.00102,
         "point": 33, "direction": 3, "window_rate_per_s": 0, "full_scale": 4900}]}
 
-`sensitivity` is what one SI unit makes in the file (volts per newton); 1, the default, says that the file is in SI.
+`unit` is that of the samples, `sensitivity` what one SI unit makes in the file (volts per newton); see
+`modalbase.formats.records.scale`. Without both the file's own unit counts, and where it states none it is in SI.
+A member that is null is empty: what a channel needs is asked for.
 Where blocks lie in a table, its longer side is the time. `point`, `direction` and `hit` may be lists too, of one number
 for each block. An archive's mapping says `"archived": true`: blocks are as a service kept them, in SI whatever the
 `sensitivity` that made them so, with the `label` and, of a recording, the `start_sample` of each.
 """
 
-import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields
 from typing import Any, get_args
 
@@ -31,6 +32,7 @@ from modalbase.formats.records.arrays import (
     sampling_rate,
     variable,
 )
+from modalbase.formats.records.scale import sensitivity_of, units_of
 from modalbase.formats.types import FloatArray
 
 Value = float | str
@@ -52,7 +54,9 @@ class ChannelMapping:
     quantity: ChannelQuantity
     point: Values
     direction: Values = 3.0
-    sensitivity: float = 1.0
+    sensitivity: float = 1.0  # by which samples are divided for SI, whatever has said so
+    unit: str = ""
+    instead_of: str = ""
     window_rate_per_s: float = 0.0
     full_scale: float | None = None
     label: tuple[str, ...] | None = None
@@ -69,8 +73,12 @@ class Mapping:
     archived: bool = False
 
 
-def read_mapping(document: Any) -> Mapping:
+def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
     """The mapping of a JSON document.
+
+    Args:
+        document: of JSON.
+        units: that the file's properties state, by channel; those in the channels' names are known without.
 
     Raises:
         FormatError: names every field that is missing, unknown or of another kind.
@@ -83,10 +91,14 @@ def read_mapping(document: Any) -> Mapping:
     faults = _faults_of(Mapping, "mapping", document)
     channels = []
     for number, entry in enumerate(listed):
-        own = _faults_of(ChannelMapping, f"mapping.channels.{number}", entry)
-        faults += own
+        place = f"mapping.channels.{number}"
+        own = _faults_of(ChannelMapping, place, entry)
         if not own:
-            channels.append(ChannelMapping(**_taken(entry)))
+            try:
+                channels.append(_channel(entry, units or {}, place, archived=document.get("archived") is True))
+            except FormatError as error:
+                own = error.faults
+        faults += own
     names = [c.variable for c in channels]
     faults += [
         (f"mapping.channels.{i}.variable", f"is {name!r}, as that of another channel")
@@ -100,6 +112,12 @@ def read_mapping(document: Any) -> Mapping:
     if faults:
         raise FormatError(faults)
     return Mapping(**{**_taken(document), "channels": tuple(channels)})
+
+
+def _channel(entry: dict[str, Any], units: dict[str, str], place: str, *, archived: bool) -> ChannelMapping:
+    in_file = units_of(entry["variable"], entry["quantity"], units)
+    own = entry.get("sensitivity", 1.0) if archived else sensitivity_of(entry, in_file, place)
+    return ChannelMapping(**{**_taken(entry), "sensitivity": own})
 
 
 def _is_number(given: Any) -> bool:
@@ -126,24 +144,31 @@ _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
     "variable": (lambda given: isinstance(given, str), "a name"),
     "quantity": (lambda given: given in get_args(ChannelQuantity), f"one of {', '.join(get_args(ChannelQuantity))}"),
     "point": (_is_values, _VALUE),
-    "direction": (_is_values, _VALUE),
+    "direction": (_is_values, f"{_VALUE}: ±1 to ±3 along x, y, z, ±4 to ±6 about them"),
     "start_sample": (_is_values, _VALUE),
-    "sensitivity": (lambda given: _is_number(given) and given > 0, "a number, more than 0"),
+    "unit": (lambda given: isinstance(given, str), "the text of a unit"),
+    "instead_of": (lambda given: isinstance(given, str), "the unit that the file states"),
+    "sensitivity": (
+        lambda given: isinstance(given, str) or (_is_number(given) and given > 0),
+        'a number, more than 0, or a text such as "2.25 mV/N"',
+    ),
     "window_rate_per_s": (lambda given: _is_number(given) and given >= 0, "a number, 0 or more"),
     "full_scale": (lambda given: _is_number(given) and given > 0, "a number, more than 0"),
     "label": (_is_texts, "a list of texts, one for each block"),
 }
 """What the fields of a mapping and of its channels must be."""
+_ASKED = ("direction",)  # have a default, and are asked for where a proposal left them empty
 
 
 def _faults_of(kind: type[Mapping | ChannelMapping], place: str, document: dict[str, Any]) -> list[tuple[str, str]]:
-    """Fields that are unknown, missing or wrong; one that is null is not stated."""
+    """Fields that are unknown, missing, wrong, or null where a value is needed; another one that is null is not stated."""
     own = {f.name: f.default is MISSING for f in fields(kind) if f.name in _EXPECTED}
     found = [(f"{place}.{name}", "is unknown") for name in sorted(document.keys() - {*own, "channels"})]
     for name, is_required in own.items():
         given, (holds, expected) = document.get(name), _EXPECTED[name]
-        if given is None and is_required:
-            found.append((f"{place}.{name}", f"is missing, expected {expected}"))
+        if given is None and (is_required or (name in _ASKED and name in document)):
+            is_empty = "is empty" if name in document else "is missing"
+            found.append((f"{place}.{name}", f"{is_empty}, expected {expected}"))
         elif given is not None and not holds(given):
             found.append((f"{place}.{name}", f"is {given!r}, expected {expected}"))
     return found
@@ -305,73 +330,3 @@ def _hits(variables: Variables, given: Values | None, where: list[tuple[int, int
         seen[place] = seen.get(place, 0) + 1
         found.append(seen[place])
     return found
-
-
-_RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
-_NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
-    "force": ("force", "hammer", "exc"),
-    "acceleration": ("acc", "response", "resp"),
-    "velocity": ("vel",),
-    "displacement": ("disp",),
-}
-
-
-def propose(variables: Variables) -> dict[str, Any]:
-    """A mapping that the names and shapes suggest, to be looked at and completed; sensitivities and points are the
-    user's.
-
-    Where no name says what a channel is, every variable as long as the time axis is proposed with the quantity "?".
-    """
-    long = {name: a for name, a in variables.items() if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
-    rate = next(
-        (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
-    )
-    time = next((n for n, a in long.items() if re.split(r"[_.]", n.lower())[0] in ("time", "t") and _ascends(a)), None)
-    point: Any = {"variable": "point"} if "point" in variables else 1
-    channels = [
-        {
-            "variable": name,
-            "quantity": quantity,
-            "sensitivity": 1.0,
-            "point": point if quantity == "force" else 1,
-            "direction": 3,
-        }
-        for quantity, names in _channels(long, time).items()
-        for name in names
-    ]
-    found: dict[str, Any] = {"channels": channels}
-    if rate or time:
-        found["sample_rate_hz"] = {"variable": rate or time}
-    if "hit" in variables:
-        found["hit"] = {"variable": "hit"}
-    return found
-
-
-def propose_recording(names: Iterable[str]) -> dict[str, Any]:
-    """The same of a recording of many hits, by the names of its channels: "?" where one does not say what it is. One such as
-    `acceleration_33_-3`, as the channels of a UFF are called, says its point and direction, too.
-    """
-    channels: list[dict[str, Any]] = []
-    for name in names:
-        quantity = next((q for q, parts in _NAMES.items() if any(part in name.lower() for part in parts)), "?")
-        place = re.fullmatch(r"[a-z]+_(\d+)_(-?\d)", name)
-        point, direction = (int(place[1]), int(place[2])) if place else (0, 3)
-        said = {"variable": name, "quantity": quantity, "sensitivity": 1.0, "direction": direction}
-        channels.append(said | ({"point": point} if point else {}))
-    return {"recording": {"order": []}, "channels": channels}
-
-
-def _channels(long: Variables, time: str | None) -> dict[str, list[str]]:
-    """Names of the channels by quantity; by length alone where no name says one."""
-    named: dict[str, list[str]] = {
-        quantity: [n for n in long if any(s in n.lower() for s in starts) and "time" not in n.lower()]
-        for quantity, starts in _NAMES.items()
-    }
-    if any(named.values()) or time is None:
-        return named
-    samples = long[time].size
-    return {"?": [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]}
-
-
-def _ascends(array: np.ndarray[Any, Any]) -> bool:
-    return array.dtype.kind in "fiu" and bool(np.all(np.diff(np.ravel(array)) > 0))

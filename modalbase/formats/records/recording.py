@@ -8,7 +8,7 @@ without an order all hits are at the point of the force channel.
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -31,9 +31,11 @@ class Arrays:
 
     Attributes:
         variables: all arrays of the file.
+        units: that its properties state, by channel.
     """
 
     variables: Variables
+    units: dict[str, str] = field(default_factory=dict)
     full_scale, declared = None, True
 
     @property
@@ -44,6 +46,10 @@ class Arrays:
     def shapes(self) -> dict[str, str]:
         """Type, shape and extremes of each channel."""
         return {name: described(self.variables[name]) for name in self.names}
+
+    def notes(self, _: Sequence[str]) -> list[str]:
+        """Nothing is noticed of its channels."""
+        return []
 
     def rate_of(self, names: Sequence[str], stated: float | str) -> float:
         """Rate of these channels: a number, or the variable or time axis that states it.

@@ -10,35 +10,16 @@ hit it is, no series says, so both are stated here. https://sdypy.readthedocs.io
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 
-from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
 from modalbase.formats.errors import FormatError
 from modalbase.formats.records.arrays import ChannelQuantity, TimeBlock
 from modalbase.formats.records.mapping import ChannelMapping, blocks_of
 from modalbase.formats.records.mapping import Mapping as BlockMapping
-
-UNITS: dict[str, tuple[ChannelQuantity, float]] = {
-    "N": ("force", 1.0),
-    "kN": ("force", 1e3),
-    "lbf": ("force", POUND_FORCE),
-    "m/s2": ("acceleration", 1.0),
-    "mm/s2": ("acceleration", 1e-3),
-    "g": ("acceleration", STANDARD_GRAVITY),
-    "mg": ("acceleration", 1e-3 * STANDARD_GRAVITY),
-    "m/s": ("velocity", 1.0),
-    "mm/s": ("velocity", 1e-3),
-    "m": ("displacement", 1.0),
-    "mm": ("displacement", 1e-3),
-    "um": ("displacement", 1e-6),
-}
-"""What a unit measures, and how much of the SI unit it is."""
-
-_SI: dict[ChannelQuantity, str] = {"force": "N", "acceleration": "m/s2", "velocity": "m/s", "displacement": "m"}
-_SPELLED = {"µ": "u", "μ": "u", "²": "2", "^": "", "**": "", "·": "*", " ": ""}
-_OTHERS = {"ms-2": "m/s2", "m*s-2": "m/s2", "m/s/s": "m/s2", "g0": "g", "gn": "g", "ms-1": "m/s", "m*s-1": "m/s"}
+from modalbase.formats.records.scale import SI, units_of
+from modalbase.formats.units import VOLTAGE, known_units, read_unit
 
 Timeseries = Mapping[str, Any]
 
@@ -178,24 +159,22 @@ def _meaning(
     one: Timeseries, name: str, place: str, sensitivities: Mapping[str, float], faults: list[tuple[str, str]]
 ) -> tuple[ChannelQuantity, float] | None:
     """What a channel measures, and how much of its numbers one SI unit is."""
-    unit = str(one["unit_str"])
-    plain = unit
-    for sign, other in _SPELLED.items():
-        plain = plain.replace(sign, other)
-    plain = _OTHERS.get(plain, plain)
-    if plain in UNITS:
-        quantity, si = UNITS[plain]
-        return quantity, 1 / si
-    if plain in ("V", "mV") and name in sensitivities and one.get("quantity") in _SI:
-        return one["quantity"], sensitivities[name] * (1e3 if plain == "mV" else 1.0)
-    if plain in ("V", "mV"):
-        faults.append(
-            (f"{place}.unit_str", f"is {unit}: state `quantity` ({', '.join(_SI)}) and a sensitivity for {name!r}")
-        )
+    text = str(one["unit_str"])
+    unit = read_unit(text)
+    quantity = one.get("quantity") if unit is None or unit.dimension == VOLTAGE else unit.quantity
+    fault = ""
+    if len(units_of(name, quantity, {name: text})) > 1:
+        fault = f"is {text!r}, and the name {name!r} states another unit; correct the one that is wrong"
+    elif unit is not None and unit.quantity in SI:
+        return cast("ChannelQuantity", unit.quantity), 1 / unit.factor
+    elif unit is None or unit.dimension != VOLTAGE:
+        known = "; ".join(known_units(each) for each in get_args(ChannelQuantity))
+        fault = f"is {text!r}, expected one of {known}; or V with a sensitivity"
+    elif name in sensitivities and quantity in SI:
+        return cast("ChannelQuantity", quantity), sensitivities[name] / unit.factor
     else:
-        faults.append(
-            (f"{place}.unit_str", f"is {unit!r}, expected one of {', '.join(UNITS)}, or V with a sensitivity")
-        )
+        fault = f"is {text}: state `quantity` ({', '.join(SI)}) and a sensitivity for {name!r}"
+    faults.append((f"{place}.unit_str", fault))
     return None
 
 
@@ -210,7 +189,7 @@ def records_to_sep005(blocks: Sequence[TimeBlock]) -> list[dict[str, Any]]:
             "name": block.label or f"{block.quantity} {block.point}",
             "data": np.asarray(block.samples),
             "fs": block.sample_rate_hz,
-            "unit_str": _SI[block.quantity],
+            "unit_str": SI[block.quantity],
             "quantity": block.quantity,
             "point": block.point,
             "direction": block.direction,

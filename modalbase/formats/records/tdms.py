@@ -5,19 +5,21 @@ that the recorder wrote at a stroke, which may be the whole file, so the samples
 """
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import SAMPLE_RATE, sampling_rate
+from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
 
+_UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units", "Units")  # names of the property
+_WHOLE, _CLOCK_S = 0.01, 1e-6  # of a sample, and of a time stamp: what two channels may lie off whole samples
 _MOST_AT_A_STROKE = 1 << 26  # bytes of DAQmx's own layout, which npTDMS has to read at once
 
 
@@ -30,12 +32,16 @@ class Tdms:
         lengths: samples of each channel of numbers, by its name.
         rates: of each, 1/s, from its `wf_increment`; NaN where it states none.
         declared: whether the file was closed, and holds what it says.
+        units: that a channel states, in the file's own words (`unit_string`).
+        starts: of each, in s after the first one, from its `wf_start_time` and `wf_start_offset`.
     """
 
     path: Path
     lengths: dict[str, int]
     rates: dict[str, float]
     declared: bool
+    units: dict[str, str] = field(default_factory=dict)
+    starts: dict[str, float] = field(default_factory=dict)
 
     full_scale = None
 
@@ -52,12 +58,13 @@ class Tdms:
         """Rate of these channels.
 
         Raises:
-            FormatError: they differ in rate or length, another is stated, or none is.
+            FormatError: they differ in rate or length, begin at times that lie no whole number of samples apart, another
+                rate is stated, or none is.
         """
+        late = self._late(names)
         for name in names[1:]:
-            if self.lengths[name] != self.lengths[names[0]] or not np.isclose(
-                self.rates[name], self.rates[names[0]], rtol=1e-9, equal_nan=True
-            ):
+            unlike = late[name] == late[names[0]] and self.lengths[name] != self.lengths[names[0]]
+            if unlike or not np.isclose(self.rates[name], self.rates[names[0]], rtol=1e-9, equal_nan=True):
                 raise FormatError(
                     name, f"differs in rate or length from {names[0]}; the channels of a hit are on one clock"
                 )
@@ -66,6 +73,53 @@ class Tdms:
             raise FormatError("mapping.sample_rate_hz", "is missing, and the file states none; state it as a number")
         return sampling_rate({} if np.isnan(own) else {SAMPLE_RATE: np.array(own)}, stated, self.lengths[names[0]])
 
+    def notes(self, names: Sequence[str]) -> list[str]:
+        """Where some of these channels begin later than others, which are cut to begin with them."""
+        late = self._late(names)
+        first = min(late, key=lambda name: late[name])
+        return [
+            f"{name} begins {samples} samples ({1e3 * samples / self.rates[name]:.4g} ms) after {first}: the channels are "
+            "aligned by the file's wf_start_offset and wf_start_time"
+            for name, samples in late.items()
+            if samples
+        ]
+
+    def _late(self, names: Sequence[str]) -> dict[str, int]:
+        """Samples by which each of these channels begins after the first of them.
+
+        Raises:
+            FormatError: it is no whole number of samples.
+        """
+        starts = {name: self.starts.get(name, 0.0) for name in names}
+        first = min(starts, key=lambda name: starts[name])
+        late = {}
+        for name, start in starts.items():
+            rate = self.rates[name] if np.isfinite(self.rates[name]) else 0.0
+            samples = (start - starts[first]) * rate
+            late[name] = round(samples)
+            if abs(samples - late[name]) > max(_WHOLE, _CLOCK_S * rate) or (start > starts[first] and not rate):
+                raise FormatError(
+                    name,
+                    f"begins {1e3 * (start - starts[first]):.6g} ms after {first} (wf_start_offset, wf_start_time), which is "
+                    f"{samples:.4g} samples: they can be aligned by whole samples alone; export them on one clock",
+                )
+        return late
+
+    def arrays(self, names: Sequence[str], limit_bytes: int | None = None) -> Variables:
+        """These channels whole, of a file that holds single hits, and their rate where the file states one.
+
+        Raises:
+            FormatError: they take more bytes than allowed, or cannot be read.
+        """
+        size = 4 * sum(self.lengths[name] for name in names)
+        if limit_bytes is not None and size > limit_bytes:
+            raise FormatError(
+                "", f"takes {size} bytes, more than the {limit_bytes} that are allowed; state `recording`"
+            )
+        rate = self.rates[names[0]] if names else np.nan
+        own = {} if np.isnan(rate) else {SAMPLE_RATE: np.array(self.rate_of(names, SAMPLE_RATE))}
+        return own | dict(zip(names, np.hstack(list(self.chunks(names))), strict=True)) if names else own
+
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) float32 parts of these channels in order, in the unit of the file.
 
@@ -73,8 +127,11 @@ class Tdms:
             FormatError: the samples cannot be read.
         """
         with _opened(self.path) as file, self.path.open("rb") as raw, _broken():
-            channels = _channels(file)
-            for rows in zip(*(_even(_samples(file, channels[name], raw)) for name in names), strict=True):
+            channels, late = _channels(file), self._late(names)
+            last = max(late.values())
+            count = min(self.lengths[name] - last + late[name] for name in names)
+            parts = (_part(_samples(file, channels[name], raw), last - late[name], count) for name in names)
+            for rows in zip(*map(_even, parts), strict=True):
                 yield np.array(rows)
 
 
@@ -93,6 +150,8 @@ def read_tdms_head(path: Path) -> Tdms:
             {name: len(channel) for name, channel in channels.items()},
             {name: _rate(channel.properties.get("wf_increment")) for name, channel in channels.items()},
             not file.file_status.incomplete_final_segment,
+            {name: unit for name, channel in channels.items() if (unit := _unit(channel.properties))},
+            _starts({name: channel.properties for name, channel in channels.items()}),
         )
 
 
@@ -127,6 +186,33 @@ def _channels(file: Any) -> dict[str, Any]:
 
 def _rate(increment_s: float | None) -> float:
     return float(np.round(1 / increment_s, 6)) if increment_s else np.nan
+
+
+def _unit(properties: Mapping[str, Any]) -> str:
+    """The unit that a channel states, "" where it states none."""
+    return next((text for name in _UNITS if (text := str(properties.get(name, "")).strip())), "")
+
+
+def _starts(properties: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+    """When each channel begins, in s after the first one. A time counts where every channel states one."""
+    offsets = {name: own.get("wf_start_offset", 0.0) for name, own in properties.items()}
+    starts = {name: float(offset) if isinstance(offset, int | float) else 0.0 for name, offset in offsets.items()}
+    times = {name: own.get("wf_start_time") for name, own in properties.items()}
+    stamps = [np.datetime64(time, "ns") for time in times.values() if time is not None]
+    if len(stamps) == len(times):
+        for name, stamp in zip(times, stamps, strict=True):
+            starts[name] += float((stamp - min(stamps)) / np.timedelta64(1, "s"))
+    earliest = min(starts.values())
+    return {name: start - earliest for name, start in starts.items() if start > earliest}
+
+
+def _part(parts: Iterator[FloatArray], skip: int, count: int) -> Iterator[FloatArray]:
+    """So many samples behind the first ones."""
+    for part in parts:
+        own = part[skip : skip + count]
+        skip, count = max(skip - part.size, 0), count - own.size
+        if own.size:
+            yield own
 
 
 def _even(parts: Iterator[FloatArray]) -> Iterator[FloatArray]:

@@ -22,6 +22,8 @@ from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.wav import read_wav_head
 
 _DEEPEST = 8
+_LONGEST_TEXT = 1000
+_MOST_ELEMENTS = 10_000  # of a list of structures
 _COMPRESSED = 15  # type of a compressed element of a .mat of version 7
 _BLOCK_BYTES = 1 << 20
 _SCIPY_LOSES = "Duplicate variable name", "Unreadable variable", "We do not support byte ordering"
@@ -42,6 +44,17 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     Raises:
         FormatError: the file is of another kind, damaged, empty or larger.
     """
+    return read_named(path, suffix, limit_bytes)[0]
+
+
+def read_named(
+    path: Path, suffix: str | None = None, limit_bytes: int | None = None
+) -> tuple[Variables, dict[str, str]]:
+    """The numeric arrays of a file by name, and its texts, by which analysers name units and points; several have a line each.
+
+    Raises:
+        FormatError: as of `read_variables`.
+    """
     kind = (suffix or path.suffix).lower()
     if kind not in SUFFIXES:
         raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(SUFFIXES)}")
@@ -57,7 +70,9 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size}
     if not numbers:
         raise FormatError("", "holds no numeric array")
-    return numbers
+    words = {name: array for name, array in found.items() if array.dtype.kind == "U" and array.size < _LONGEST_TEXT}
+    texts = {name: "\n".join(str(one).strip() for one in np.ravel(array)) for name, array in words.items()}
+    return numbers, texts
 
 
 def _within(declared: int, limit_bytes: int | None, name: str) -> None:
@@ -124,14 +139,24 @@ def _require_inflated(path: Path, limit_bytes: int | None) -> None:
 
 
 def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int = 0) -> None:
-    """The arrays of a structure by their path, `measurement.frf`; of lists of structures, none."""
+    """The arrays of a structure by their path, `measurement.frf`. Those of a list of structures that have one shape lie one
+    behind the other, and what is the same in all of them stands once.
+    """
     if value.dtype.names is None:
         into[name] = value
-    elif value.size == 1 and depth < _DEEPEST:
-        for field in value.dtype.names:
-            inner = value.reshape(-1)[0][field]
-            if isinstance(inner, np.ndarray):
-                _flatten(f"{name}.{field}", inner, into, depth + 1)
+    elif value.size <= _MOST_ELEMENTS and depth < _DEEPEST:
+        elements: list[Variables] = []
+        for each in value.reshape(-1):
+            elements.append({})
+            for field in value.dtype.names:
+                if isinstance(inner := each[field], np.ndarray):
+                    _flatten(f"{name}.{field}", inner, elements[-1], depth + 1)
+        for path, first in elements[0].items() if elements else ():
+            parts = [element[path] for element in elements if path in element]
+            if all(np.array_equal(part, first) for part in parts[1:]) and len(parts) == len(elements):
+                into[path] = first
+            elif len(parts) == len(elements) and {part.shape for part in parts} == {first.shape}:
+                into[path] = np.stack(parts)
 
 
 def _mat73(path: Path, limit_bytes: int | None) -> Variables:
@@ -146,6 +171,9 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
         def take(name: str, item: object) -> None:
             nonlocal declared
             if not isinstance(item, h5py.Dataset) or name.startswith("#"):
+                return
+            if item.attrs.get("MATLAB_class") == b"char" and item.dtype.kind == "u" and item.size < _LONGEST_TEXT:
+                arrays[name.replace("/", ".")] = np.array("".join(map(chr, np.ravel(item[()].T))))
                 return
             whole = item.dtype.names == ("real", "imag")  # as MATLAB stores complex numbers
             if item.dtype.kind in "fiu" or whole:

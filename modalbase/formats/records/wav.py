@@ -41,6 +41,15 @@ class Wav:
     frames: int
     declared: bool = True
 
+    def notes(self, _: Sequence[str]) -> list[str]:
+        """Nothing is noticed of its channels."""
+        return []
+
+    @property
+    def units(self) -> dict[str, str]:
+        """A wav states none."""
+        return {}
+
     @property
     def full_scale(self) -> float | None:
         """Largest sample that integers have; floating point has none."""

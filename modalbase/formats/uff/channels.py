@@ -31,7 +31,7 @@ from modalbase.formats.uff.frf import frequency_of, global_dofs
 from modalbase.formats.uff.function import RawFunction
 from modalbase.formats.uff.geometry import Geometry
 from modalbase.formats.uff.text import Refusal
-from modalbase.formats.uff.units import FORCE, RESPONSE, Dimension, read_label
+from modalbase.formats.units import FORCE, RESPONSE, Dimension, read_unit
 
 TIME_RESPONSE, AUTO_SPECTRUM, CROSS_SPECTRUM = 1, 2, 3
 _UNSTATED_TYPES = (0, 1)
@@ -108,7 +108,7 @@ def _channel(
 ) -> tuple[ChannelQuantity, float] | None:
     """What a channel is, and the factor of its amplitude to SI; None where it is none of ours."""
     described = raw.ordinate
-    label, by_type = read_label(described.unit), _TYPES.get(described.data_type)
+    label, by_type = read_unit(described.unit), _TYPES.get(described.data_type)
     if label is not None:
         for power in (1, 2) if squared else (1,):
             root = _root(label.dimension, power)
@@ -117,6 +117,12 @@ def _channel(
                 if by_type not in (None, quantity):
                     raise Refusal(f"its data type says {by_type}, its unit '{described.unit}' says {quantity}", 8)
                 return quantity, label.factor ** (1 / power)
+        if label.dimension.voltage:
+            raise Refusal(
+                f"its ordinate is in '{described.unit}', and a UFF file states no sensitivity: export it in N and m/s², or "
+                "as npz or .mat, whose mapping states one",
+                8,
+            )
         return None
     if by_type is None:
         return None
@@ -129,7 +135,7 @@ def _channel(
 def _root(dimension: Dimension, power: int) -> Dimension | None:
     if any(d % power for d in dimension):
         return None
-    return dimension[0] // power, dimension[1] // power, dimension[2] // power
+    return Dimension(*(d // power for d in dimension))
 
 
 @dataclass

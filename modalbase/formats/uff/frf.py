@@ -12,7 +12,7 @@ from modalbase.formats.uff.content import Axis, Frf, Function, Limits, Units
 from modalbase.formats.uff.function import RawFunction, fits_single
 from modalbase.formats.uff.geometry import Geometry
 from modalbase.formats.uff.text import Refusal
-from modalbase.formats.uff.units import FORCE, NO_LABEL, RESPONSE, Dimension, Label, read_label, times
+from modalbase.formats.units import FORCE, LENGTH, NO_UNIT, RESPONSE, Dimension, Unit, factor_of, read_unit
 
 FRF_TYPE = 4
 _RESPONSE_TYPES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
@@ -26,14 +26,14 @@ _GRAVITY = re.compile(r"(?i)(?<![a-z])(g|gn|g's)(?![a-z])")
 class _Side:
     """Numerator or denominator of an FRF."""
 
-    label: Label | None  # meaning of its unit label, None where there is none or it is not understood
+    label: Unit | None  # meaning of its unit label, None where there is none or it is not understood
     text: str  # the label as the file has it
     by_164: float  # factor to SI by set 164
 
 
 def function_of(raw: RawFunction, dataset: int) -> Function:
     """A function that is not an FRF, in the units of its labels."""
-    unit = "" if raw.ordinate.unit.lower() in NO_LABEL else raw.ordinate.unit
+    unit = "" if raw.ordinate.unit.lower() in NO_UNIT else raw.ordinate.unit
     ids, dofs = raw.id_lines, raw.dofs
     return Function(dataset, ids[0], ids, raw.function_type, *dofs, raw.axis, raw.abscissa.unit, raw.values, unit)
 
@@ -83,15 +83,13 @@ def frequency_of(raw: RawFunction, notes: list[str]) -> Axis:
     described = raw.abscissa
     if described.data_type not in _FREQUENCY_TYPES:
         raise Refusal(f"is over an abscissa of type {described.data_type}, expected 18 (frequency)", 7)
-    text = described.unit.lower().replace(" ", "")
-    if text in ("hz", "1/s", "cycles/s", "cps") or (text in NO_LABEL and described.data_type == 18):
+    factor = factor_of("frequency", described.unit)
+    if factor is None:
         factor = 1.0
-    elif text in ("rad/s", "rad/sec", "khz", "rpm", "cpm"):
-        factor = {"khz": 1e3, "rpm": 1 / 60, "cpm": 1 / 60}.get(text, 1 / (2 * np.pi))
+        if described.unit.lower().strip() not in NO_UNIT or described.data_type != 18:
+            notes.append(f"the unit of the abscissa is '{described.unit}'; Hz assumed")
+    elif factor != 1.0:
         notes.append(f"frequencies in {described.unit} converted to Hz")
-    else:
-        factor = 1.0
-        notes.append(f"the unit of the abscissa is '{described.unit}'; Hz assumed")
     axis = raw.axis
     if axis.start < 0:
         raise Refusal(f"its first frequency is {axis.start:g}, expected 0 or more")
@@ -108,14 +106,12 @@ def _quantity_and_factor(
     rotation = abs(raw.response_direction) > 3
     moment = abs(raw.reference_direction) > 3
     length, force = (1.0, 1.0) if units is None else (units.length, units.force)
-    top = _Side(read_label(raw.ordinate.unit), raw.ordinate.unit, 1.0 if rotation else 1 / length)
-    bottom = _Side(
-        read_label(raw.denominator.unit), raw.denominator.unit, 1 / (force * length) if moment else 1 / force
-    )
+    top = _Side(read_unit(raw.ordinate.unit), raw.ordinate.unit, 1.0 if rotation else 1 / length)
+    bottom = _Side(read_unit(raw.denominator.unit), raw.denominator.unit, 1 / (force * length) if moment else 1 / force)
     if raw.denominator.data_type not in (*_FORCE_TYPES, *_UNSTATED_TYPES):
         raise Refusal(f"its denominator is of type {raw.denominator.data_type}, not a force (9, 13)", 9)
-    response = {q: times(d, (1, 0, 0), -1) if rotation else d for q, d in RESPONSE.items()}
-    below = times(FORCE, (1, 0, 0)) if moment else FORCE
+    response = {q: d.times(LENGTH, -1) if rotation else d for q, d in RESPONSE.items()}
+    below = FORCE.times(LENGTH) if moment else FORCE
     quantity, whole = _quantity(raw, top.label, response, below, limits, notes)
     _note_exponents(raw, rotation, moment, notes)
     if whole and top.label is not None:
@@ -128,7 +124,7 @@ def _quantity_and_factor(
 
 def _quantity(
     raw: RawFunction,
-    label: Label | None,
+    label: Unit | None,
     response: dict[Quantity, Dimension],
     below: Dimension,
     limits: Limits,
@@ -143,7 +139,7 @@ def _quantity(
     for quantity in get_args(Quantity):
         if label is None:
             break
-        whole = label.dimension == times(response[quantity], below, -1)
+        whole = label.dimension == response[quantity].times(below, -1)
         if whole or label.dimension == response[quantity]:
             if by_type not in (None, quantity):
                 raise Refusal(f"its data type says {by_type}, its unit '{raw.ordinate.unit}' says {quantity}", 8)
@@ -173,7 +169,7 @@ def _ratio(
         if side.label is None:
             by = "SI (the file has no set 164)" if units is None else f"set 164 ({units.description or units.code})"
             stated = (
-                "has no unit label" if side.text.lower() in NO_LABEL else f"has the unknown unit label '{side.text}'"
+                "has no unit label" if side.text.lower() in NO_UNIT else f"has the unknown unit label '{side.text}'"
             )
             notes.append(f"its {name} {stated}; units of {by} assumed")
         factors.append(side.by_164 if side.label is None else side.label.factor)

@@ -1,19 +1,20 @@
 """Sets 58 and 58b: a function at nodal degrees of freedom, read by its columns or its bytes and held to its header."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modalbase.formats.types import FloatArray
-from modalbase.formats.uff.content import FUNCTION_NAMES, Axis, Samples
+from modalbase.formats.uff.content import COHERENCE, FUNCTION_NAMES, Axis, Samples
 from modalbase.formats.uff.scan import Frame, binary_header
 from modalbase.formats.uff.text import Cursor, Refusal, decoded, real_block, shown
 
 HEADER_LINES = 11
 _REAL_SINGLE, _REAL_DOUBLE, _COMPLEX_SINGLE, _COMPLEX_DOUBLE = 2, 4, 5, 6
 _E13, _E20 = 13, 20
+_FRF = 4
 _ABSURD_DECADES = 24.0
 _ENOUGH_POINTS = 16
 _NO_REFERENCE = "the reference point is -1, read as 0: the file states none"
@@ -47,6 +48,8 @@ class RawFunction:
     values: Samples
     ordinate_type: int
     notes: tuple[str, ...]
+    names: tuple[str, str]  # of the response and the reference in record 6
+    has_gap: bool  # its line at 0 Hz is no number, and was left out
     unstated_reference: bool  # its reference point is -1, which stands for none
     # its rows are not in the standard columns, or its abscissa is of another precision than its ordinates
     free_form: bool
@@ -80,6 +83,10 @@ class _Shape:
         """Reals an ordinate takes."""
         return 2 if self.complex_values else 1
 
+    def behind_first(self) -> "_Shape":
+        """The same without its first point."""
+        return replace(self, points=self.points - 1, start=self.start + self.step)
+
 
 def read_58(frame: Frame, body: bytes) -> RawFunction:
     """A set 58 or 58b.
@@ -90,14 +97,15 @@ def read_58(frame: Frame, body: bytes) -> RawFunction:
     cut = _end_of_header(body)
     cursor = Cursor(body[:cut] + b"-")  # a last character keeps header lines that are blank
     ids = tuple(decoded(cursor.next("the ID lines")) for _ in range(5))
-    dofs, notes = _degrees_of_freedom(cursor)
+    dofs, names, notes = _degrees_of_freedom(cursor)
     shape = _shape(cursor)
     abscissa, ordinate, denominator, _ = (_axis_description(cursor) for _ in range(4))
-    if frame.type == "58b":
-        table, note = _binary_data(frame, body[cut:], shape)
-    else:
-        table, note = _text_data(body[cut:], shape)
-    axis, values, more = _assembled(table, shape)
+    read = _binary_data if frame.type == "58b" else _text_data
+    table, note = read(frame, body[cut:], shape)
+    gap = _gap_at_start(table, shape)
+    if gap and dofs[0] not in (_FRF, COHERENCE):
+        raise Refusal(gap, HEADER_LINES)
+    axis, values, more = _assembled(table[1:] if gap else table, shape.behind_first() if gap else shape)
     if shape.complex_values and dofs[0] in (6, 26, 21):
         notes.append(f"a {FUNCTION_NAMES[dofs[0]]} with complex ordinates")
     return RawFunction(
@@ -109,7 +117,9 @@ def read_58(frame: Frame, body: bytes) -> RawFunction:
         axis,
         values,
         shape.ordinate_type,
-        (*notes, *filter(None, [note]), *more),
+        (*notes, *([f"{gap}: this line is left out"] if gap else []), *filter(None, [note]), *more),
+        names,
+        bool(gap),
         _NO_REFERENCE in notes,
         bool(note),
     )
@@ -125,8 +135,8 @@ def _end_of_header(body: bytes) -> int:
     return position
 
 
-def _degrees_of_freedom(cursor: Cursor) -> tuple[tuple[int, int, int, int, int, int], list[str]]:
-    """Record 6, FORMAT(2(I5,I10),2(1X,10A1,I10,I4)): function type, load case, response and reference."""
+def _degrees_of_freedom(cursor: Cursor) -> tuple[tuple[int, int, int, int, int, int], tuple[str, str], list[str]]:
+    """Record 6, FORMAT(2(I5,I10),2(1X,10A1,I10,I4)): function type, load case, response and reference, and their names."""
     row = cursor.next("the degrees of freedom")
     fields = {
         "function type": (0, 5),
@@ -157,7 +167,8 @@ def _degrees_of_freedom(cursor: Cursor) -> tuple[tuple[int, int, int, int, int, 
         notes.append(_NO_REFERENCE)
     if response_point < 0 or reference_point < 0:
         raise cursor.refuse(f"the grid points are {response_point} and {reference_point}, expected positive labels")
-    return (kind, load_case, response_point, response_direction, reference_point, reference_direction), notes
+    dofs = (kind, load_case, response_point, response_direction, reference_point, reference_direction)
+    return dofs, (decoded(row[31:41]), decoded(row[56:66])), notes
 
 
 def _shape(cursor: Cursor) -> _Shape:
@@ -199,7 +210,25 @@ def _axis_description(cursor: Cursor) -> AxisDescription:
     return AxisDescription(kind, exponents, name, unit)
 
 
-def _text_data(body: bytes, shape: _Shape) -> tuple[FloatArray, str]:
+def _gap_at_start(table: FloatArray, shape: _Shape) -> str:
+    """What to say of a first line at 0 Hz that is no number, as double integration writes it (0/0); "" where it is one.
+
+    Raises:
+        Refusal: another line is no number.
+    """
+    bad = np.flatnonzero(~np.isfinite(table).all(axis=1))
+    if not bad.size:
+        return ""
+    points = shape.start + shape.step * bad if shape.even else table[bad, 0]
+    if bad.size > 1 or points[0] != 0 or shape.points == 1:
+        raise Refusal(
+            f"{bad.size} points are NaN or infinite, the first is number {bad[0] + 1} (at {points[0]:g}); only one at 0 Hz "
+            "can be left out"
+        )
+    return "its value at 0 Hz is NaN or infinite"
+
+
+def _text_data(_: Frame, body: bytes, shape: _Shape) -> tuple[FloatArray, str]:
     """Ordinates in columns: 6E13.5, 4E20.12, 2(E13.5,E20.12) or (E13.5,2E20.12)."""
     columns = shape.parts + (0 if shape.even else 1)
     if shape.points * columns > len(body):
@@ -210,7 +239,8 @@ def _text_data(body: bytes, shape: _Shape) -> tuple[FloatArray, str]:
         widths = (_E20,) * 4
     else:
         widths = (_E13, _E20, _E20) if shape.complex_values else (_E13, _E20, _E13, _E20)
-    flat, note = real_block(body, widths, shape.points * columns, HEADER_LINES)
+    first = 0 if shape.even else 1
+    flat, note = real_block(body, widths, shape.points * columns, HEADER_LINES, range(first, first + shape.parts))
     return flat.reshape(shape.points, columns), note
 
 
@@ -240,10 +270,6 @@ def _binary_data(frame: Frame, data: bytes, shape: _Shape) -> tuple[FloatArray, 
             f"its numbers make no sense as {'little' if header.little_endian else 'big'} endian, and do the other way"
             " round: the byte order in its header is wrong"
         )
-    finite = np.isfinite(flat)
-    if not finite.all():
-        bad = np.flatnonzero(~finite.all(axis=1))
-        raise Refusal(f"{bad.size} points are NaN or infinite, the first is number {bad[0] + 1}")
     return flat, "" if layout == layouts[0] else "its abscissa is in single precision, its ordinates in double"
 
 

@@ -35,6 +35,7 @@ from modalbase.formats.uff.geometry import (
     rows_15,
     rows_2411,
 )
+from modalbase.formats.uff.names import placed, unplaced
 from modalbase.formats.uff.scan import Frame, scan
 from modalbase.formats.uff.shapes import read_55, read_2414
 from modalbase.formats.uff.text import Ignored, Refusal
@@ -264,13 +265,15 @@ class _Reading:
 
     def _function(self, frame: Frame, body: bytes) -> Parsed:
         """Set 58 or 58b: an FRF, a time block or a power spectrum in SI, or another function as it is."""
-        raw = read_58(frame, body)
+        raw, notes_on_names = placed(stated := read_58(frame, body))
         content: Content
         if raw.function_type == FRF_TYPE:
             content, notes = frf_of(raw, frame.number, self._units_for(frame), self._geometry, self._limits)
+            notes += unplaced(raw)
         else:
             content, notes = self._channels(raw, frame) or (function_of(raw, frame.number), [])
-        return Parsed([content], [*raw.notes, *notes], _claims(raw), raw.free_form)
+        claims = None if stated.has_gap else _claims(stated)
+        return Parsed([content], [*raw.notes, *notes_on_names, *notes], claims, raw.free_form)
 
     def _channels(self, raw: RawFunction, frame: Frame) -> tuple[Content, list[str]] | None:
         """A time block or a power spectrum of force or motion; None where it is another function."""

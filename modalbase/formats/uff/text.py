@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from modalbase.formats.types import FloatArray
 
 _REAL = re.compile(rb"([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))(?:[eEdD]([+-]?[0-9]{1,4})|([+-][0-9]{3}))?")
+_NO_NUMBER = re.compile(rb"[+-]?(?:nan(?:\(\w*\))?|inf(?:inity)?|1\.?#(?:qnan|snan|ind|inf)\w*)", re.IGNORECASE)
 _WHOLE = re.compile(rb"[+-][0-9]+")
 _PLAIN = b"0123456789+-.eE \r\n"
 _D_TO_E = bytes.maketrans(b"dD", b"eE")
@@ -136,31 +137,50 @@ class Cursor:
         return values
 
 
-def real_block(body: bytes, widths: Sequence[int], count: int, first_line: int) -> tuple[FloatArray, str]:
+def real_block(
+    body: bytes, widths: Sequence[int], count: int, first_line: int, gap: range = range(0)
+) -> tuple[FloatArray, str]:
     """`count` reals in rows of the given columns, and a note where the rows had to be read otherwise.
 
     Args:
-        body: the rows; the last may be short or padded with blanks.
+        body: the rows; the last may be short, padded with blanks, or filled up with zeros.
         widths: columns of a full row.
         count: number of reals declared.
         first_line: index of the first row in the dataset, for messages.
+        gap: fields of the first row that may be no numbers: they become NaN.
 
     Raises:
         Refusal: a value is none, or there are more or fewer than declared.
     """
+    if (blanked := _blanked(body, widths, gap)) is not None:
+        filled, note = real_block(blanked, widths, count, first_line)
+        filled[gap.start : gap.stop] = np.nan
+        return filled, note
     if not (unusual := body.translate(None, _PLAIN)).strip(b"dD"):
         plain = body.translate(_D_TO_E) if unusual else body
         values = _plain_block(plain, widths, count)
         if values is not None:
             return values, ""
     try:
-        return _fortran_block(body, widths, count, first_line), ""
+        return _fortran_block(body, widths, count, first_line)
     except Refusal:
         # Rows of other widths are taken where blanks stand between exactly as many values as declared.
         separated = _separated(body, count)
         if separated is None:
             raise
         return separated, "its rows are not in the standard columns; its values were read as separated by blanks"
+
+
+def _blanked(body: bytes, widths: Sequence[int], gap: range) -> bytes | None:
+    """The rows with zeros where a field of `gap` is NaN or infinite; None where none is."""
+    edges = np.concatenate(([0], np.cumsum(widths)))
+    spans = [(int(edges[i]), int(edges[i + 1])) for i in gap]
+    row = body[: body.find(b"\n") + 1 or len(body)]
+    if not any(_NO_NUMBER.fullmatch(row[a:b].strip()) for a, b in spans):
+        return None
+    for a, b in spans:
+        row = row[:a] + b"0.0".rjust(b - a) + row[b:]
+    return row + body[len(row) :]
 
 
 def _separated(body: bytes, count: int) -> FloatArray | None:
@@ -203,13 +223,17 @@ def _column(characters: NDArray[np.uint8]) -> FloatArray:
     return np.ascontiguousarray(characters).view(f"S{characters.shape[1]}")[:, 0].astype(np.float64)
 
 
-def _fortran_block(body: bytes, widths: Sequence[int], count: int, first_line: int) -> FloatArray:
-    """The block field by field: D exponents, exponents without a letter, padded rows."""
+def _fortran_block(body: bytes, widths: Sequence[int], count: int, first_line: int) -> tuple[FloatArray, str]:
+    """The block field by field: D exponents, exponents without a letter, padded rows, and zeros that fill the last one."""
     edges = np.concatenate(([0], np.cumsum(widths)))
     values: list[float] = []
+    note = ""
     rows = rows_of(body)
     for index, row in enumerate(rows):
         take = min(len(widths), count - len(values))
+        if index == len(rows) - 1 and 0 < take < len(widths) and _is_filled(row[edges[take] :], widths[take:]):
+            note = "its last row is filled up with zeros behind the declared number of values"
+            row = row[: edges[take]]
         if take == 0 or len(row) > edges[take]:
             raise Refusal(
                 f"holds more ordinates than the {count} values declared, or rows too wide", first_line + index
@@ -220,4 +244,12 @@ def _fortran_block(body: bytes, widths: Sequence[int], count: int, first_line: i
             raise Refusal(str(error), first_line + index) from None
     if len(values) != count:
         raise Refusal(f"holds {len(values)} values where its header declares {count}", first_line + len(rows))
-    return np.array(values)
+    return np.array(values), note
+
+
+def _is_filled(rest: bytes, widths: Sequence[int]) -> bool:
+    """Whether some columns hold zeros alone."""
+    edges = np.concatenate(([0], np.cumsum(widths)))
+    fields = [rest[edges[i] : edges[i + 1]].strip() for i in range(len(widths))]
+    zeros = [_REAL.fullmatch(field) is not None and real(field) == 0 for field in fields if field]
+    return bool(zeros) and all(zeros) and not rest[edges[-1] :].strip()

@@ -187,12 +187,15 @@ class Intake:
     def _write_coherences(self) -> None:
         """Each coherence goes to the FRF between the same points; one that has none is reported as ignored."""
         for dataset, pair, function in self.coherences:
+            values = function.values.real
+            if pair not in self.pairs and function.abscissa.start == 0:  # an FRF without its line at 0 Hz
+                pair, values = (*pair[:-1], pair[-1] - 1), values[1:]
             frf = self.pairs.get(pair)
             if frf is None:
                 self.unused[dataset] = "is a coherence of two points between which the file has no FRF on as many lines"
             elif not self.row.dry_run:
-                self.frf_bytes += function.values.real.nbytes
-                add_coherence(self.session, self.row.id, frf, function.values.real)
+                self.frf_bytes += values.nbytes
+                add_coherence(self.session, self.row.id, frf, values)
 
     def _write_modes(self) -> None:
         if self.modes and not self.row.dry_run:
@@ -201,6 +204,7 @@ class Intake:
 
     def _refuse_nothing(self) -> None:
         why = [f"dataset {r.number} (type {r.type}, byte {r.offset}): {r.reason}" for r in self.reports if r.reason]
+        why = why or ["it holds no hit, FRF, point or mode", *self.found.notes]
         more = f"; and {len(why) - MOST_NAMED} more" if len(why) > MOST_NAMED else ""
         raise Invalid("file", "nothing in it can be stored. " + "; ".join(why[:MOST_NAMED]) + more)
 

@@ -107,10 +107,10 @@ def test_a_proposal_takes_an_analysers_channels_by_their_length() -> None:
     )
     assert proposed["sample_rate_hz"] == {"variable": "Time_Sample_Rate"}
     assert [(c["variable"], c["quantity"]) for c in proposed["channels"]] == [
-        ("Time_chan_1", "?"),
-        ("Time_chan_2", "?"),
+        ("Time_chan_1", None),
+        ("Time_chan_2", None),
     ]
-    with pytest.raises(FormatError, match="expected one of force"):
+    with pytest.raises(FormatError, match=r"channels\.0\.quantity: is empty, expected one of force"):
         read_mapping(proposed)
 
 
@@ -161,7 +161,7 @@ def _channel(number: int, **changes: Any) -> dict[str, Any]:
         (ARRAYS, {**MAPPING, "channels": [{"variable": "force"}]},
          "channels.0.quantity: is missing, .*0.point: is missing"),
         (ARRAYS, _channel(1, variable=7), "mapping.channels.1.variable: is 7, expected a name"),
-        (ARRAYS, _channel(0, sensitivity="2 mV/N"), "channels.0.sensitivity: is '2 mV/N', expected a number"),
+        (ARRAYS, _channel(0, sensitivity="2 mV/g"), "channels.0.sensitivity: is '2 mV/g', expected a number"),
         (
             ARRAYS,
             _channel(0, window_rate_per_s=-1),

@@ -73,8 +73,9 @@ def test_uneven_axes(read: Read, kind: int, rows: list[str], expected: list[comp
          "the abscissa does not increase at point 2"),
         ([PLAIN], {"response": (7, 9)}, "the response direction is 9, expected -6 to 6"),
         ([PLAIN], {"reference": (-7, 3)}, "expected positive labels"),
-        ([PLAIN.replace("   2.00000000000e+00", "                 NaN")], {}, "'NaN' is not a number"),
-        ([PLAIN.replace("   2.00000000000e+00", "            Infinity")], {}, "'Infinity' is not a number"),
+        ([PLAIN.replace("   2.00000000000e+00", "                 NaN")], {"start": "1.0"}, "(at 1); only one at 0 Hz"),
+        ([PLAIN.replace("   2.00000000000e+00", "            Infinity")], {"start": "1.0"}, "is number 1 (at 1)"),
+        ([PLAIN.replace("   4.00000000000e+00", "                 NaN")], {}, "'NaN' is not a number"),
         ([PLAIN.replace("   2.00000000000e+00", "********************")], {}, "is not a number"),
         ([PLAIN.replace("2.00000000000e+00", "2.0000000000e+999")], {}, "beyond double precision"),
         ([PLAIN.replace("2.00000000000e+00", "2.00000 00000e+00")], {}, "is not a number"),
@@ -135,8 +136,8 @@ def test_binary_faults(read: Read) -> None:
     assert short.startswith("line 7 (byte ")
     assert "declares 3 points of 16 bytes but holds 32 bytes" in short
     assert "is 3; only 2 (IEEE 754)" in read(binary_58(data.tobytes()).replace(b"1     2  ", b"1     3  ", 1)).reasons
-    data[1] = np.nan
-    assert "1 points are NaN or infinite, the first is number 1" in read(binary_58(data.tobytes())).reasons
+    data[3] = np.nan
+    assert "1 points are NaN or infinite, the first is number 2 (at 1)" in read(binary_58(data.tobytes())).reasons
     with pytest.raises(UffError, match="no delimiter stands behind them"):
         read(binary_58(data.tobytes(), count=24))
 

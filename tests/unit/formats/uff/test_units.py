@@ -1,71 +1,16 @@
-"""Units: labels as engineers write them, set 164, and the way from both to SI, with every conversion stated."""
+"""Units of a UFF: by labels, by set 164, and the way from both to SI, with every conversion stated."""
 
 from typing import Any
 
 import pytest
 
 from modalbase.formats.uff import Frf, GridPoint, Units
-from modalbase.formats.uff.units import read_label
 from tests.support.uff import Read, Reading, axis, set_58, set_164
 
 ROW = "   1.00000000000e+00   0.00000000000e+00"
 LARGE = ROW.replace("1.00000000000e+00", "1.0000000000e+308")
 G = 9.80665
 LBF = 4.4482216152605
-ACCELERATION, VELOCITY, ACCELERANCE, FORCE = (1, 0, -2), (1, 0, -1), (0, -1, 0), (1, 1, -2)
-
-
-@pytest.mark.parametrize(
-    ("factor", "dimension", "texts"),
-    [
-        (1.0, ACCELERATION, ["m/s2", "m/s^2", "m/s**2", "m/s²", "m/s/s", "M/SEC2", "m s^-2", "m s-2"]),
-        (1e-3, ACCELERATION, ["mm/s2"]),
-        (0.0254, ACCELERATION, ["in/s^2"]),
-        (G, ACCELERATION, ["g", "G", "gn", "g's"]),
-        (0.0254, VELOCITY, ["ips"]),
-        (1e-3, VELOCITY, ["mm/s"]),
-        (1e3, VELOCITY, ["m/ms"]),
-        (1 / 60, VELOCITY, ["m/min"]),
-        (1.0, VELOCITY, ["m·Hz"]),
-        (1e-6, (1, 0, 0), ["µm", "\u03bcm", "um"]),
-        (1e-9, (1, 0, 0), ["nm"]),
-        (1e-2, (1, 0, 0), ["cm"]),
-        (0.0254, (1, 0, 0), ["inch"]),
-        (25.4e-6, (1, 0, 0), ["mil"]),
-        (0.3048, (1, 0, 0), ["ft"]),
-        (1e-3, (1, 0, 1), ["m.kHz^-1"]),
-        (0.017453292519943295, (0, 0, -1), ["deg/s"]),
-        (1.0, (0, 0, 0), ["rad^3"]),
-        (1.0, (3, 0, 0), ["m³"]),
-        (1e9, (-3, 0, 0), ["mm-3"]),
-        (1e-6, (2, 0, -2), ["(mm/s)^2"]),
-        (0.0254**2, (2, 0, -2), ["ips2"]),  # a square, as of the spectrum of a velocity
-        (1.0, FORCE, ["kg m s-2", "newton", "Newtons", "N"]),
-        (10.0, FORCE, ["daN"]),
-        (LBF, FORCE, ["lb", "lbf"]),
-        (G, FORCE, ["kp", "kgf"]),
-        (1e-3, FORCE, ["mN"]),
-        (1e6, FORCE, ["MN"]),
-        (1e3, FORCE, ["kN"]),
-        (1.0, (2, 1, -2), ["N*m", "N-m"]),
-        (G, ACCELERANCE, ["g/N"]),
-        (G / LBF, ACCELERANCE, ["g/lbf"]),
-        (1.0, ACCELERANCE, ["(m/s^2)/N", "(1/N)*(m/s²)", "m/s2/N", "m/(N s^2)", "1/kg"]),
-        (0.0254 / LBF, ACCELERANCE, ["in/s**2/lbf"]),
-    ],
-)
-def test_labels(factor: float, dimension: tuple[int, int, int], texts: list[str]) -> None:
-    for label in map(read_label, texts):
-        assert label is not None
-        assert (label.factor, label.dimension) == (pytest.approx(factor, rel=1e-12), dimension)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "NONE", "EU", "V", "m//s", "m/", "(m", "m)", "*", "m^", "m^x", "m^4", "m^-", "m 2 3", "dB", "m/s^2^", "²"],
-)
-def test_labels_that_say_nothing(text: str) -> None:
-    assert read_label(text) is None
 
 
 def one(found: Reading) -> Frf:

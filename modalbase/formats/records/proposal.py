@@ -1,0 +1,106 @@
+"""Mappings that suggest themselves: what a file says of its channels, in its own words, and nothing that it does not say.
+
+What is empty (null) is the user's to fill in; a mapping that is sent with it is refused, and names it.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, get_args
+
+import numpy as np
+
+from modalbase.formats.records.arrays import ChannelQuantity, Variables
+from modalbase.formats.records.mapping import FEWEST_SAMPLES
+from modalbase.formats.records.scale import units_of
+from modalbase.formats.units import read_unit, unit_in_name
+
+_RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
+_NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
+    "force": ("force", "hammer", "exc"),
+    "acceleration": ("acc",),
+    "velocity": ("vel",),
+    "displacement": ("disp",),
+}
+_OTHERS = ("resp",)  # names a channel, and not what it measures
+
+
+def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The mapping that names, units and shapes suggest.
+
+    Where neither a name nor a unit says what a channel is, every variable as long as the time axis is proposed with an
+    empty quantity.
+
+    Args:
+        variables: arrays of a file.
+        units: that its properties state, by variable.
+    """
+    long = {name: a for name, a in variables.items() if a.size >= FEWEST_SAMPLES and np.squeeze(a).ndim in (1, 2)}
+    rate = next(
+        (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
+    )
+    time = next((name for name, array in long.items() if _is_time(name) and _ascends(array)), None)
+    point: Any = {"variable": "point"} if "point" in variables else None
+    channels = []
+    for name in _channels(long, time, units or {}):
+        channel = _channel(name, units or {})
+        at = point if channel["quantity"] == "force" else None
+        channels.append(channel if channel["point"] or at is None else channel | {"point": at})
+    found: dict[str, Any] = {"channels": sorted(channels, key=lambda c: c["quantity"] != "force")}
+    if rate or time:
+        found["sample_rate_hz"] = {"variable": rate or time}
+    if "hit" in variables:
+        found["hit"] = {"variable": "hit"}
+    return found
+
+
+def propose_recording(names: Iterable[str], units: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The same of a recording of many hits, by the names of its channels. One such as `acceleration_33_-3`, as the channels
+    of a UFF are called, says its point and direction, too.
+    """
+    return {"recording": {"order": []}, "channels": [_channel(name, units or {}) for name in names]}
+
+
+def _channel(name: str, units: Mapping[str, str]) -> dict[str, Any]:
+    by_name = _by_name(name)
+    texts = units_of(name, by_name, units)
+    unit = read_unit(texts[0]) if len(texts) == 1 else None
+    by_unit = unit.quantity if unit is not None and unit.quantity in get_args(ChannelQuantity) else None
+    place = re.fullmatch(r"[a-z]+_(\d+)_(-?\d)", name)
+    return {
+        "variable": name,
+        "quantity": None if by_name and by_unit and by_name != by_unit else by_unit or by_name,
+        "unit": texts[0] if len(texts) == 1 else None,
+        **({} if by_unit else {"sensitivity": None}),
+        "point": int(place[1]) or None if place else None,
+        "direction": int(place[2]) if place else None,
+    }
+
+
+def _by_name(name: str) -> ChannelQuantity | None:
+    """What a channel is by its own name, that of its group apart."""
+    own = unit_in_name(name)[0].lower().rpartition("/")[2]
+    return next((quantity for quantity, parts in _NAMES.items() if any(part in own for part in parts)), None)
+
+
+def _channels(long: Variables, time: str | None, units: Mapping[str, str]) -> list[str]:
+    """Names of the channels; by length alone where no name or unit says one."""
+    named = [
+        name
+        for name in long
+        if name != time
+        and "time" not in name.lower()
+        and (_channel(name, units)["quantity"] or any(part in name.lower() for part in _OTHERS))
+    ]
+    if named or time is None:
+        return named
+    samples = long[time].size
+    return [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]
+
+
+def _is_time(name: str) -> bool:
+    bare = unit_in_name(name, "time")[0].lower()
+    return re.split(r"[_.\s]", bare)[0] in ("time", "t") or bare.endswith((".time", ".t"))
+
+
+def _ascends(array: np.ndarray[Any, Any]) -> bool:
+    return array.dtype.kind in "fiu" and bool(np.all(np.diff(np.ravel(array)) > 0))

@@ -1,0 +1,266 @@
+"""Units as laboratories write them, one table for time data, FRFs and coupons.
+
+A unit is read as an expression: `m/s2`, `mm/s^2`, `(1/N)*(m/s²)`, `in/s**2/lbf`, `mV/g`. It has a factor to SI and a
+dimension in powers of length, mass, time and voltage, so that N is (1, 1, -2, 0) and 1/kg is an accelerance. `g` is the
+gravity of accelerometers, never the gram.
+"""
+
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+from modalbase.formats.constants import POUND_FORCE, STANDARD_GRAVITY
+from modalbase.formats.types import Quantity
+
+Measured = Literal[
+    "force", "acceleration", "velocity", "displacement", "length", "voltage", "time", "frequency", "stress", "strain",
+    "mass"
+]  # fmt: skip
+"""What a unit can be of; that of a length is a displacement's, a pure number a strain's."""
+
+
+class Dimension(NamedTuple):
+    """Powers of length, mass, time and voltage."""
+
+    length: int = 0
+    mass: int = 0
+    time: int = 0
+    voltage: int = 0
+
+    def times(self, other: "Dimension", power: int = 1) -> "Dimension":
+        """The dimension of a·bᵖ.
+
+        >>> ACCELERATION.times(FORCE, -1)  # acceleration over force: 1/mass
+        Dimension(length=0, mass=-1, time=0, voltage=0)
+        """
+        return Dimension(*(a + power * b for a, b in zip(self, other, strict=True)))
+
+
+FORCE, ACCELERATION, VELOCITY, LENGTH = Dimension(1, 1, -2), Dimension(1, 0, -2), Dimension(1, 0, -1), Dimension(1)
+VOLTAGE, TIME, FREQUENCY, NUMBER = Dimension(voltage=1), Dimension(time=1), Dimension(time=-1), Dimension()
+DIMENSIONS: dict[Measured, Dimension] = {
+    "force": FORCE,
+    "acceleration": ACCELERATION,
+    "velocity": VELOCITY,
+    "displacement": LENGTH,
+    "length": LENGTH,
+    "voltage": VOLTAGE,
+    "time": TIME,
+    "frequency": FREQUENCY,
+    "stress": Dimension(-1, 1, -2),
+    "strain": NUMBER,
+    "mass": Dimension(mass=1),
+}
+
+RESPONSE: dict[Quantity, Dimension] = {"accelerance": ACCELERATION, "mobility": VELOCITY, "receptance": LENGTH}
+"""Of what an FRF has above the force."""
+
+_INCH = 0.0254
+_PSI = POUND_FORCE / _INCH**2
+_DEGREE = 0.017453292519943295
+_NAMES: dict[Dimension, dict[str, float]] = {
+    LENGTH: {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9,
+             "in": _INCH, "inch": _INCH, "inches": _INCH, "mil": 1e-3 * _INCH, "mils": 1e-3 * _INCH, "ft": 0.3048},
+    TIME: {"s": 1.0, "sec": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "µs": 1e-6, "us": 1e-6,
+           "min": 60.0, "h": 3600.0},
+    FREQUENCY: {"Hz": 1.0, "kHz": 1e3, "cps": 1.0, "rpm": 1 / 60, "cpm": 1 / 60},
+    NUMBER: {"1": 1.0, "strain": 1.0, "%": 1e-2, "µε": 1e-6, "ue": 1e-6, "µstrain": 1e-6, "ustrain": 1e-6,
+             "microstrain": 1e-6},
+    Dimension(mass=1): {"kg": 1.0},
+    FORCE: {"N": 1.0, "kN": 1e3, "MN": 1e6, "mN": 1e-3, "daN": 10.0, "newton": 1.0, "newtons": 1.0,
+            "lbf": POUND_FORCE, "lb": POUND_FORCE, "lbs": POUND_FORCE, "kip": 1e3 * POUND_FORCE,
+            "kips": 1e3 * POUND_FORCE, "klbf": 1e3 * POUND_FORCE, "kgf": STANDARD_GRAVITY, "kp": STANDARD_GRAVITY},
+    ACCELERATION: {"g": STANDARD_GRAVITY, "gn": STANDARD_GRAVITY, "g0": STANDARD_GRAVITY, "g's": STANDARD_GRAVITY,
+                   "gs": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY, "µg": 1e-6 * STANDARD_GRAVITY,
+                   "ug": 1e-6 * STANDARD_GRAVITY, "gal": 1e-2},
+    VELOCITY: {"ips": _INCH},
+    DIMENSIONS["stress"]: {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": _PSI, "ksi": 1e3 * _PSI,
+                           "Msi": 1e6 * _PSI},
+    VOLTAGE: {"V": 1.0, "volt": 1.0, "volts": 1.0, "mV": 1e-3, "millivolts": 1e-3, "µV": 1e-6, "uV": 1e-6},
+}  # fmt: skip
+"""SI value of one unit, by dimension and name."""
+
+_ANGLES = {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "cycles": 1.0}
+_TWO_CASES = {"mn", "mpa", "msi"}  # of which the first letter says milli or mega
+_SPELLED = {"MPA": "MPa", "Mpa": "MPa", "MSI": "Msi"}
+_COMPOSED: dict[Measured, tuple[str, ...]] = {
+    "acceleration": ("m/s²", "mm/s²", "in/s²"),
+    "velocity": ("m/s", "mm/s", "in/s"),
+    "stress": ("N/mm²",),
+    "strain": ("mm/mm", "µm/m"),
+}
+_TOKEN = re.compile(r"\s*(\*\*|[()*/·^.-]|[²³]|g0|[0-9]+|[%°]|[^\W\d_²³]+(?:'s)?)", re.IGNORECASE)
+_ONE_SIGN = str.maketrans({"μ": "µ", "ɛ": "ε", "⋅": "·", "×": "*", "∕": "/", "−": "-"})
+NO_UNIT = {"", "none", "unknown", "user_defined", "-"}
+"""What programs write where they have no unit, in small letters."""
+
+
+class Unit(NamedTuple):
+    """What the text of a unit means."""
+
+    factor: float  # multiply by it for SI
+    dimension: Dimension
+
+    @property
+    def quantity(self) -> Measured | None:
+        """What it is of; None where that is none of ours, such as N·m or mV/g."""
+        return next((name for name, dimension in DIMENSIONS.items() if dimension == self.dimension), None)
+
+
+_BY_NAME = {name: Unit(factor, NUMBER) for name, factor in _ANGLES.items()} | {
+    name: Unit(factor, dimension) for dimension, names in _NAMES.items() for name, factor in names.items()
+}
+_BY_SMALL = {name.lower(): unit for name, unit in _BY_NAME.items() if name.lower() not in _TWO_CASES}
+
+
+@lru_cache(maxsize=256)
+def read_unit(text: str) -> Unit | None:
+    """The meaning of a unit as programs and people write it; None where it states none or is not understood.
+
+    >>> read_unit("mm/s²")
+    Unit(factor=0.001, dimension=Dimension(length=1, mass=0, time=-2, voltage=0))
+    >>> read_unit("LBF").quantity, read_unit("g").quantity, read_unit("mV").quantity, read_unit("EU")
+    ('force', 'acceleration', 'voltage', None)
+    """
+    tokens: list[str] = []
+    position = 0
+    text = plain(text)
+    if text.lower() in NO_UNIT:
+        return None
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            return None
+        tokens.append(match[1])
+        position = match.end()
+    unit, rest = _product(tokens)
+    return unit if not rest else None
+
+
+def plain(unit: str) -> str:
+    """A unit without brackets around it, with one kind of micro sign and epsilon.
+
+    >>> plain("[με]")
+    'µε'
+    """
+    bare = unit.strip().translate(_ONE_SIGN).replace("⁻¹", "-1").replace("⁻²", "-2")
+    if bare[:1] + bare[-1:] in ("[]", "()", "{}", "<>") and not {bare[0], bare[-1]} & set(bare[1:-1]):
+        bare = bare[1:-1].strip()
+    return "µε" if bare == "µe" else bare
+
+
+def factor_of(quantity: Measured, unit: str) -> float | None:
+    """The SI value of one unit of a quantity (a frequency's in Hz); None where the unit is not one of it.
+
+    >>> factor_of("force", "kN"), factor_of("strain", "µε"), factor_of("time", "kN")
+    (1000.0, 1e-06, None)
+    >>> round(factor_of("frequency", "rad/s"), 4)
+    0.1592
+    """
+    read = read_unit(unit)
+    if read is None or read.dimension != DIMENSIONS[quantity]:
+        return None
+    turns = quantity == "frequency" and re.search(r"rad|deg|°", unit.lower())
+    return read.factor / 6.283185307179586 if turns else read.factor
+
+
+def known_units(quantity: Measured) -> str:
+    """Names of the units of a quantity, for a message.
+
+    >>> known_units("velocity")
+    'm/s, mm/s, in/s, ips'
+    """
+    return ", ".join((*_COMPOSED.get(quantity, ()), *_NAMES.get(DIMENSIONS[quantity], ())))
+
+
+_IN_BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)*)[\])}>]")
+_AT_THE_END = re.compile(r"(?=(?:\s*/\s*|\s*[_,;:]\s*|\s+in\s+|\s+)(\S+)$)")
+
+
+def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]:
+    """The name of a column or channel without the unit that stands in it, and that unit; "" where none stands there.
+
+    A unit is what brackets hold, where it reads as one: a name in brackets is none. Without brackets, the last part of a
+    name is one where it is a unit of the quantity that the caller knows the name to be of.
+
+    >>> unit_in_name("ACC (g)"), unit_in_name("Hammer [lbf] 1"), unit_in_name("Strain 1 (left)")
+    (('ACC', 'g'), ('Hammer 1', 'lbf'), ('Strain 1 (left)', ''))
+    >>> unit_in_name("time_ms", "time"), unit_in_name("time_s")
+    (('time', 'ms'), ('time_s', ''))
+    """
+    for match in reversed(list(_IN_BRACKETS.finditer(name))):
+        if match[1].strip() != "1" and read_unit(match[1]) is not None:
+            return " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()), match[1].strip()
+    for match in _AT_THE_END.finditer(name):
+        unit = match[1].replace("_", "/")
+        if quantity is not None and factor_of(quantity, unit) is not None:
+            return name[: match.start()], unit
+    return name, ""
+
+
+_BESIDE = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")  # members of the structure of an array
+
+
+def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
+    """The unit that a file states of an array, in a text beside it or in the array's name; "" where it states none.
+
+    >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
+    ('g/N', 'm/N')
+    """
+    parent, _, own = name.rpartition(".")
+    beside = [f"{parent}.{end}" if parent else end for end in (*_BESIDE, f"{own}_unit", f"{own}_units")]
+    named = unit_in_name(own, quantity)[1]
+    stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
+    return stated or named
+
+
+def _product(tokens: list[str]) -> tuple[Unit | None, list[str]]:
+    """Factors joined by * · - . or blanks, and divided by /; stops at a closing parenthesis."""
+    total = Unit(1.0, NUMBER)
+    power = 1
+    expect = True
+    while tokens and tokens[0] != ")":
+        if tokens[0] in ("*", "·", "/", "-", "."):
+            if expect:
+                return None, tokens
+            power, expect, tokens = (-1 if tokens[0] == "/" else 1), True, tokens[1:]
+            continue
+        unit, tokens = _factor(tokens)
+        if unit is None:
+            return None, tokens
+        total = Unit(total.factor * unit.factor**power, total.dimension.times(unit.dimension, power))
+        expect = False
+    return (None if expect else total), tokens
+
+
+def _factor(tokens: list[str]) -> tuple[Unit | None, list[str]]:
+    """A unit or a parenthesis, with its power: s2, s^2, s**2, s²."""
+    unit: Unit | None
+    if tokens[0] == "(":
+        unit, tokens = _product(tokens[1:])
+        if not tokens:
+            return None, tokens
+        tokens = tokens[1:]
+    else:
+        unit, tokens = _atom(tokens[0]), tokens[1:]
+    if unit is None:
+        return None, tokens
+    exponent = 1
+    if tokens and tokens[0] in "²³":
+        exponent, tokens = (2 if tokens[0] == "²" else 3), tokens[1:]
+    elif tokens and tokens[0] in ("^", "**"):
+        sign, tokens = (-1, tokens[2:]) if tokens[1:2] == ["-"] else (1, tokens[1:])
+        if not tokens or tokens[0] not in ("1", "2", "3"):
+            return None, tokens
+        exponent, tokens = sign * int(tokens[0]), tokens[1:]
+    elif len(tokens) > 1 and tokens[0] == "-" and tokens[1] in ("1", "2", "3"):
+        exponent, tokens = -int(tokens[1]), tokens[2:]
+    elif tokens and tokens[0] in ("2", "3") and unit != _BY_NAME["1"]:
+        exponent, tokens = int(tokens[0]), tokens[1:]
+    return Unit(unit.factor**exponent, NUMBER.times(unit.dimension, exponent)), tokens
+
+
+def _atom(name: str) -> Unit | None:
+    """A single unit; case matters only where milli and mega differ by it."""
+    return _BY_NAME.get(_SPELLED.get(name, name)) or _BY_SMALL.get(name.lower())
