@@ -7,8 +7,8 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 
 from modalbase.formats.coordinates import Kind, cartesian
-from modalbase.formats.models.bdf.card import Card, numbered
-from modalbase.formats.models.model import Floats, Integers
+from modalbase.formats.models.bdf.card import Card, number, numbered
+from modalbase.formats.models.model import Floats, Incomplete, Integers
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,14 @@ class Grids:
     # PS of the rows that have one, with the card
     held: dict[int, tuple[tuple[int, ...], Card]] = field(default_factory=dict)
     superelements: list[Card] = field(default_factory=list)
+    repeated: list[Card] = field(default_factory=list)  # that say of a grid what another has said
 
     def row(self, card: Card, index: int, what: str) -> int:
         """The row of the grid that a field names."""
         number = card.integer(index, what)
         row = self.rows.get(number)
         if row is None:
-            raise card.wrong(index, what, f"a grid of the deck; there is no GRID {number}")
+            raise Incomplete(card.wrong(index, what, f"a grid of the deck; there is no GRID {number}").faults)
         return row
 
     def axes(self, row: int) -> Floats:
@@ -86,9 +87,13 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
         frames: CORD1R … CORD2S.
 
     Raises:
-        FormatError: a grid or system stands twice, refers to one that is not there, or to itself in a circle.
+        FormatError: a grid stands twice and differs, or a system twice; one refers to one that is not there, or to itself in a
+            circle.
     """
-    by_number = numbered(cards, "grid", "ID")
+    first: dict[tuple[str | float, ...], Card] = {}
+    cards = list(cards)
+    repeated = [card for card in cards if first.setdefault(_content(card), card) is not card]
+    by_number = numbered(first.values(), "grid", "ID")
     numbers = np.array(sorted(by_number), dtype=np.int64)
     ordered = [by_number[number] for number in numbers.tolist()]
     points = np.array([[card.real(2 + k, f"X{k + 1}", 0.0) for k in range(3)] for card in ordered]).reshape(-1, 3)
@@ -105,6 +110,12 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     for row, card in enumerate(ordered):
         _constrain(found, row, card, defaults)
     return found
+
+
+def _content(card: Card) -> tuple[str | float, ...]:
+    """Its fields, numbers by their values; empty ones at the end do not count."""
+    texts = " ".join(text or "-" for text in card.fields).rstrip(" -").split(" ")
+    return tuple(text if (value := number(text)) is None else value for text in texts)
 
 
 def _inherited(card: Card, index: int, what: str, defaults: Card | None) -> int:
