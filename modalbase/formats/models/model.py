@@ -239,7 +239,7 @@ class Incomplete(FormatError):
     def after(self, ignored: Iterable[Ignored]) -> Incomplete:
         """The same after the cards that were not read, which are told first."""
         unread = [
-            (str(Where(each.lines[0], each.file)), f"{each.card}: {each.loss}, which may be why:")
+            (str(Where(each.lines[0], each.file)), f"{each.card}: {each.loss}; this may be why the model is incomplete")
             for each in ignored
             if each.changes
         ]

@@ -296,7 +296,7 @@ def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
             found.append(line)
             continue
         if _PROSE.match(text):
-            card = Card(text[:8].rstrip(" ,"), [text[8:16].strip(" ,")], [Row(0, text, line.where)])
+            card = Card(text[:6], [text[8:16].strip(" ,")], [Row(0, text, line.where)])
             found.append(card)
             continue
         if card is not None and _PROSE.match(card.name) and (text[0] in "+*" or not text[:8].strip()):
@@ -314,10 +314,12 @@ def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
                 waiting[_joint(mark)] = card
             continue
         own = head[1:].strip()
-        if card is not None and (not own or not _joint(tail) or own in (_joint(tail), tail)):
+        if card is not None and (not own or own in (_joint(tail), tail)):
             _continue(card, fields, line)
         elif own in waiting:
             card = waiting.pop(own)
+            _continue(card, fields, line)
+        elif card is not None and not _joint(tail):
             _continue(card, fields, line)
         else:
             strays.append((own, line, fields, mark))

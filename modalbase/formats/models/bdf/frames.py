@@ -100,6 +100,7 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     rows = {number: row for row, number in enumerate(numbers.tolist())}
     in_system = [_inherited(card, 1, "CP", defaults) for card in ordered]
     found = Grids(numbers, points.copy(), rows, {str(number): row for number, row in rows.items()}, {0: BASIC})
+    found.repeated = repeated
     stated = _stated(frames)
     _resolve(stated, found, in_system, ordered)
     for system in set(in_system) - {0}:
