@@ -28,8 +28,8 @@ class OrthotropicMaterial:
     `nu_xy` is the Poisson's ratio of a contraction along y under stress along x, so nu_yx = nu_xy Ey / Ex.
 
     Raises:
-        InputError: a modulus is not positive, the density negative (0 is that of what masses make heavy), or the plane-stress stiffness is not positive definite
-            (nu_xy² Ey / Ex ≥ 1).
+        InputError: a modulus is not positive, the density negative (0 is of what weighs nothing), or the plane-stress stiffness
+            not positive definite (nu_xy² Ey / Ex ≥ 1).
     """
 
     Ex: float

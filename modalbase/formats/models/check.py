@@ -13,7 +13,7 @@ from modalbase.formats.models.model import (
     Elements,
     FiniteElementModel,
     Floats,
-    Incomplete,
+    IncompleteError,
     Integers,
     Link,
     ShellSection,
@@ -93,10 +93,10 @@ def check(model: FiniteElementModel) -> None:
     """Look for faults that no single line shows.
 
     Raises:
-        Incomplete: masses or springs hang on nothing; the model falls into parts, of which one is free. Cards that were not read
-            are told first.
         FormatError: there is no element; elements have no size or fold over; a section weighs less than nothing; a node is
             led twice, or by itself in a circle, or held where it is led.
+        IncompleteError: masses or springs hang on nothing; the model falls into parts, of which one is free. What was not read
+            is told first.
     """
     if not model.elements:
         raise FormatError("", "the model has no shell or beam element; nothing would vibrate")
@@ -107,7 +107,7 @@ def check(model: FiniteElementModel) -> None:
     _led_once(model)
     try:
         _hangs_together(model)
-    except Incomplete as error:
+    except IncompleteError as error:
         raise error.after(model.ignored) from None
     _held_or_led(model)
 
@@ -258,7 +258,7 @@ def _hangs_together(model: FiniteElementModel) -> None:
         *((spring.where, spring.node, "a spring") for spring in model.springs),
     ]:
         if not has_element[part[node]]:
-            raise Incomplete(
+            raise IncompleteError(
                 str(where),
                 f"{what} is on node {model.numbers[node]}, which no element, link or spring joins to the model",
             )
@@ -270,7 +270,7 @@ def _hangs_together(model: FiniteElementModel) -> None:
     free = [root for root in roots.tolist() if root not in held]
     if free:
         named = "; ".join(_described(model, part, root) for root in roots.tolist()[:NAMED])
-        raise Incomplete(
+        raise IncompleteError(
             "",
             f"the model falls into {len(roots)} parts that nothing joins, and nothing holds {len(free)} of them: {named}. "
             f"Give them common nodes, or join them by a constraint",

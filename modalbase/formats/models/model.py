@@ -233,17 +233,17 @@ class Placed(Protocol):
         """Where it begins."""
 
 
-class Incomplete(FormatError):
+class IncompleteError(FormatError):
     """A model lacks what one of its parts needs; cards that were not read may be why."""
 
-    def after(self, ignored: Iterable[Ignored]) -> Incomplete:
+    def after(self, ignored: Iterable[Ignored]) -> IncompleteError:
         """The same after the cards that were not read, which are told first."""
         unread = [
             (str(Where(each.lines[0], each.file)), f"{each.card}: {each.loss}; this may be why the model is incomplete")
             for each in ignored
             if each.changes
         ]
-        return Incomplete([*unread, *self.faults])
+        return IncompleteError([*unread, *self.faults])
 
 
 class Losses:

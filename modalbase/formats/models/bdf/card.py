@@ -141,6 +141,12 @@ class Card:
         return row.place(index - row.start)
 
     @property
+    def content(self) -> tuple[str | float, ...]:
+        """Its fields, numbers by their values; empty ones at the end do not count."""
+        filled = max((index + 1 for index, _ in self.words(0)), default=0)
+        return tuple(text if (value := number(text)) is None else value for text in self.fields[:filled])
+
+    @property
     def title(self) -> str:
         """Its name and number."""
         return f"{self.name} {self.text(0)}".rstrip()

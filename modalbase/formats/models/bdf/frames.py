@@ -7,8 +7,8 @@ from graphlib import CycleError, TopologicalSorter
 import numpy as np
 
 from modalbase.formats.coordinates import Kind, cartesian
-from modalbase.formats.models.bdf.card import Card, number, numbered
-from modalbase.formats.models.model import Floats, Incomplete, Integers
+from modalbase.formats.models.bdf.card import Card, numbered
+from modalbase.formats.models.model import Floats, IncompleteError, Integers
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Grids:
         number = card.integer(index, what)
         row = self.rows.get(number)
         if row is None:
-            raise Incomplete(card.wrong(index, what, f"a grid of the deck; there is no GRID {number}").faults)
+            raise IncompleteError(card.wrong(index, what, f"a grid of the deck; there is no GRID {number}").faults)
         return row
 
     def axes(self, row: int) -> Floats:
@@ -92,7 +92,7 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     """
     first: dict[tuple[str | float, ...], Card] = {}
     cards = list(cards)
-    repeated = [card for card in cards if first.setdefault(_content(card), card) is not card]
+    repeated = [card for card in cards if first.setdefault(card.content, card) is not card]
     by_number = numbered(first.values(), "grid", "ID")
     numbers = np.array(sorted(by_number), dtype=np.int64)
     ordered = [by_number[number] for number in numbers.tolist()]
@@ -111,12 +111,6 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
     for row, card in enumerate(ordered):
         _constrain(found, row, card, defaults)
     return found
-
-
-def _content(card: Card) -> tuple[str | float, ...]:
-    """Its fields, numbers by their values; empty ones at the end do not count."""
-    texts = " ".join(text or "-" for text in card.fields).rstrip(" -").split(" ")
-    return tuple(text if (value := number(text)) is None else value for text in texts)
 
 
 def _inherited(card: Card, index: int, what: str, defaults: Card | None) -> int:

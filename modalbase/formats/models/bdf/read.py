@@ -9,7 +9,7 @@ from modalbase.formats.models.bdf.deck import Deck, note_unread, note_unused
 from modalbase.formats.models.bdf.held import read_links, read_supports
 from modalbase.formats.models.bdf.shells import Shells
 from modalbase.formats.models.check import check, gathered, on_leaders
-from modalbase.formats.models.model import FiniteElementModel, Incomplete
+from modalbase.formats.models.model import FiniteElementModel, IncompleteError
 
 _DIRECT = ("K2GG", "M2GG", "K2PP", "M2PP")
 
@@ -31,7 +31,7 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
     note_unread(deck)
     try:
         model = _model(deck)
-    except Incomplete as error:
+    except IncompleteError as error:
         raise error.after(deck.notes.found) from None
     check(model)
     return model
