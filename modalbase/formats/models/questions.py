@@ -68,7 +68,7 @@ def of_cards(model: FiniteElementModel) -> Iterator[Question]:
         if one.changes:
             where = f"{Where(one.lines[0], one.file)}: " if any(one.lines) else ""
             what = f"{where}{one.card} would be left out ({one.loss}), which changes modes"
-            yield Question("file", what, (plain(one.card),), "takes the model without it")
+            yield Question("", what, (plain(one.card),), "takes the model without it")
 
 
 def of_size(model: FiniteElementModel, length: float = 1.0) -> Iterator[Question]:
@@ -93,7 +93,7 @@ def of_materials(model: FiniteElementModel, units: str) -> Iterator[Question]:
                 at = f", {material.where}" if material.where.line else ""
                 named = f"in {units} the set {name} (material {each}{at}) has {what}"
                 answers = f"{kind}:{name}", f"{kind}:{each}"
-                questions.append(Question("file", named, answers, f"takes it as it is{others}"))
+                questions.append(Question("", named, answers, f"takes it as it is{others}"))
     better = guess(model) if questions else None
     if better and better.units != units:
         first = questions[0]

@@ -107,7 +107,7 @@ def test_offsets_of_shells() -> None:
         (
             0.8,
             2.1e11,
-            r"^file: in m-N-kg the set plate \(material METAL, line 18\) has the density 0.8 kg/m³, usual is 10 to 25000",
+            r"^in m-N-kg the set plate \(material METAL, line 18\) has the density 0.8 kg/m³, usual is 10 to 25000",
         ),
         (7.85e-9, 2.1e5, "^units: in m-N-kg the set plate .* density 7.85e-09 kg/m³.* mm-N-t would fit: .* steel"),
         (2700.0, 70.0, r"the modulus 70 Pa, usual is 1e\+06 to 2e\+12; accept=modulus:plate"),
