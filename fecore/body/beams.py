@@ -36,7 +36,7 @@ class BeamSection:
     def __post_init__(self) -> None:
         for name in ("E", "G", "density", "area", "torsion"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
+            if not (np.isfinite(value) and (value > 0 or (name == "density" and value == 0))):
                 raise InputError(f"section.{name}", f"is {value}, expected a positive number")
         first, second, mixed = self.inertia
         if not (first > 0 and second > 0 and mixed**2 < first * second):

@@ -28,8 +28,8 @@ class OrthotropicMaterial:
     `nu_xy` is the Poisson's ratio of a contraction along y under stress along x, so nu_yx = nu_xy Ey / Ex.
 
     Raises:
-        InputError: a modulus or the density is not positive, or the plane-stress stiffness is not positive definite
-            (nu_xy² Ey / Ex ≥ 1).
+        InputError: a modulus is not positive, the density negative (0 is of what weighs nothing), or the plane-stress stiffness
+            not positive definite (nu_xy² Ey / Ex ≥ 1).
     """
 
     Ex: float
@@ -45,7 +45,9 @@ class OrthotropicMaterial:
             value = getattr(self, field.name)
             if not np.isfinite(value):
                 raise InputError(f"material.{field.name}", f"is {value}, expected a finite number")
-            if field.name != "nu_xy" and value <= 0:
+            if field.name == "density" and value < 0:
+                raise InputError("material.density", f"is {value:g}, expected a number that is not negative")
+            if field.name not in ("nu_xy", "density") and value <= 0:
                 raise InputError(f"material.{field.name}", f"is {value:g}, expected a positive number")
         if self.nu_xy**2 * self.Ey / self.Ex >= 1:
             raise InputError(

@@ -126,7 +126,7 @@ class ShellSection:
         """(4, …) I0, I1, I2 and that of the drilling, kg/m², kg/m, kg, kg."""
         t = constants["t"]
         levels = self._levels(t)
-        density = np.array([ply.material.density for ply in self.plies]) / self.nominal["density"]
+        density = np.array([ply.material.density for ply in self.plies]) / (self.nominal["density"] or 1.0)
         parts = [
             np.tensordot(density, (levels[1:] ** n - levels[:-1] ** n) / n, 1) * constants["density"] for n in (1, 2, 3)
         ]

@@ -260,9 +260,11 @@ class Structure:
         return self._stretched(self.model.mass.names, values, of.get("", {}))
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
-        """(…) whether moduli, densities and dimensions are positive and plane-stress stiffnesses positive definite."""
+        """(…) whether moduli, densities and dimensions are positive and plane-stress stiffnesses positive definite; a density
+        that is nominally 0 may be.
+        """
         names = list(self.nominal)
-        signed = np.array([kind_of(name) in SIGNED for name in names])
+        signed = np.array([kind_of(name) in SIGNED or not value for name, value in self.nominal.items()])
         good = np.all(constants[~signed] > 0, axis=0)
         for row, name in enumerate(names):
             if kind_of(name) == "nu12":

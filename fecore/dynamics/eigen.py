@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, IntArray
 from fecore.dynamics.factor import Factor, factorise, negative_eigenvalues
 from fecore.errors import InputError, ModelError
 
@@ -33,6 +33,8 @@ _ABOVE_ROUND_OFF = (
 _NEAR = 0.01  # share of the first elastic eigenvalue's scale that is as good a shift
 _NO_ENERGY = 1e-15  # share of what a motion's terms would have if none cancelled: its energy is their round-off alone
 _CAUSE = {"stiffness": "support", "mass": "density"}
+_FEW = 300  # rows with mass, up to which the others are condensed where there are some
+_MASS_INDEFINITE = "the mass matrix is not positive definite: some motion has a mass below 0"
 _DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
 
 
@@ -46,6 +48,26 @@ class MechanismError(ModelError):
     def __init__(self, message: str, shape: FloatArray | None = None) -> None:
         super().__init__(message)
         self.shape = np.zeros(0) if shape is None else shape
+
+
+class FewModesError(InputError):
+    """There are fewer modes than are asked for.
+
+    Attributes:
+        available: how many there are besides rigid motions.
+    """
+
+    def __init__(self, count: int, rigid: int, available: int, dofs: int) -> None:
+        super().__init__(
+            "count",
+            f"is {count}, expected at least {rigid + 1} and at most {rigid + available}: the model has {dofs} dofs, "
+            f"{rigid} rigid-body modes and {available} others",
+        )
+        self.arguments, self.available = (count, rigid, available, dofs), available
+
+    def __reduce__(self) -> tuple[type[FewModesError], tuple[int, int, int, int]]:
+        """Survive pickling."""
+        return type(self), self.arguments
 
 
 @dataclass(frozen=True)
@@ -87,13 +109,13 @@ def normal_modes(
 
     Args:
         stiffness: (dofs, dofs) K, positive semi-definite.
-        mass: (dofs, dofs) M, positive definite.
+        mass: (dofs, dofs) M, positive semi-definite; where it is singular K - σM is definite on its null space.
         count: how many modes.
         rigid_modes: (dofs, r) a basis of the null space of K; None where K is definite.
         like: as in `factorise`.
 
     Raises:
-        InputError: there are not so many modes.
+        FewModesError: there are not so many modes.
         ModelError: K - σM is not positive definite, the iteration does not converge, or a mode is missing.
         MechanismError: K resists nothing of a motion that `rigid_modes` do not have.
     """
@@ -101,13 +123,17 @@ def normal_modes(
     free = rigid.shape[1]
     wanted = count - free
     if wanted < 1 or wanted > stiffness.shape[0] - free:
-        raise InputError(
-            "count",
-            f"is {count}, expected at least {free + 1} and at most {stiffness.shape[0]}: "
-            f"the model has {stiffness.shape[0]} dofs and {free} rigid-body modes",
-        )
+        raise FewModesError(count, free, stiffness.shape[0] - free, stiffness.shape[0])
     _check_diagonal(stiffness, mass)
     shift, factor = _near_first(stiffness, mass, rigid, like) if free else (0.0, factorise(stiffness, like))
+    heavy = np.flatnonzero(mass.diagonal())
+    if len(heavy) < mass.shape[0] and len(heavy) <= _FEW:
+        value, vectors = _condensed(factor, mass, rigid, heavy)
+        if wanted > len(value):
+            raise FewModesError(count, free, len(value), stiffness.shape[0])
+        eigenvalue = shift + 1 / value[:wanted]
+        shapes = np.hstack([rigid, vectors[:, :wanted]])
+        return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
     first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)  # symmetry repeats a root no more than twice
     for width in (*first, wanted + 2):  # and so many hold any
         value, vectors = _lanczos(factor, mass, rigid, wanted, width)
@@ -138,7 +164,12 @@ def mass_orthonormal(vectors: FloatArray | None, mass: scipy.sparse.csc_array) -
         return np.zeros((mass.shape[0], 0))
     scaled: FloatArray = vectors / np.linalg.norm(vectors, axis=0)
     for _ in range(2):  # the second pass removes what the Gram matrix squared of the round-off
-        lower = np.linalg.cholesky(scaled.T @ (mass @ scaled))
+        try:
+            lower = np.linalg.cholesky(scaled.T @ (mass @ scaled))
+        except np.linalg.LinAlgError:
+            raise ModelError(
+                "a motion of the whole body moves no mass: hold the body, or give what turns an inertia"
+            ) from None
         scaled = scaled @ np.linalg.inv(lower).T
     return scaled
 
@@ -147,7 +178,7 @@ def _check_diagonal(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_ar
     """Name the dof where a fault of the model shows at once."""
     for name, matrix in (("stiffness", stiffness), ("mass", mass)):
         diagonal = matrix.diagonal()
-        if diagonal.min() <= 0:
+        if diagonal.min() < 0 or not diagonal.any() or (name == "stiffness" and diagonal.min() == 0):
             raise ModelError(
                 f"the {name} matrix is not positive definite: is the {_CAUSE[name]} right? "
                 f"At dof {diagonal.argmin()} it has {diagonal.min():.3g} on its diagonal"
@@ -184,14 +215,42 @@ def _shifted(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, sh
     return scipy.sparse.csc_array((data, stiffness.indices, stiffness.indptr), shape=stiffness.shape)
 
 
+def _condensed(
+    factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, heavy: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """All eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal, where few rows have mass.
+
+    With M = L Lᵀ of as many columns as its rank, those of Lᵀ(K - σM)⁻¹L, which is dense: rows without mass follow the others.
+    """
+    weight, turn = np.linalg.eigh(mass[heavy][:, heavy].toarray())
+    if weight[0] < -_INDEFINITE * weight[-1]:
+        raise ModelError(_MASS_INDEFINITE)
+    keep = weight > _DEPENDENT * weight[-1]
+    root = np.zeros((mass.shape[0], int(keep.sum())))
+    root[heavy] = turn[:, keep] * np.sqrt(weight[keep])
+    images = factor.solve(root)
+    inside = root.T @ rigid
+    outside = np.eye(root.shape[1]) - inside @ inside.T
+    value, small = np.linalg.eigh(outside @ (root.T @ images) @ outside)
+    count = root.shape[1] - rigid.shape[1]
+    value, small = value[::-1][:count], small[:, ::-1][:, :count]
+    return value, images @ small / value
+
+
 def _lanczos(
     factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, wanted: int, width: int
 ) -> tuple[FloatArray, FloatArray]:
     """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal."""
     dofs, free = rigid.shape
     basis = _Basis(rigid, mass, 4 * wanted + 2 * width)
-    random = np.random.default_rng(0)
-    basis.append(basis.orthonormalise(random.standard_normal((min(width, dofs - free), dofs))))
+    random, light = np.random.default_rng(0), not mass.diagonal().all()
+
+    def start(count: int) -> FloatArray:
+        """Random vectors, without parts that have no mass, which the M-norm would not see (Ericsson 1986)."""
+        rows = random.standard_normal((count, dofs))
+        return factor.solve(mass @ rows.T).T if light else rows
+
+    basis.append(basis.orthonormalise(start(min(width, dofs - free))))
     projected: FloatArray = np.zeros((0, 0))
     look = 7 * wanted // 4 + 8 * width  # before, nothing has converged
     before = 0  # where the last block but one begins
@@ -211,7 +270,7 @@ def _lanczos(
                 return value, basis.vectors[free:].T @ small
             look = size + width * max(1, round(np.log10(worst / _TOLERANCE)))  # a step gains about a digit
         if exhausted:  # the space is invariant, and what is missing lies outside it
-            block = basis.orthonormalise(random.standard_normal((min(width, dofs - free - size), dofs)))
+            block = basis.orthonormalise(start(min(width, dofs - free - size)))
         basis.append(block)
     raise ModelError(f"block Lanczos did not find {wanted} modes in a basis of {len(projected)} vectors")
 
@@ -298,7 +357,7 @@ class _Basis:
         """Orthonormal vectors of directions of very different lengths, their images, and R; those of round-off are left out."""
         weight, turn = np.linalg.eigh(gram)
         if weight[0] < -_INDEFINITE * scale:
-            raise ModelError("the mass matrix is not positive definite: is the density right?")
+            raise ModelError(_MASS_INDEFINITE)
         keep = weight > _DEPENDENT**2 * scale
         root, turn = np.sqrt(weight[keep]), turn[:, keep]
         scaled, image, again = self._restored((turn / root).T @ outside)

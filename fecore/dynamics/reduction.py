@@ -316,7 +316,9 @@ class CoefficientRatio:
         self._single = self._single[start[self._single] > 0]
         self._start = start[self._single]
         self._blocks = [
-            (block, np.linalg.inv(np.linalg.cholesky(start[block]))) for block in matrix.blocks if block.size > 1
+            (block, np.linalg.inv(np.linalg.cholesky(start[block])))
+            for block in matrix.blocks
+            if block.size > 1 and start[block].any()
         ]
 
     def smallest(self, coefficients: FloatArray) -> float:

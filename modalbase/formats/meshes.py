@@ -38,6 +38,15 @@ class Cells:
 
 
 @dataclass(frozen=True)
+class Group:
+    """Elements and nodes under a name, beside the sets of elements; groups may overlap."""
+
+    name: str
+    elements: IntArray  # their own numbers
+    nodes: IntArray  # rows of the table of nodes, besides those of the elements
+
+
+@dataclass(frozen=True)
 class MeshFile:
     """What is written or read.
 
@@ -47,6 +56,7 @@ class MeshFile:
         cells: elements.
         shapes: modes whose points are these numbers.
         length_m: the unit of length, where the file that was read states one.
+        groups: named by a file that was read.
     """
 
     numbers: IntArray
@@ -54,6 +64,7 @@ class MeshFile:
     cells: Sequence[Cells]
     shapes: Sequence[ModeShape] = ()
     length_m: float | None = None
+    groups: Sequence[Group] = ()
 
 
 def write_vtu(mesh: MeshFile) -> bytes:

@@ -90,7 +90,8 @@ def _of_set(found: Changes, name: str, values: Mapping[str, float]) -> None:
         found.sections.extend(_beam(name, section, {key: rest.pop(key) for key in _SECTION if key in rest}))
     factor = rest.pop("factor", 1.0)
     alike = _alike(found.model, name)
-    share = rest.pop("density") / _mean_density(found.model, name) if "density" in rest else 1.0
+    density = rest.pop("density", 0.0)
+    share = density / _mean_density(found.model, name) if density else 1.0
     for number, materials in enumerate(alike, start=1):
         suffix = "" if number == 1 else f"_{number}"
         own = {key.removesuffix(suffix): rest.pop(key) for key in list(rest) if _numbered(key) == number}

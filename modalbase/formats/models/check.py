@@ -13,11 +13,11 @@ from modalbase.formats.models.model import (
     Elements,
     FiniteElementModel,
     Floats,
+    IncompleteError,
     Integers,
     Link,
     ShellSection,
     Support,
-    Where,
 )
 
 CORNERS = {"quad4": 4, "quad8": 4, "tri3": 3, "tri6": 3, "beam2": 2, "beam3": 2}
@@ -94,8 +94,9 @@ def check(model: FiniteElementModel) -> None:
 
     Raises:
         FormatError: there is no element; elements have no size or fold over; a section weighs less than nothing; a node is
-            led twice, or by itself in a circle, or held where it is led; masses or springs hang on nothing; the model falls
-            into parts, of which one is free.
+            led twice, or by itself in a circle, or held where it is led.
+        IncompleteError: masses or springs hang on nothing; the model falls into parts, of which one is free. What was not read
+            is told first.
     """
     if not model.elements:
         raise FormatError("", "the model has no shell or beam element; nothing would vibrate")
@@ -104,7 +105,10 @@ def check(model: FiniteElementModel) -> None:
         raise FormatError(faults[:NAMED])
     _weigh(model)
     _led_once(model)
-    _hangs_together(model)
+    try:
+        _hangs_together(model)
+    except IncompleteError as error:
+        raise error.after(model.ignored) from None
     _held_or_led(model)
 
 
@@ -254,7 +258,7 @@ def _hangs_together(model: FiniteElementModel) -> None:
         *((spring.where, spring.node, "a spring") for spring in model.springs),
     ]:
         if not has_element[part[node]]:
-            raise FormatError(
+            raise IncompleteError(
                 str(where),
                 f"{what} is on node {model.numbers[node]}, which no element, link or spring joins to the model",
             )
@@ -266,17 +270,11 @@ def _hangs_together(model: FiniteElementModel) -> None:
     free = [root for root in roots.tolist() if root not in held]
     if free:
         named = "; ".join(_described(model, part, root) for root in roots.tolist()[:NAMED])
-        raise FormatError(
+        raise IncompleteError(
             "",
             f"the model falls into {len(roots)} parts that nothing joins, and nothing holds {len(free)} of them: {named}. "
-            f"Give them common nodes, or join them by a constraint{_not_used(model)}",
+            f"Give them common nodes, or join them by a constraint",
         )
-
-
-def _not_used(model: FiniteElementModel) -> str:
-    """Cards that were not used and may have joined parts."""
-    cards = [f"{each.card} of {Where(each.lines[0], each.file)}: {each.loss}" for each in model.ignored if each.changes]
-    return f". Not used was {'; '.join(cards[:NAMED])}" if cards else ""
 
 
 def _described(model: FiniteElementModel, part: Integers, root: int) -> str:

@@ -4,13 +4,17 @@ Readers make it from any deck; nothing after them asks which. Nodes are known by
 number to the user.
 """
 
+from __future__ import annotations
+
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from modalbase.formats.errors import FormatError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -227,6 +231,19 @@ class Placed(Protocol):
     @property
     def where(self) -> Where:
         """Where it begins."""
+
+
+class IncompleteError(FormatError):
+    """A model lacks what one of its parts needs; cards that were not read may be why."""
+
+    def after(self, ignored: Iterable[Ignored]) -> IncompleteError:
+        """The same after the cards that were not read, which are told first."""
+        unread = [
+            (str(Where(each.lines[0], each.file)), f"{each.card}: {each.loss}; this may be why the model is incomplete")
+            for each in ignored
+            if each.changes
+        ]
+        return IncompleteError([*unread, *self.faults])
 
 
 class Losses:

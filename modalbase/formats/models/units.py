@@ -1,8 +1,9 @@
 """Units of a deck, which states none: length, force and mass by name, scaled to SI.
 
-They are guessed and checked by what materials there are.
+They are guessed by what materials there are.
 """
 
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -69,8 +70,8 @@ _KNOWN = (
     _Known("concrete or glass", (2000, 2700), (1.5e10, 9e10)),
     _Known("core of foam, balsa or honeycomb", (25, 350), (5e6, 6e9)),
 )
-_DENSITIES, _MODULI, _SPEEDS, _SIZES = (10.0, 2.5e4), (1e6, 2e12), (30.0, 3e4), (1e-3, 1e4)
-"""What no solid goes beyond: kg/m³, Pa, √(E/ρ) in m/s, and the extent of a structure in m."""
+SIZES = (1e-3, 1e4)
+"""Usual extent of a structure, m."""
 
 
 def units_of(name: str) -> Units:
@@ -93,7 +94,7 @@ def units_of(name: str) -> Units:
 
 
 def in_si(model: FiniteElementModel, units: str) -> FiniteElementModel:
-    """The model with all numbers in SI.
+    """The model with all numbers in SI; a density that is not stated is 0.
 
     Args:
         model: in the deck's units.
@@ -137,7 +138,8 @@ def _section(section: ShellSection | BeamSection, u: Units) -> ShellSection | Be
 
 
 def _material(material: Material, u: Units) -> Material:
-    return replace(material, constants={name: value * unit_of(name, u) for name, value in material.constants.items()})
+    stated = {name: value * unit_of(name, u) for name, value in material.constants.items()}
+    return replace(material, constants={**stated, "density": stated.get("density", 0.0)})
 
 
 def unit_of(constant: str, u: Units) -> float:
@@ -169,77 +171,52 @@ def _spring(spring: Spring, u: Units) -> Spring:
 
 
 def guess(model: FiniteElementModel) -> Guess | None:
-    """Units in which every material is one that is known, and the structure has the size of one; None where none are.
+    """Units in which most elements are of materials that are known, and the structure has the size of one; None where none are.
 
-    The first of `COMMON` that fits is offered, and the others that fit are named.
+    The first such of `COMMON` is offered, and the others are named.
     """
-    fitting: dict[str, list[str]] = {}
+    counts: dict[str, int] = defaultdict(int)
+    for block in model.elements:
+        for name in model.sections[block.set].materials:
+            counts[name] += len(block.numbers)
+    known: dict[str, dict[str, str]] = {}
     for name in COMMON:
         u = units_of(name)
-        kinds = [_kind(material, u) for material in model.materials.values()]
-        if kinds and all(kinds) and _within(_extent(model) * u.length, _SIZES):
-            fitting[name] = [kind for kind in kinds if kind]
-    if not fitting:
+        if within(extent(model) * u.length, SIZES):
+            kinds = {each: _kind(material, u) for each, material in model.materials.items()}
+            known[name] = {each: kind for each, kind in kinds.items() if kind}
+    shares = {name: sum(counts[each] for each in kinds) for name, kinds in known.items()}
+    most = max(shares.values(), default=0)
+    if not most:
         return None
-    first, *others = fitting
+    first, *others = (name for name, share in shares.items() if share == most)
     u = units_of(first)
     said = "; ".join(
-        f"{name} would be {kind} (E {_modulus(material) * u.stress:.3g} Pa, density "
-        f"{material.constants['density'] * u.density:.4g} kg/m³)"
-        for (name, material), kind in zip(model.materials.items(), fitting[first], strict=True)
+        f"{name} would be {known[first].get(name) or 'no usual material'} (E {modulus_of(material) * u.stress:.3g} Pa, "
+        f"density {material.constants.get('density', 0.0) * u.density:.4g} kg/m³)"
+        for name, material in model.materials.items()
     )
     also = f"; {', '.join(others)} would fit too" if others else ""
-    return Guess(first, f"in {first} the structure is {_extent(model) * u.length:.3g} m large, and {said}{also}")
-
-
-def check(model: FiniteElementModel, units: str) -> None:
-    """Refuse units in which a material is none that exists, or a structure has an impossible size.
-
-    Args:
-        model: in the deck's units.
-        units: what they are said to be.
-
-    Raises:
-        FormatError: `units` names none, or the numbers make no sense in them; offers those that would.
-    """
-    u = units_of(units)
-    faults = [fault for material in model.materials.values() if (fault := _nonsense(material, u, units))]
-    size = _extent(model) * u.length
-    if not _within(size, _SIZES):
-        faults.append(f"the structure would be {size:.3g} m large in {units}")
-    if faults:
-        better = guess(model)
-        hint = f"; {better.units} would fit: {better.reason}" if better else "; see the deck's units and constants"
-        raise FormatError("units", "; ".join(faults) + hint)
-
-
-def _nonsense(material: Material, u: Units, units: str) -> str:
-    """What is wrong with a material, empty where it may exist."""
-    density, E = material.constants["density"] * u.density, _modulus(material) * u.stress
-    if _within(density, _DENSITIES) and _within(E, _MODULI) and _within(float(np.sqrt(E / density)), _SPEEDS):
-        return ""
-    return (
-        f"in {units} the material {material.name} ({material.where}) has the density {density:.4g} kg/m³ and the modulus "
-        f"{E:.3g} Pa, which no solid has"
-    )
+    return Guess(first, f"in {first} the structure is {extent(model) * u.length:.3g} m large, and {said}{also}")
 
 
 def _kind(material: Material, u: Units) -> str:
     """A known kind of material that has these constants; empty where none has."""
-    density, E = material.constants.get("density", 0.0) * u.density, _modulus(material) * u.stress
-    return next((k.name for k in _KNOWN if _within(density, k.density) and _within(E, k.modulus)), "")
+    density, E = material.constants.get("density", 0.0) * u.density, modulus_of(material) * u.stress
+    return next((k.name for k in _KNOWN if within(density, k.density) and within(E, k.modulus)), "")
 
 
-def _modulus(material: Material) -> float:
-    """The largest Young's modulus."""
+def modulus_of(material: Material) -> float:
+    """Its largest Young's modulus."""
     return max(value for name, value in material.constants.items() if name in ("E", "E1", "E2", "E3"))
 
 
-def _extent(model: FiniteElementModel) -> float:
+def extent(model: FiniteElementModel) -> float:
     """Diagonal of the box around the elements."""
     used = np.unique(np.concatenate([block.nodes.ravel() for block in model.elements]))
     return float(np.linalg.norm(np.ptp(model.nodes[used], axis=0)))
 
 
-def _within(value: float, limits: tuple[float, float]) -> bool:
+def within(value: float, limits: tuple[float, float]) -> bool:
+    """Whether a value lies between two, or is one of them."""
     return limits[0] <= value <= limits[1]

@@ -129,14 +129,8 @@ def _beam(section: BeamSection, material: Material, axis: tuple[float, float, fl
 
 
 def orthotropic(material: Material) -> OrthotropicMaterial:
-    """The core's material.
-
-    Raises:
-        InputError: its density is not stated.
-    """
+    """The core's material."""
     c = material.constants
-    if "density" not in c:
-        raise InputError(f"materials.{material.name}", f"of {material.where} has no density: nothing would vibrate")
     if material.is_isotropic:
         c = {
             **c,

@@ -21,6 +21,17 @@ _CONSTANTS = {f"{name}_Pa": name for name in ("E", "E1", "E2", "G12", "G13", "G2
 }  # fmt: skip
 
 
+def kind_of_member(member: str) -> str:
+    """What a member of a section is in `accept`, as `density:plate`."""
+    name = _CONSTANTS.get(member, member.rpartition("_")[0])
+    return "modulus" if name[0] in "EG" else name.removesuffix("12")
+
+
+def is_of_sections(name: str) -> bool:
+    """Whether a name in `accept` answers what is asked of sections as they are sent."""
+    return name.partition(":")[0].lower() in ("thickness", "density", "modulus", "nu", "angle")
+
+
 def is_mesh(filename: str) -> bool:
     """Whether a file's name says that it is a mesh without properties."""
     return PurePosixPath(filename).suffix.lower() in MESHES

@@ -7,7 +7,7 @@ import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -19,13 +19,14 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf import read_bdf
 from modalbase.formats.models.check import sizes
 from modalbase.formats.models.inp import read_inp
-from modalbase.formats.models.model import BeamSection, FiniteElementModel, Ignored, ShellSection, Where
-from modalbase.formats.models.units import check, guess, in_si
+from modalbase.formats.models.model import BeamSection, FiniteElementModel, ShellSection, Where
+from modalbase.formats.models.questions import massless, of_cards, of_materials, of_size, require_answers
+from modalbase.formats.models.units import guess, in_si, units_of
 from modalbase.formats.npy import members_of
 from service.compute.models.bodies import body_of_model
 from service.compute.models.keeping import kept
 from service.compute.models.matrices import are_matrices, describe_matrices, kept_matrices, matrices_in_si
-from service.compute.models.meshes import MESHES, is_mesh, mesh_in_si
+from service.compute.models.meshes import MESHES, is_mesh, is_of_sections, mesh_in_si
 from service.errors import Fault, Invalid
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ class DeckInputs:
     path: Path  # where it lies
     filename: str  # what its sender calls it
     units: str | None  # that its numbers are in, such as `mm-N-t`; None where they are not stated
-    accepted: tuple[str, ...]  # names of cards that may be left out although modes change by that
+    accepted: tuple[str, ...]  # answers to what is asked of it: cards that may be left out, `density:GAUGE`
     sections: Mapping[str, Any] | None = None  # of the sets of a mesh without properties
 
 
@@ -72,25 +73,25 @@ def read_deck(inputs: DeckInputs, report: Report) -> Iterator[DeckOutput]:
     """A deck or mesh as a model in SI.
 
     Raises:
-        Invalid: it cannot be read, or its units are not stated or make no sense, or it has a card that would be left out and
-            that is not accepted, or sections that it needs are not stated.
+        Invalid: it cannot be read, its units are not stated, a question of it is not answered or an answer is of none, or
+            sections that it needs are not stated.
         InputError: no body can be made of it.
     """
     report("reading the model", 0.0)
     content = inputs.path.read_bytes()
     if is_mesh(inputs.filename):
         si = faults_of(lambda: mesh_in_si(content, inputs.filename, inputs.units, inputs.sections or {}))
-        _require_accepted(si, inputs.accepted)
+        asked = [*of_size(si), *of_cards(si)]
+        named = [name for name in inputs.accepted if not is_of_sections(name)]
+        faults_of(lambda: require_answers(asked, named, si.ignored))
     elif inputs.sections is not None:
         raise Invalid("sections", "are of meshes without properties; a deck has its own, and matrices have none")
     elif are_matrices(files := files_of(content, inputs.filename)):
+        faults_of(lambda: require_answers((), inputs.accepted))
         yield _of_matrices(files, inputs.units)
         return
     else:
-        model = parsed(content, inputs.filename)
-        _require_units(model, inputs.units)
-        _require_accepted(model, inputs.accepted)
-        si = in_si(model, inputs.units or "")
+        si = _answered(parsed(content, inputs.filename), inputs)
     report("looking for joints", 0.5)
     body = body_of_model(si)
     yield DeckOutput(describe(si, body), kept(si))
@@ -215,42 +216,28 @@ def faults_of(read: Callable[[], Read]) -> Read:
         raise Invalid(
             [
                 Fault(place.replace(".", "/"), what)
-                if place.split(".")[0] in ("units", "filename", "sections")
+                if place.split(".")[0] in ("units", "filename", "sections", "accept")
                 else Fault("file", f"{place}: {what}" if place else what)
                 for place, what in error.faults
             ]
         ) from None
 
 
-def _require_units(model: FiniteElementModel, units: str | None) -> None:
-    massless = [m for m in model.materials.values() if "density" not in m.constants]
-    if massless:
-        raise Invalid("file", f"the material {massless[0].name} ({massless[0].where}) has no density")
-    if units is not None:
-        faults_of(lambda: check(model, units))
-        return
-    found = guess(model)
-    hint = "; no usual units give its materials and size" if found is None else f"; units={found.units}? {found.reason}"
-    raise Invalid("units", f"are not stated, and a deck has none{hint}")
+def _answered(model: FiniteElementModel, inputs: DeckInputs) -> FiniteElementModel:
+    """A deck's model in SI, of which every question is answered.
 
-
-def _require_accepted(model: FiniteElementModel, accepted: tuple[str, ...]) -> None:
-    taken = {_plain(name) for name in accepted}
-    lost = [one for one in model.ignored if one.changes and _plain(one.card) not in taken]
-    if lost:
-        raise Invalid([Fault("file", _lost(one)) for one in lost])
-
-
-def _lost(one: Ignored) -> str:
-    where = f"{Where(one.lines[0], one.file)}: " if any(one.lines) else ""
-    return (
-        f"{where}{one.card} would be left out ({one.loss}), which changes modes; "
-        f"accept={_plain(one.card)} takes the model without it"
-    )
-
-
-def _plain(card: str) -> str:
-    return card.strip().lstrip("*").upper()
+    Raises:
+        Invalid: units are not stated, a question is open, or an answer is of none.
+    """
+    units = inputs.units
+    if units is None:
+        offered = guess(model)
+        hint = f"units={offered.units}? {offered.reason}" if offered else "no usual units give its materials and size"
+        raise Invalid("units", f"are not stated, and a deck has none; {hint}")
+    noted = replace(model, ignored=(*model.ignored, *faults_of(lambda: tuple(massless(model)))))
+    questions = [*of_size(model, units_of(units).length), *of_materials(model, units), *of_cards(model)]
+    faults_of(lambda: require_answers(questions, inputs.accepted, noted.ignored))
+    return in_si(noted, units)
 
 
 def describe(model: FiniteElementModel, body: Structure) -> dict[str, Any]:

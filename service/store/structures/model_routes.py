@@ -3,6 +3,7 @@ analysis.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import IO, Annotated, Any, Literal
 from uuid import UUID
 
@@ -13,8 +14,11 @@ from pydantic import Field
 from sqlalchemy.orm import Session
 
 from modalbase.formats.meshes import Cells, MeshFile, columns, uff_of, write_vtu
+from modalbase.formats.models.questions import plain
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
+from service.compute.models.meshes import is_of_sections, kind_of_member
+from service.errors import Invalid, Unusual
 from service.jobs.resource import JobOut
 from service.jobs.routes import JobRoutes
 from service.store.storage.originals import copy_original, original_sizes
@@ -22,11 +26,12 @@ from service.store.structures import models
 from service.store.structures.models import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.store.structures.shapes import Section
-from service.web import Confirm, Name, StrictModel, api_router, require_usual
+from service.web import Confirm, Name, StrictModel, api_router
 from service.web.downloads import spooled
 from service.web.json_body import checked, parse_parameter
 from service.web.openapi import UPLOAD, reads
-from service.web.parameters import form_of, not_modified
+from service.web.parameters import HOW, form_of, not_modified
+from service.web.quantities import unusual
 from service.web.uploads import UploadDep
 
 MEDIA_TYPES = {"json": "application/json", "vtu": "application/vnd.kitware.vtu+xml", "uff": "application/x-uff"}
@@ -174,7 +179,7 @@ class ModelOut(JobOut):
     size: int = Field(description="bytes")
     sha256: str
     units: str | None = Field(description="that its numbers are in: length-force-mass; null: not stated, so not read")
-    accepted: list[str] = Field(description="cards that may be left out although modes change by that")
+    accepted: list[str] = Field(description="cards that may be left out although modes change, unusual values meant so")
     sections: dict[str, Section] | None = Field(description="that were stated of a mesh's sets; null of a deck")
     version: int | None = Field(description="the structure's version that first was this model; null until it was read")
     found: FoundModelOut | None = Field(description="null until it was read")
@@ -227,6 +232,29 @@ def _with_files(session: Session, rows: Sequence[StructureModel]) -> Iterator[di
         yield {**file, "version": versions.get(row.id), "found": row.document}
 
 
+def _require_usual(sections: Mapping[str, Section], accept: Sequence[str], confirm: bool) -> None:
+    """Ask of sections what is unusual, as of the values of a deck; `confirm` answers all of it.
+
+    Raises:
+        Unusual: a question is open.
+        Invalid: an answer is of none.
+    """
+    faults = list(unusual(sections))
+    steps = [fault.pointer.split("/") for fault in faults]
+    names = [f"{kind_of_member(members[-1])}:{name}" for _, name, *members in steps]
+    given = {plain(name) for name in accept if is_of_sections(name)} if sections else set()
+    if idle := given - {plain(name) for name in names}:
+        raise Invalid("accept", f"{min(idle)!r} answers nothing that is asked of the sections")
+    if not confirm and (
+        asked := [
+            replace(fault, detail=f"{fault.detail} accept={name} takes it as it is.")
+            for fault, name in zip(faults, names, strict=True)
+            if plain(name) not in given
+        ]
+    ):
+        raise Unusual([*asked[:-1], replace(asked[-1], detail=f"{asked[-1].detail} {HOW}")])
+
+
 of_jobs = JobRoutes(router, models.MODELS, ModelOut, "model_id", _with_files)
 
 
@@ -241,7 +269,11 @@ def send_model(
     units: Annotated[Name | None, Query(description="length-force-mass, such as m-N-kg, mm-N-t, in-lbf-slinch")] = None,
     accept: Annotated[
         list[Name] | None,
-        Query(description="names of cards that may be left out although modes change", max_length=100),
+        Query(
+            description="answers to what is asked of it: cards that may be left out although modes change, or what is unusual "
+            "and meant so, such as `density:GAUGE`",
+            max_length=100,
+        ),
     ] = None,
     sections: Annotated[
         str | None, Query(description="of a mesh, as JSON: by set what `Section` says", max_length=20_000)
@@ -259,7 +291,7 @@ def send_model(
     """
     text = sections or upload.fields.get("sections")
     stated = None if text is None else checked(dict[str, Section], parse_parameter("sections", text))
-    require_usual(stated, confirm)
+    _require_usual(stated or {}, accept or [], confirm)
     wanted = StructureModel(
         filename=filename or upload.filename or "",
         units=units,

@@ -117,7 +117,7 @@ class Card:
 
     def dofs(self, index: int, what: str, default: str | None = None) -> tuple[int, ...]:
         """A field of components such as 1346 as dofs 0 … 5; component 0 is none."""
-        text = self.text(index) or default
+        text = self.text(index).replace(" ", "") or default
         if text is None or not text.isdecimal() or not set(text) <= set("0123456"):
             raise self.wrong(index, what, "components of 1 … 6 such as 123")
         return tuple(sorted({int(letter) - 1 for letter in text if letter != "0"}))
@@ -139,6 +139,12 @@ class Card:
         """Where a field stands."""
         row = self.row(index)
         return row.place(index - row.start)
+
+    @property
+    def content(self) -> tuple[str | float, ...]:
+        """Its fields, numbers by their values; empty ones at the end do not count."""
+        filled = max((index + 1 for index, _ in self.words(0)), default=0)
+        return tuple(text if (value := number(text)) is None else value for text in self.fields[:filled])
 
     @property
     def title(self) -> str:
@@ -173,6 +179,8 @@ def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
 
 _SMALL = tuple(range(8, 72, 8))
 _LARGE = tuple(range(8, 72, 16))
+_PROSE = re.compile(r"DEQATN\b")
+"""Cards of text that no commas part into fields."""
 _QUOTED = re.compile(r"['\"]([^'\"]*)")
 
 
@@ -191,6 +199,7 @@ class Sections:
 
     control: list[Line] = field(default_factory=list)
     bulk: list[Line] = field(default_factory=list)
+    unended: Where | None = None  # its last line, where no ENDDATA follows BEGIN BULK
 
 
 def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections:
@@ -199,7 +208,8 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
     INCLUDE files are left out where `included` is None.
 
     Raises:
-        FormatError: the deck is not text, is cut, or an INCLUDE file is missing.
+        FormatError: the deck is not text, is cut, or an INCLUDE file is missing. ENDDATA may be missing (MSC Nastran) where the
+            last line is whole.
     """
     if b"\0" in content:
         raise FormatError("", "the file holds NUL bytes; expected the text of a Nastran deck")
@@ -226,10 +236,12 @@ def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections
     if not controlled:
         return Sections([], found.control)
     if not ended:
-        place = _last(found.bulk or found.control)
-        raise FormatError(
-            place, "the deck ends without ENDDATA; it seems to be cut. Add the line ENDDATA if it is whole"
-        )
+        if not content.endswith((b"\n", b"\r")):
+            raise FormatError(
+                _last(found.bulk or found.control),
+                "the deck ends within a line and without ENDDATA; it seems to be cut. Add the line ENDDATA if it is whole",
+            )
+        found.unended = (found.bulk or found.control)[-1].where
     return found
 
 
@@ -289,6 +301,13 @@ def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
         if not text:
             found.append(line)
             continue
+        if _PROSE.match(text):
+            card = Card(text[:6], [text[8:16].strip(" ,")], [Row(0, text, line.where)])
+            found.append(card)
+            continue
+        if card is not None and _PROSE.match(card.name) and (text[0] in "+*" or not text[:8].strip()):
+            card.rows.append(Row(len(card), text, line.where))
+            continue
         head, fields, mark = _fields(line)
         if head and head[0] not in "+*":
             name = head.rstrip("* ")
@@ -297,21 +316,23 @@ def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
             card = Card(name, fields, [Row(0, text, line.where)])
             found.append(card)
             tail = mark
-            if mark:
-                waiting[mark] = card
+            if _joint(mark):
+                waiting[_joint(mark)] = card
             continue
         own = head[1:].strip()
-        if card is not None and (not own or own == tail or not tail):
+        if card is not None and (not own or own in (_joint(tail), tail)):
             _continue(card, fields, line)
         elif own in waiting:
             card = waiting.pop(own)
+            _continue(card, fields, line)
+        elif card is not None and not _joint(tail):
             _continue(card, fields, line)
         else:
             strays.append((own, line, fields, mark))
             continue
         tail = mark
-        if mark:
-            waiting[mark] = card
+        if _joint(mark):
+            waiting[_joint(mark)] = card
     _join(strays, waiting)
     return iter(found)
 
@@ -330,12 +351,17 @@ def _join(strays: list[tuple[str, Line, list[str], str]], waiting: dict[str, Car
                 raise FormatError(str(line.where), f"a second continuation +{own}")
             card = waiting.pop(own)
             _continue(card, fields, line)
-            if mark:
-                waiting[mark] = card
+            if _joint(mark):
+                waiting[_joint(mark)] = card
+
+
+def _joint(mark: str) -> str:
+    """The name of a continuation in the last field of a line, whose first character does not count."""
+    return mark[1:].lstrip("+* ")
 
 
 def _fields(line: Line) -> tuple[str, list[str], str]:
-    """The name, the fields, and the name of the continuation without its mark."""
+    """The name, the fields, and the field that names the continuation."""
     text = line.text
     if "," in text:
         parts = [part.strip() for part in text.split(",")]
@@ -347,11 +373,11 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
         mark = parts[count] if len(parts) > count else ""
         if len(fields) < count - 1:
             fields += [""] * (count - 1 - len(fields))
-        return parts[0], fields, mark.lstrip("+* ")
+        return parts[0], fields, mark
     head = text[:8].strip()
     starts, width = (_LARGE, 16) if "*" in head else (_SMALL, 8)
     fields = [text[at : at + width].strip() for at in starts]
-    return head, fields, text[72:80].lstrip("+* ").rstrip()
+    return head, fields, text[72:80].rstrip()
 
 
 def _continue(card: Card, fields: list[str], line: Line) -> None:

@@ -4,6 +4,8 @@ with the cards that none of them took.
 Names are those of the comments that pre-processors write, safe as names of parameters.
 """
 
+from __future__ import annotations
+
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -48,7 +50,7 @@ _CHANGING: tuple[tuple[str, str], ...] = (
     (r"CMASS\d|PMASS|CONM1", "masses at single dofs"),
     (r"[SE]POINT.*|CELAS[34]", "scalar points"),
     (r"RBE1|RROD|RTRPLT1?|RSPLINE|RSSCON|RJOINT|RBAR1", "a rigid element"),
-    (r"CBEAM3|PBEAM3|CBEND|PBEND|CQUADX\d?|CTRIAX\d?|CTRAX.*|CCON.*|PCONEAX|CRAC.*|CQUAD|CPLST.*|CPLSTN.*|CRO[DT].*",
+    (r"CBEAM3|PBEAM3|CBEND|PBEND|CQUADX\d?|CTRIAX\d?|CTRAX.*|CCON.*|PCONEAX|CRAC.*|CQUAD|CPLST.*|CPLSTN.*|CROT.*",
      "elements of a kind that is not read"),
     (r"GENEL", "a stiffness matrix"),
     (r"SE[A-Z]+|RELEASE|CSUPER|CSUPEXT|EXTRN", "superelements"),
@@ -62,13 +64,24 @@ _TABLE = [
 _STIFFENED_DRILLING = 100.0  # K6ROT that Nastran itself takes
 
 
-def note_unused(cards: Mapping[str, Iterable[Card]], notes: Losses) -> None:
+def note_unread(deck: Deck) -> None:
+    """Note cards that change modes and that no reader takes, before what they may leave incomplete is read."""
+    if deck.case.is_stated and deck.case.number("MPC") is None:
+        deck.take("MPC", "MPCADD")
+    _note(deck, [name for name in deck.cards if any(changes and of.fullmatch(name) for of, _, changes in _TABLE)])
+
+
+def note_unused(deck: Deck) -> None:
     """Note cards that no reader took."""
-    for name, group in cards.items():
+    _note(deck, list(deck.cards))
+
+
+def _note(deck: Deck, names: Iterable[str]) -> None:
+    for name in names:
         loss, changes = _loss(name)
-        for card in group:
+        for card in deck.take(name):
             if loss:
-                notes.add(card, name, loss, changes)
+                deck.notes.add(card, name, loss, changes)
 
 
 def refuse_solids(cards: Mapping[str, Sequence[Card]]) -> None:
@@ -244,6 +257,8 @@ class Deck:
     def __init__(self, content: bytes, included: Mapping[str, bytes]) -> None:
         split = split_deck(content, included)
         self.labels, self.notes = Labels(), Losses()
+        if split.unended:
+            self.notes.add(split.unended, "ENDDATA", "the deck ends without it, as MSC Nastran allows; is it whole?")
         self.cards: dict[str, list[Card]] = defaultdict(list)
         for one in cards_of(split.bulk):
             if isinstance(one, Card):

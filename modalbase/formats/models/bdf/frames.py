@@ -8,7 +8,7 @@ import numpy as np
 
 from modalbase.formats.coordinates import Kind, cartesian
 from modalbase.formats.models.bdf.card import Card, numbered
-from modalbase.formats.models.model import Floats, Integers
+from modalbase.formats.models.model import Floats, IncompleteError, Integers
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,14 @@ class Grids:
     # PS of the rows that have one, with the card
     held: dict[int, tuple[tuple[int, ...], Card]] = field(default_factory=dict)
     superelements: list[Card] = field(default_factory=list)
+    repeated: list[Card] = field(default_factory=list)  # that say of a grid what another has said
 
     def row(self, card: Card, index: int, what: str) -> int:
         """The row of the grid that a field names."""
         number = card.integer(index, what)
         row = self.rows.get(number)
         if row is None:
-            raise card.wrong(index, what, f"a grid of the deck; there is no GRID {number}")
+            raise IncompleteError(card.wrong(index, what, f"a grid of the deck; there is no GRID {number}").faults)
         return row
 
     def axes(self, row: int) -> Floats:
@@ -86,15 +87,20 @@ def read_grids(cards: Iterable[Card], defaults: Card | None, frames: Iterable[Ca
         frames: CORD1R … CORD2S.
 
     Raises:
-        FormatError: a grid or system stands twice, refers to one that is not there, or to itself in a circle.
+        FormatError: a grid stands twice and differs, or a system twice; one refers to one that is not there, or to itself in a
+            circle.
     """
-    by_number = numbered(cards, "grid", "ID")
+    first: dict[tuple[str | float, ...], Card] = {}
+    cards = list(cards)
+    repeated = [card for card in cards if first.setdefault(card.content, card) is not card]
+    by_number = numbered(first.values(), "grid", "ID")
     numbers = np.array(sorted(by_number), dtype=np.int64)
     ordered = [by_number[number] for number in numbers.tolist()]
     points = np.array([[card.real(2 + k, f"X{k + 1}", 0.0) for k in range(3)] for card in ordered]).reshape(-1, 3)
     rows = {number: row for row, number in enumerate(numbers.tolist())}
     in_system = [_inherited(card, 1, "CP", defaults) for card in ordered]
     found = Grids(numbers, points.copy(), rows, {str(number): row for number, row in rows.items()}, {0: BASIC})
+    found.repeated = repeated
     stated = _stated(frames)
     _resolve(stated, found, in_system, ordered)
     for system in set(in_system) - {0}:

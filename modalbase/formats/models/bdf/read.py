@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from modalbase.formats.models.bdf.beams import Beams
 from modalbase.formats.models.bdf.carried import read_masses, read_springs, spread_masses
-from modalbase.formats.models.bdf.deck import Deck, note_unused
+from modalbase.formats.models.bdf.deck import Deck, note_unread, note_unused
 from modalbase.formats.models.bdf.held import read_links, read_supports
 from modalbase.formats.models.bdf.shells import Shells
 from modalbase.formats.models.check import check, gathered, on_leaders
-from modalbase.formats.models.model import FiniteElementModel
+from modalbase.formats.models.model import FiniteElementModel, IncompleteError
 
 _DIRECT = ("K2GG", "M2GG", "K2PP", "M2PP")
 
@@ -28,6 +28,17 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
         FormatError: a card is wrong, in the words of the manual, with its line.
     """
     deck = Deck(content, included or {})
+    note_unread(deck)
+    try:
+        model = _model(deck)
+    except IncompleteError as error:
+        raise error.after(deck.notes.found) from None
+    check(model)
+    return model
+
+
+def _model(deck: Deck) -> FiniteElementModel:
+    """All that readers of its cards take, and what stays."""
     extra = spread_masses(deck)
     shells, beams = Shells(deck, extra), Beams(deck, extra)
     elements = sorted([*shells.blocks(), *beams.blocks()], key=lambda block: int(block.lines[0]))
@@ -47,21 +58,20 @@ def read_bdf(content: bytes, included: Mapping[str, bytes] | None = None) -> Fin
         springs=tuple(read_springs(deck)),
     )
     _note_rest(deck)
-    check(model)
     return replace(model, ignored=deck.notes.found)
 
 
 def _note_rest(deck: Deck) -> None:
     """Note what was not read, or not as Nastran would."""
-    if deck.case.is_stated and deck.case.number("MPC") is None:
-        deck.take("MPC", "MPCADD")
+    for card in deck.grids.repeated:
+        deck.notes.add(card, "GRID twice", "it says what another has said, as MSC Nastran allows")
     for card in deck.grids.superelements:
         deck.notes.add(card, "GRID SEID", "superelements are read as one model")
     matrices = [name for name in _DIRECT if deck.case.selected.get(name)]
     for card in deck.take("DMIG"):
         loss = "stiffness and mass by matrices" if matrices else "matrices that the deck does not select"
         deck.notes.add(card, "DMIG", f"{loss} are not used", bool(matrices))
-    note_unused(deck.cards, deck.notes)
+    note_unused(deck)
     for card in deck.all:
         if card.integers_for_reals:
             deck.notes.add(card, "integers for reals", "read as the same number; Nastran asks for a decimal point")

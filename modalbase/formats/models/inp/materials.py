@@ -78,7 +78,7 @@ class Materials:
         """The user's name of a complete material.
 
         Raises:
-            FormatError: it is missing, has no elastic constants, or no density.
+            FormatError: it is missing, or has no elastic constants.
         """
         own = self._names.get(folded(name))
         if own is None:
@@ -92,8 +92,6 @@ class Materials:
         material = self.found[own]
         if not {"E", "E1"} & set(material.constants):
             raise where.error(f"names the material {own} of {material.where}, which has no *ELASTIC")
-        if "density" not in material.constants:
-            raise where.error(f"names the material {own} of {material.where}, which has no *DENSITY; modes need one")
         return own
 
 
@@ -138,6 +136,6 @@ def _definite(constants: dict[str, float], row: Row) -> None:
 def _density(card: Card) -> tuple[dict[str, float], dict[str, Place]]:
     fields = card.first.fields
     value = card.first.number(fields[0] if fields else "", "the density")
-    if not 0 < value < 1e12:
-        raise card.first.error(f"is {value:g}, expected a density above 0 and below 1e12")
+    if not 0 <= value < 1e12:
+        raise card.first.error(f"is {value:g}, expected a density that is not negative and below 1e12")
     return {"density": value}, {"density": card.first.place(0)}

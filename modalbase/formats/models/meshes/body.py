@@ -1,7 +1,8 @@
 """A mesh and what the user states of its sets, to the neutral model in SI."""
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,8 +49,9 @@ def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) ->
             over, lies on another, or hangs on nothing.
     """
     _refuse_solids(mesh)
-    shells = [cells for cells in mesh.cells if cells.kind.startswith(("tri", "quad"))]
-    names = {cells.set for cells in mesh.cells}
+    cells_by_set = _by_group(mesh, stated)
+    shells = [cells for cells in cells_by_set if _is_shell(cells)]
+    names = {cells.set for cells in mesh.cells} | {group.name for group in mesh.groups}
     _require_sections(shells, names, stated)
     used = (
         np.unique(np.concatenate([cells.nodes.ravel() for cells in shells])) if shells else np.zeros(0, dtype=np.int64)
@@ -57,7 +59,7 @@ def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) ->
     rows = np.full(len(mesh.nodes), -1, dtype=np.int64)
     rows[used] = np.arange(len(used))
     places = np.asarray(mesh.nodes[used] * length_m, dtype=np.float64)
-    nodes = {name: _nodes(rows, [cells for cells in mesh.cells if cells.set == name]) for name in sorted(names)}
+    nodes = {name: _held(rows, mesh, name) for name in sorted(names)}
     if lost := [name for name in stated.held if not nodes[name].size]:
         raise FormatError(f"sections.{lost[0]}", "holds nodes that no shell has")
     model = FiniteElementModel(
@@ -70,7 +72,7 @@ def model_of_mesh(mesh: MeshFile, form: str, length_m: float, stated: Stated) ->
         materials=dict(stated.materials),
         node_sets=nodes,
         supports=tuple(Support(nodes[name], dofs, Where(0)) for name, dofs in stated.held.items()),
-        ignored=tuple(_lines_left(mesh, stated.held)),
+        ignored=tuple(_lines_left(cells_by_set, stated.held)),
     )
     check(model)
     _require_one_layer(model)
@@ -117,8 +119,47 @@ def _require_sections(shells: Iterable[Cells], names: Collection[str], stated: S
         raise FormatError(faults)
 
 
-def _nodes(rows: Integers, blocks: Iterable[Cells]) -> Integers:
-    found = np.unique(np.concatenate([rows[cells.nodes.ravel()] for cells in blocks]))
+def _is_shell(cells: Cells) -> bool:
+    return cells.kind.startswith(("tri", "quad"))
+
+
+def _by_group(mesh: MeshFile, stated: Stated) -> Sequence[Cells]:
+    """Cells whose set is the group that the user states something of, else the only one that they are in, else their own.
+
+    Raises:
+        FormatError: sections are stated of two sets or groups that a shell is in.
+    """
+    if not mesh.groups:
+        return mesh.cells
+    groups: defaultdict[int, list[str]] = defaultdict(list)
+    for group in mesh.groups:
+        for number in group.elements.tolist():
+            groups[number].append(group.name)
+    found = []
+    for cells in mesh.cells:
+        wanted = stated.sections if _is_shell(cells) else stated.held
+        sets = []
+        for number in cells.numbers.tolist():
+            own = groups[number]
+            named = [name for name in (*own, cells.set) if name in wanted]
+            if len(named) > 1 and _is_shell(cells):
+                both = " and ".join(named)
+                raise FormatError(f"sections.{named[1]}", f"element {number} is in {both}; state the section of one")
+            sets.append((named or (own if len(own) == 1 else [cells.set]))[0])
+        for name in dict.fromkeys(sets):
+            at = np.array([one == name for one in sets])
+            lines = None if cells.lines is None else cells.lines[at]
+            found.append(replace(cells, set=name, numbers=cells.numbers[at], nodes=cells.nodes[at], lines=lines))
+    return found
+
+
+def _held(rows: Integers, mesh: MeshFile, name: str) -> Integers:
+    """Rows of the nodes of a set or group that shells have."""
+    parts = [cells.nodes.ravel() for cells in mesh.cells if cells.set == name]
+    for group in mesh.groups:
+        if group.name == name:
+            parts += [group.nodes, *(c.nodes[np.isin(c.numbers, group.elements)].ravel() for c in mesh.cells)]
+    found = np.unique(rows[np.concatenate(parts)])
     return found[found >= 0]
 
 
@@ -136,9 +177,9 @@ def _elements(cells: Cells, rows: Integers, places: Floats, axis: tuple[float, f
     return Elements(cells.kind, cells.numbers, nodes, cells.set, axes, lines)  # type: ignore[arg-type]
 
 
-def _lines_left(mesh: MeshFile, held: Collection[str]) -> Iterable[Ignored]:
+def _lines_left(every: Iterable[Cells], held: Collection[str]) -> Iterable[Ignored]:
     """Lines that are no supports: they may be edges, or beams, whose stiffness would be missed."""
-    for cells in mesh.cells:
+    for cells in every:
         if cells.kind.startswith("beam") and cells.set not in held:
             lines = () if cells.lines is None else tuple(cells.lines.tolist())
             loss = f"{len(cells.numbers)} lines; beams of a mesh are not read, edges are no loss"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.meshes import Cells, MeshFile
+from modalbase.formats.meshes import Cells, Group, MeshFile
 from modalbase.formats.models.model import Integers
 from modalbase.formats.types import FloatArray
 
@@ -54,7 +54,8 @@ class Gathering:
     def __init__(self) -> None:
         self._nodes: dict[int, tuple[float, float, float]] = {}
         self._rows: dict[int, int] = {}
-        self._groups: defaultdict[tuple[str, str], list[tuple[int, list[int], int]]] = defaultdict(list)
+        self._sets: defaultdict[tuple[str, str], list[tuple[int, list[int], int]]] = defaultdict(list)
+        self._groups: dict[str, Group] = {}
 
     def node(self, number: int, place: Sequence[float], where: str) -> None:
         """Take a node.
@@ -78,18 +79,37 @@ class Gathering:
             rows = [self._rows[node] for node in nodes]
         except KeyError as lost:
             raise FormatError(f"line {line}", f"element {number} has the node {lost}, which is not there") from None
-        self._groups[kind, name].append((number, rows, line))
+        self._sets[kind, name].append((number, rows, line))
+
+    def group(self, name: str, elements: Sequence[int], nodes: Sequence[int], where: str) -> None:
+        """Take a group of elements and nodes by their numbers, after these.
+
+        Raises:
+            FormatError: one is not there, or the name is that of another group or of a set.
+        """
+        if name in self._groups or any(name == other for _, other in self._sets):
+            raise FormatError(where, f"{name} is there twice: capitals and signs of a name do not count")
+        known = {number for members in self._sets.values() for number, _, _ in members} if elements else set()
+        for what, lost in (("element", set(elements) - known), ("node", set(nodes) - self._rows.keys())):
+            if lost:
+                raise FormatError(where, f"the group {name} has the {what} {min(lost)}, which is not there")
+        self._groups[name] = Group(name, np.array(elements, dtype=np.int64), self._places(nodes))
+
+    def _places(self, nodes: Sequence[int]) -> Integers:
+        return np.array([self._rows[node] for node in nodes], dtype=np.int64)
 
     def mesh(self, length_m: float | None = None) -> MeshFile:
         """All that came."""
         cells = []
-        for (kind, name), found in self._groups.items():
+        for (kind, name), found in self._sets.items():
             numbers, rows, lines = zip(*found, strict=True)
             width = min(map(len, rows))  # solids of several types are one kind: they are counted, not used
             nodes = np.array([row[:width] for row in rows], dtype=np.int64).reshape(len(found), width)
             cells.append(Cells(kind, name, np.array(numbers), nodes, np.array(lines)))
         places = np.array(list(self._nodes.values()), dtype=float).reshape(-1, 3)
-        return MeshFile(np.array(list(self._nodes), dtype=np.int64), places, cells, length_m=length_m)
+        return MeshFile(
+            np.array(list(self._nodes), dtype=np.int64), places, cells, (), length_m, tuple(self._groups.values())
+        )
 
 
 class Lines:

@@ -1,24 +1,30 @@
-"""Sets 15 or 2411 and 2412 of a Universal File: grid points in the global system, elements by their property table."""
+"""Sets 15 or 2411, 2412 and 2467 of a Universal File: grid points in the global system, elements by property table, groups."""
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.meshes import MeshFile, around
-from modalbase.formats.models.meshes.cells import SOLID, Gathering, Kind
+from modalbase.formats.models.meshes.cells import SOLID, Gathering, Kind, plain
+from modalbase.formats.models.meshes.groups import GROUPS, RawGroup, read_groups
 from modalbase.formats.uff import DatasetReport, Element, GridPoint, UffError, Units, read_file
+from modalbase.formats.uff.text import Refusal
 
 _SHELLS = {1: Kind("tri3", 3), 2: Kind("tri6", 6), 4: Kind("quad4", 4), 5: Kind("quad8", 8)}
 _FAMILIES = (4, 6, 7, 9)  # plane stress, plates, membranes, thin shells
-_BEAMS = {11: Kind("beam2", 2), 21: Kind("beam2", 2), 22: Kind("beam2", 2), 23: Kind("beam2", 2), 24: Kind("beam3", 3)}
-_KINDS = _BEAMS | {10 * family + last: kind for family in _FAMILIES for last, kind in _SHELLS.items()}
+_BEAMS = (11, 21, 22, 23, 24)
+"""Rods and beams: 2 nodes or, whatever the descriptor, 3 of a quadratic mesh's edge."""
+_KINDS = {10 * family + last: kind for family in _FAMILIES for last, kind in _SHELLS.items()}
 _SOLIDS = range(101, 120)
+_DELIMITER = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE)
 _NEEDED = ("15", "18", "164", "2411", "2412", "2420")
 """Datasets that a mesh is of; another may be damaged."""
 
 
 def read_uff_mesh(content: bytes) -> MeshFile:
-    """Elements of set 2412 by the number of their property table: `set_3`, of beams `line_3`.
+    """Elements of set 2412 by the number of their property table: `set_3`, of beams `line_3`; and groups, by name.
 
     Raises:
         FormatError: the file is none, cut or damaged, or has an element that is not read; says the dataset, or the line.
@@ -35,6 +41,7 @@ def read_uff_mesh(content: bytes) -> MeshFile:
 def _mesh(path: Path, content: bytes) -> MeshFile:
     points: dict[int, GridPoint] = {}
     elements: list[tuple[Element, int]] = []
+    groups: list[tuple[RawGroup, str]] = []
     length_m, here = None, []
     for each in read_file(path):
         if isinstance(each, GridPoint):
@@ -46,6 +53,8 @@ def _mesh(path: Path, content: bytes) -> MeshFile:
         elif isinstance(each, DatasetReport):
             if each.outcome == "refused" and each.type in _NEEDED:
                 raise FormatError(f"dataset {each.number} (set {each.type}, byte {each.offset})", each.reason or "")
+            if each.type in GROUPS:
+                groups += _groups(each, content)
             begins = content.count(b"\n", 0, each.offset) + 2
             elements += [(element, begins + element.line) for element in here]
             here = []
@@ -54,20 +63,41 @@ def _mesh(path: Path, content: bytes) -> MeshFile:
         found.node(point.number, [x / (length_m or 1) for x in point.xyz_m], "")
     for element, line in elements:
         _take(found, element, line)
+    for group, where in groups:
+        found.group(plain(group.name) or f"group_{group.number}", group.elements, group.nodes, where)
     return found.mesh(length_m)
 
 
+def _groups(report: DatasetReport, content: bytes) -> Iterator[tuple[RawGroup, str]]:
+    """Groups of a dataset that the reader of campaigns has no use for, and where they stand."""
+    dataset = f"dataset {report.number} (set {report.type})"
+    start = content.index(b"\n", content.index(b"\n", report.offset) + 1) + 1
+    end = _DELIMITER.search(content, start)
+    body = content[start : end.start() if end else len(content)]
+    try:
+        for group in read_groups(report.type, body):
+            yield group, f"{dataset} line {group.line}"
+    except Refusal as error:
+        raise FormatError(f"{dataset} line {(error.line or 0) + 1}", error.reason) from None
+
+
 def _take(found: Gathering, element: Element, line: int) -> None:
-    kind = Kind(SOLID, len(element.points)) if element.descriptor in _SOLIDS else _KINDS.get(element.descriptor)
+    count = len(element.points)
+    if element.descriptor in _SOLIDS:
+        kind: Kind | None = Kind(SOLID, count)
+    elif element.descriptor in _BEAMS:
+        kind = Kind("beam3", 3) if count == 3 else Kind("beam2", 2)
+    else:
+        kind = _KINDS.get(element.descriptor)
     if kind is None:
         raise FormatError(
             f"line {line}",
             f"element {element.number} has the descriptor {element.descriptor}; shells of 3, 4, 6 or 8 nodes are read",
         )
-    if len(element.points) != kind.nodes:
+    if count != kind.nodes:
         raise FormatError(
             f"line {line}",
-            f"element {element.number} has {len(element.points)} nodes; descriptor {element.descriptor} expects {kind.nodes}",
+            f"element {element.number} has {count} nodes; descriptor {element.descriptor} expects {kind.nodes}",
         )
     order = [0] * kind.nodes
     for place, own in enumerate(range(kind.nodes) if kind.name == SOLID else around(kind.name)):

@@ -25,7 +25,7 @@ BAD = {
     "empty": ("", "", "no GRID"),
     "not text": ("GRID\0", "", "NUL"),
     "cut in control": ("SOL 103\nCEND\nSPC = 1\n", "line 3", "before BEGIN BULK; it seems to be cut"),
-    "cut in bulk": ("SOL 103\nCEND\nBEGIN BULK\n" + SQUARE, "line 10", "without ENDDATA; it seems to be cut"),
+    "cut in bulk": ("SOL 103\nCEND\nBEGIN BULK\n" + SQUARE.rstrip("\n"), "line 10", "without ENDDATA; it seems to be cut"),
     "cut in a card": (of_plate("MAT1,1,7.+10,,.3,2700.\n", "MAT1,1"), "line 7", "MAT1 1: E (field 3) is empty, expected two of E, G and NU"),
     "superelement": ("CEND\nBEGIN BULK\n" + SQUARE + "BEGIN SUPER=1\n", "line 10", "superelements are not read"),
     "no elements": (GRIDS, "", "no shell or beam element"),

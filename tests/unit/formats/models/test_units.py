@@ -1,7 +1,8 @@
-"""Units of decks: scaled by dimension, guessed from materials, refused where they make no sense."""
+"""Units of decks: scaled by dimension, guessed from materials, asked about where they are unusual."""
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import pytest
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.inp import read_inp
 from modalbase.formats.models.model import FiniteElementModel
-from modalbase.formats.models.units import COMMON, check, guess, in_si, units_of
+from modalbase.formats.models.questions import massless, of_materials, of_size, require_answers
+from modalbase.formats.models.units import COMMON, guess, in_si, units_of
 from tests.unit.formats.models.decks import PLATE, beam, shell
 from tests.unit.formats.models.test_inp import CARRIED
 
@@ -84,7 +86,7 @@ def test_one_structure_in_all_units(units: str) -> None:
     expected = read_inp(deck("m-N-kg").encode())
     found = in_si(read_inp(deck(units).encode()), units)
     np.testing.assert_allclose(list(numbers(found)), list(numbers(expected)), rtol=1e-12, atol=1e-18)
-    check(read_inp(deck(units).encode()), units)
+    assert not [*of_materials(read_inp(deck(units).encode()), units)]
     offered = guess(read_inp(deck(units).encode()))
     assert offered is not None
     assert offered.units == units
@@ -102,21 +104,86 @@ def test_offsets_of_shells() -> None:
 @pytest.mark.parametrize(
     ("density", "modulus", "said"),
     [
-        (7.8, 2.1e11, "density 7.8 kg/m³"),
-        (7.85e-9, 2.1e5, "density 7.85e-09 kg/m³ .* mm-N-t would fit: .* steel"),
-        (2700.0, 70.0, "modulus 70 Pa"),
+        (
+            0.8,
+            2.1e11,
+            r"^in m-N-kg the set plate \(material METAL, line 18\) has the density 0.8 kg/m³, usual is 10 to 25000",
+        ),
+        (7.85e-9, 2.1e5, "^units: in m-N-kg the set plate .* density 7.85e-09 kg/m³.* mm-N-t would fit: .* steel"),
+        (2700.0, 70.0, r"the modulus 70 Pa, usual is 1e\+06 to 2e\+12; accept=modulus:plate"),
+        (12.0, 1.9e12, r"the speed of sound .* 3.98e\+05 m/s, usual is 30 to 30000; accept=speed:plate takes it"),
     ],
 )
-def test_nonsense_is_refused(density: float, modulus: float, said: str) -> None:
+def test_unusual_values_are_asked(density: float, modulus: float, said: str) -> None:
     model = read_inp(deck("m-N-kg", E=modulus, density=density, size=100.0).encode())
-    with pytest.raises(FormatError, match=rf"^units: in m-N-kg the material METAL \(line 18\) has the .*{said}"):
-        check(model, "m-N-kg")
+    questions = [*of_materials(model, "m-N-kg")]
+    with pytest.raises(FormatError, match=said):
+        require_answers(questions, ())
+    require_answers(questions, [name for question in questions for name in question.names[:1]])
+    require_answers(questions, [f" {question.names[1].upper()}" for question in questions])
 
 
-def test_a_structure_as_large_as_a_town_is_refused() -> None:
+def test_answers_of_no_question() -> None:
+    model = read_inp(deck("m-N-kg", density=0.8).encode())
+    questions = [*of_materials(model, "m-N-kg")]
+    with pytest.raises(FormatError, match=r"density 0.8 .*accept: 'density:web' answers nothing .*: density:plate"):
+        require_answers(questions, ["density:web"])
+    with pytest.raises(FormatError, match=r"^accept: 'CONTACT' answers nothing .* its questions: none$"):
+        require_answers([], ["CONTACT"])
+
+
+def test_many_questions_are_cut() -> None:
+    model = read_inp(deck("m-N-kg", density=0.8).encode())
+    questions = 30 * [*of_materials(model, "m-N-kg")]
+    with pytest.raises(FormatError) as caught:
+        require_answers(questions, [])
+    assert len(caught.value.faults) == 21
+    assert caught.value.faults[-1][1] == f"and {len(questions) - 20} more such questions"
+
+
+def test_no_density_is_asked_unless_masses_are_stated_apart() -> None:
+    bare = deck("m-N-kg").replace("*DENSITY\n2700.0\n", "")
+    model = read_inp(bare.encode())
+    assert not [*of_materials(model, "m-N-kg")]
+    (note,) = massless(model)
+    assert (note.card, note.lines, note.changes) == ("density", (18,), False)
+    assert in_si(model, "m-N-kg").materials["METAL"].constants["density"] == 0
+    alone = replace(model, masses=(), sections={k: replace(s, extra_mass=0.0) for k, s in model.sections.items()})
+    with pytest.raises(FormatError, match=r"^line 18: the material METAL has no density, and nothing else has a mass"):
+        next(massless(alone))
+    heavy = replace(
+        model.materials["METAL"], name="STEEL", constants={**model.materials["METAL"].constants, "density": 7800.0}
+    )
+    mixed = replace(
+        alone,
+        materials={**alone.materials, "STEEL": heavy},
+        sections={**alone.sections, "rib": replace(beam(alone, "rib"), material="STEEL")},
+    )
+    (question,) = of_materials(mixed, "m-N-kg")
+    assert question.what.endswith("has no density, usual is 10 to 25000 kg/m³")
+
+
+def test_units_are_guessed_by_most_elements() -> None:
+    model = read_inp(deck("mm-N-t").encode())
+    dummy = replace(
+        model.materials["METAL"], name="DUMMY", constants={"E": 10.0, "nu": 0.3, "G": 3.0, "density": 1e-13}
+    )
+    sections = {**model.sections, "rib": replace(beam(model, "rib"), material="DUMMY")}
+    mixed = replace(model, materials={**model.materials, "DUMMY": dummy}, sections=sections)
+    offered = guess(mixed)
+    assert offered is not None
+    assert offered.units == "mm-N-t"
+    assert "DUMMY would be no usual material" in offered.reason
+    (question,) = of_materials(mixed, "mm-N-t")
+    assert question.names == ("density:rib", "density:DUMMY")
+
+
+def test_a_structure_as_large_as_a_town_is_asked() -> None:
     model = read_inp(deck("mm-N-t", size=300.0).encode())
-    with pytest.raises(FormatError, match=r"^units: .* the structure would be 4.24e\+05 m large in m-N-t"):
-        check(model, "m-N-t")
+    (question,) = of_size(model)
+    assert question.what == "the structure is 4.24e+05 m large, usual is 0.001 to 10000; are the units right?"
+    assert not [*of_size(model, 1e-3)]
+    require_answers([question], ["size"])
 
 
 @pytest.mark.parametrize("name", ["", "mm-n-t", "mm-N-t-s"])
