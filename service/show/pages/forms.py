@@ -10,11 +10,13 @@ from typing import Any
 from pydantic import BaseModel
 
 from service.show.pages.numbers import words
+from service.show.pages.quantities import units_of_field
 from service.web.quantities import UNITS
+from service.web.typed import SHOWN_AS, in_words
 
 CHECKED_LIST = "choices"
-SCALES = {"_m": ("mm", "0.001"), "_Pa": ("GPa", "1e9"), "_kg": ("g", "0.001")}
-"""What people write in place of the SI unit at the end of a name, and its size."""
+OF_PARAMETER = ("prior_mean", "prior_sd")
+"""Members in the unit of the parameter that their row names."""
 SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
 
 
@@ -30,7 +32,16 @@ class Field:
     options: list[tuple[str, str]] = field(default_factory=list)  # value and words of each choice
     fields: list[Field] = field(default_factory=list)  # of a group, or of one row of a table
     nullable: bool = False  # whether nothing can be said
-    scale: str = ""  # SI of one unit of the field, where people write another one: mm, GPa, g
+    of: str = ""  # question of the same row that names the parameter in whose unit the value is
+
+    @property
+    def placeholder(self) -> str:
+        """What an empty field shows: the default in the field's unit, of a list how one is written."""
+        if self.kind == "numbers":
+            return "120; 250"
+        if isinstance(self.default, bool) or not isinstance(self.default, int | float):
+            return ""
+        return in_words(self.default, *units_of_field(self.name, self.label)).split()[0]
 
 
 def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]) -> list[Field]:
@@ -66,7 +77,7 @@ class _Schema:
             "help": _without_json(outer.get("description") or node.get("description", "")),
             "default": outer.get("default"),
             "nullable": nullable,
-            "scale": _scale(label)[1],
+            "of": "name" if label in OF_PARAMETER else "",
         }
         if name in self.choices:
             return Field(kind="select", options=self.choices[name], **common)
@@ -103,12 +114,6 @@ def _without_json(said: str) -> str:
     return re.sub(r"\bnull\b", "empty", said).replace("`{}` will do", "everything may stay empty")
 
 
-def _scale(name: str) -> tuple[str, str]:
-    """The unit that people write in place of the one that the name ends in, and its size; nothing where it is the same."""
-    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
-    return SCALES.get(ending, ("", ""))
-
-
 def _label(name: str) -> str:
     """A member's name as words, with its unit where the name has one, as people write it.
 
@@ -117,6 +122,6 @@ def _label(name: str) -> str:
     """
     for ending, unit in UNITS.items():
         if name.endswith(ending):
-            return f"{_label(name.removesuffix(ending))} [{_scale(name)[0] or unit}]"
+            return f"{_label(name.removesuffix(ending))} [{SHOWN_AS.get(unit, unit)}]"
     text = words(name).replace(" sd", " standard deviation")
     return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")

@@ -31,6 +31,7 @@ from service.errors import NotAcceptable, NotFound
 from service.jobs.resource import ENDED
 from service.show.pages import numbers
 from service.show.pages.found import bar
+from service.show.pages.quantities import attributes
 from service.store.campaigns.operations import campaign_for, describe
 from service.store.structures import routes as structures
 from service.web.negotiation import choose_format
@@ -120,7 +121,7 @@ def root_of(path: str) -> str:
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates")
     made.filters.update(numbers.FILTERS, bar=bar)
-    made.globals.update(asset=address, version=__version__)
+    made.globals.update(asset=address, version=__version__, quantity=attributes)
     return made
 
 
