@@ -1,7 +1,8 @@
 """Quantities as people type them: `1850 kg/m³`, `21,5`, `70 °F`, `0.5 m`, `1.2e3`. One reader for every field of every page.
 
-A number without a unit is in the unit of its field; with one, it is converted. A comma or a point is the decimal mark; groups of
-three digits may be parted by blanks, apostrophes, or the other mark. What could be two numbers (`1,850`) is asked about.
+A number without a unit is in the unit of its field; with one, it is converted. A comma or a point is the decimal mark;
+groups of three digits may be parted by blanks, apostrophes, or the other mark. What could be two numbers (`1,850`) is asked
+about.
 """
 
 import re
@@ -45,7 +46,7 @@ LONGEST = 200  # characters of one quantity
 SMALLEST, LARGEST = Fraction("1e-300"), Fraction("1e300")
 
 
-class NotUnderstood(ServiceError):
+class UnreadableError(ServiceError):
     """A text is no quantity of its field; the message says what would be."""
 
 
@@ -58,7 +59,7 @@ def read(text: str, unit: str, to: str) -> float:
         to: unit of the number to return, such as `Pa`.
 
     Raises:
-        NotUnderstood: it is no number, is in a unit of another kind, or could mean two numbers.
+        UnreadableError: it is no number, is in a unit of another kind, or could mean two numbers.
 
     >>> read("1.85 g/cm³", "kg/m³", "kg/m³"), read("21,5", "°C", "°C"), read("33000 MPa", "GPa", "Pa")
     (1850.0, 21.5, 33000000000.0)
@@ -66,12 +67,9 @@ def read(text: str, unit: str, to: str) -> float:
     number, stated = _parts(text, unit)
     kind = _kind(to)
     name = _spelled(stated, kind, text) if stated else _plain(unit)
-    if "°C" in kind:
-        value = _celsius(number, name)
-    else:
-        value = number * Fraction(kind[name]) / Fraction(kind[_plain(to)])
+    value = _celsius(number, name) if "°C" in kind else number * Fraction(kind[name]) / Fraction(kind[_plain(to)])
     if value and not SMALLEST < abs(value) < LARGEST:
-        raise NotUnderstood(f"“{text.strip()[:40]}” is beyond what can be computed with")
+        raise UnreadableError(f"“{text.strip()[:40]}” is beyond what can be computed with")
     return float(value)
 
 
@@ -79,13 +77,13 @@ def read_whole(text: str) -> int:
     """The whole number that a text means.
 
     Raises:
-        NotUnderstood: it is none, or one that a browser does not keep to the last digit.
+        UnreadableError: it is none, or one that a browser does not keep to the last digit.
     """
     value = read(text, "", "")
     if value != int(value) or "%" in text:
-        raise NotUnderstood(f"“{text.strip()[:40]}” is no whole number")
+        raise UnreadableError(f"“{text.strip()[:40]}” is no whole number")
     if abs(value) >= 2**53:
-        raise NotUnderstood(f"“{text.strip()[:40]}” has more digits than are kept; the largest is {2**53 - 1}")
+        raise UnreadableError(f"“{text.strip()[:40]}” has more digits than are kept; the largest is {2**53 - 1}")
     return int(value)
 
 
@@ -93,18 +91,20 @@ def read_numbers(text: str, unit: str, to: str) -> list[float]:
     """The numbers of a list; where only the last one has a unit, all are in it.
 
     Raises:
-        NotUnderstood: one of them cannot be read, or commas without blanks part them or are in them.
+        UnreadableError: one of them cannot be read, or commas without blanks part them or are in them.
 
     >>> read_numbers("−90, 0, 90 mm", "mm", "m"), read_numbers("25,02; 25,00", "", "")
     ([-0.09, 0.0, 0.09], [25.02, 25.0])
     """
     parts = split(text)
     if len(parts) == 1 and parts[0].count(",") and not re.search(r"[^\d.,\s+−-]", parts[0].split(",")[0]):
-        raise NotUnderstood(f"“{text.strip()[:40]}” is one number or several: part them with semicolons")
+        raise UnreadableError(f"“{text.strip()[:40]}” is one number or several: part them with semicolons")
     stated = [bool(_parts(part, unit)[1]) for part in parts]
     if any(stated) and not all(stated):
         if stated.index(True) != len(parts) - 1:
-            raise NotUnderstood("some of the numbers have a unit and others have none: write it once, behind the last")
+            raise UnreadableError(
+                "some of the numbers have a unit and others have none: write it once, behind the last"
+            )
         last = _parts(parts[-1], unit)[1]
         parts = [*(f"{part} {last}" for part in parts[:-1]), parts[-1]]
     return [read(part, unit, to) for part in parts]
@@ -114,7 +114,7 @@ def read_points(text: str) -> list[dict[str, Any]]:
     """Grid points of lines: number, x, y and where it is given z, in mm or with a unit.
 
     Raises:
-        NotUnderstood: a line is none; says which.
+        UnreadableError: a line is none; says which.
 
     >>> read_points("1; 0,5; -20")
     [{'label': 1, 'x_m': 0.0005, 'y_m': -0.02, 'z_m': 0.0}]
@@ -122,17 +122,20 @@ def read_points(text: str) -> list[dict[str, Any]]:
     found = []
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip():
-            parts = split(line)
-            cells = parts if len(parts) > 1 else [part.strip() for part in line.split(",")]
             try:
-                label, *sizes = cells
-                if not 2 <= len(sizes) <= 3:
-                    raise NotUnderstood(f"“{line.strip()[:60]}” is no line of number, x, y and z")
-                x, y, z = [*(read(size, "mm", "m") for size in sizes), 0.0][:3]
-                found.append({"label": read_whole(label), "x_m": x, "y_m": y, "z_m": z})
-            except NotUnderstood as error:
-                raise NotUnderstood(f"line {number}: {error}") from None
+                found.append(_point(line))
+            except UnreadableError as error:
+                raise UnreadableError(f"line {number}: {error}") from None
     return found
+
+
+def _point(line: str) -> dict[str, Any]:
+    parts = split(line)
+    label, *sizes = parts if len(parts) > 1 else [part.strip() for part in line.split(",")]
+    if not 2 <= len(sizes) <= 3:
+        raise UnreadableError(f"“{line.strip()[:60]}” is no line of number, x, y and z")
+    x, y, z = [*(read(size, "mm", "m") for size in sizes), 0.0][:3]
+    return {"label": read_whole(label), "x_m": x, "y_m": y, "z_m": z}
 
 
 def in_words(value: float, unit: str, to: str, digits: int = 10) -> str:
@@ -187,7 +190,7 @@ def _parts(text: str, unit: str) -> tuple[Fraction, str]:
     plain = text.strip().translate(_MINUS).translate(_SUPERSCRIPTS)
     found = _QUANTITY.fullmatch(re.sub(r"\s+1/", " /", plain)) if len(plain) <= LONGEST else None
     if found is None:
-        raise NotUnderstood(f"“{text.strip()[:40]}” is no number{f' in {unit}' if unit else ''}")
+        raise UnreadableError(f"“{text.strip()[:40]}” is no number{f' in {unit}' if unit else ''}")
     digits = _decimal(found["digits"], text.strip())
     return Fraction(f"{found['sign']}{digits}e{found['e'] or found['ten'] or 0}"), (found["unit"] or "").strip()
 
@@ -201,7 +204,7 @@ def _decimal(digits: str, text: str) -> str:
     if len(marks) == 1 and digits.count(marks[0]) == 1:
         before, after = digits.split(marks[0])
         if marks == [","] and not blanks and len(after) == 3 and re.fullmatch(r"[1-9]\d{0,2}", before):
-            raise NotUnderstood(f"“{text[:40]}” is {before}{after} or {before}.{after}: write which, without a comma")
+            raise UnreadableError(f"“{text[:40]}” is {before}{after} or {before}.{after}: write which, without a comma")
         whole, fraction = before, after
     elif len(marks) == 2 and digits.count(marks[1]) == 1:
         whole, fraction = digits.split(marks[1])
@@ -209,10 +212,10 @@ def _decimal(digits: str, text: str) -> str:
         whole, fraction = digits, ""
     if not re.fullmatch(r"\d*", whole):
         if not re.fullmatch(r"\d{1,3}(?:([ ',.])\d{3})(?:\1\d{3})*", whole):
-            raise NotUnderstood(f"“{text[:40]}” is no number: its digits are parted unevenly")
+            raise UnreadableError(f"“{text[:40]}” is no number: its digits are parted unevenly")
         whole = re.sub(r"\D", "", whole)
     if not re.fullmatch(r"\d*", fraction) or not whole + fraction:
-        raise NotUnderstood(f"“{text[:40]}” is no number")
+        raise UnreadableError(f"“{text[:40]}” is no number")
     return f"{whole or 0}.{fraction or 0}"
 
 
@@ -241,10 +244,10 @@ def _spelled(stated: str, kind: dict[str, str], text: str) -> str:
         return name if name in kind else alike[0]
     known = [one for one in kind if one][:6]
     if alike:
-        raise NotUnderstood(f"“{stated[:20]}” is {' or '.join(alike)}: write which")
+        raise UnreadableError(f"“{stated[:20]}” is {' or '.join(alike)}: write which")
     if not known:
-        raise NotUnderstood(f"“{text.strip()[:40]}” has a unit, and this number has none")
-    raise NotUnderstood(f"“{stated[:20]}” is no unit of this field; there is {', '.join(known)}")
+        raise UnreadableError(f"“{text.strip()[:40]}” has a unit, and this number has none")
+    raise UnreadableError(f"“{stated[:20]}” is no unit of this field; there is {', '.join(known)}")
 
 
 def _celsius(number: Fraction, name: str) -> Fraction:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 HITS = "figure[data-figure$='/figures/hits']"
 X_OF_THE_RESPONSE = f"document.querySelector(\"{HITS} .js-plotly-plot\").data.find((trace) => trace.xaxis === 'x2').x"
-COLORS = """() => [...document.querySelectorAll("path, use")].map((one) => getComputedStyle(one)).map((style) => [style.fill, style.stroke])"""
+STYLES = 'document.querySelectorAll("path, use")].map((one) => getComputedStyle(one))'
+COLORS = f"() => [...{STYLES}.map((style) => [style.fill, style.stroke])"
 
 
 def test_a_drawing_opened_alone_has_its_colours(running: Browser, service: LocalService, tmp_path: Path) -> None:

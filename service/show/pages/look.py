@@ -28,7 +28,6 @@ from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
 from service.errors import NotAcceptable, NotFound
-from service.jobs.resource import ENDED
 from service.show.pages import numbers
 from service.show.pages.found import bar
 from service.show.pages.quantities import attributes
@@ -157,13 +156,6 @@ class Visit:
     def show(self, template: str, **context: Any) -> HTMLResponse:
         """A page of theirs."""
         return page(self.request, template, user=self.user.name, **context)
-
-    def show_progress(self, job: Any, kind: str) -> HTMLResponse:
-        """The piece of a page that says how far a job is, and replaces itself; once it has ended, the page is loaded anew."""
-        answer = self.show("job_progress.html", job=job, ended=job.status in ENDED, kind=kind)
-        if job.status in ENDED:
-            answer.headers["HX-Refresh"] = "true"
-        return answer
 
     def in_project(self, project_id: UUID) -> dict[str, Any]:
         """The project of a page below it, as templates have it, and whether the visitor may change what is in it."""

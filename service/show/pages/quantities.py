@@ -34,7 +34,7 @@ class Typed(StrictModel):
 
 
 @router.post("/quantities")
-def read_typed(asked: Annotated[list[Typed], Body(max_length=5000)], user: CurrentUser) -> list[dict[str, Any]]:
+def read_typed(asked: Annotated[list[Typed], Body(max_length=5000)], _user: CurrentUser) -> list[dict[str, Any]]:
     """Of each text its `value`, as REST takes it, with `words` for the page; or the `fault` in it."""
     return [_read(one, place) for place, one in enumerate(asked)]
 
@@ -61,7 +61,7 @@ def _read(asked: Typed, place: int) -> dict[str, Any]:
         values = typed.read_numbers(asked.text, unit, to)
         words = "; ".join(typed.in_words(value, unit, to) for value in values)
         return {"value": values[0] if asked.kind == "array" and len(values) == 1 else values, "words": words}
-    except typed.NotUnderstood as error:
+    except typed.UnreadableError as error:
         return {"fault": str(error)}
 
 

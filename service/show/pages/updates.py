@@ -161,17 +161,12 @@ def get_jobs(
 
 
 @router.get("/update-jobs/{job_id}")
-def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
-    """A job: its progress while it runs, its result when it has one.
-
-    `part` is the piece with the progress alone, which replaces itself; when the job has ended, it has the page loaded anew.
-    """
+def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """A job: its progress while it runs, its result when it has one."""
     job = updating.single.one(visit.session, visit.user, job_id)
-    if part:
-        return visit.show_progress(job, "update-jobs")
     common = {"job": job, **visit.in_campaign(job.campaign_id)}
     if job.status != "succeeded":
-        return visit.show("job.html", **common, ended=job.status in ENDED, kind="update-jobs")
+        return visit.show("job.html", **common, ended=job.status in ENDED)
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
     figures = shown.list_figures(job_id, visit.session, visit.user).items
     steps, notes = opening(result)
@@ -237,17 +232,12 @@ def get_plan(structure_id: UUID, visit: VisitDep) -> HTMLResponse:
 
 
 @router.get("/joint-updates/{joint_id}")
-def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
-    """A joint update: its progress while it runs, then what all campaigns say together, and where they contradict.
-
-    `part` is the piece with the progress alone, as of a single update.
-    """
+def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """A joint update: its progress while it runs, then what all campaigns say together, and where they contradict."""
     job = updating.joint.one(visit.session, visit.user, joint_id)
-    if part:
-        return visit.show_progress(job, "joint-updates")
     rows = campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])
     names = {str(key): row.name for key, row in rows.items()}
-    common = {"job": job, **visit.in_project(job.project_id), "names": names, "kind": "joint-updates"}
+    common = {"job": job, **visit.in_project(job.project_id), "names": names}
     if job.status != "succeeded":
         return visit.show("joint_job.html", **common, ended=job.status in ENDED)
     return visit.show(

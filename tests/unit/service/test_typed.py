@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from service.web.quantities import UNITS
 from service.web.typed import (
     DIMENSIONS,
-    NotUnderstood,
+    UnreadableError,
     are_alike,
     in_words,
     read,
@@ -90,7 +90,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("text", "unit", "words"), REFUSED, ids=[case[0][:20] for case in REFUSED])
 def test_what_is_no_quantity_of_its_field_is_refused_in_words(text: str, unit: str, words: str) -> None:
-    with pytest.raises(NotUnderstood) as refused:
+    with pytest.raises(UnreadableError) as refused:
         read(text, unit, "m" if unit == "mm" else unit)
     assert words in str(refused.value)
 
@@ -100,7 +100,7 @@ def test_any_text_is_read_or_refused(text: str) -> None:
     for unit, to in (("kg/m³", "kg/m³"), ("mm", "m"), ("°C", "°C"), ("", "")):
         try:
             value = read(text, unit, to)
-        except NotUnderstood:
+        except UnreadableError:
             continue
         assert math.isfinite(value)
         assert math.isclose(read(in_words(value, unit, to, 17), unit, to), value, rel_tol=1e-12, abs_tol=1e-12)
@@ -136,7 +136,7 @@ def test_lists_are_read(text: str, values: list[float]) -> None:
 
 @pytest.mark.parametrize("text", ["1,2,3", "1,5", "25.02,25.00", "1 mm; 2; 3"])
 def test_a_list_that_could_be_another_is_asked_about(text: str) -> None:
-    with pytest.raises(NotUnderstood, match="semicolons|write it once"):
+    with pytest.raises(UnreadableError, match=r"semicolons|write it once"):
         read_numbers(text, "mm", "m")
 
 
@@ -148,14 +148,14 @@ def test_points_are_read_as_they_are_separated(line: str) -> None:
 
 
 def test_a_line_that_is_no_point_is_named() -> None:
-    with pytest.raises(NotUnderstood, match="line 2: “2; 5” is no line of number, x, y and z"):
+    with pytest.raises(UnreadableError, match="line 2: “2; 5” is no line of number, x, y and z"):
         read_points("1; 0; 0\n2; 5")
-    with pytest.raises(NotUnderstood, match="line 1: “1,850” is 1850 or"):
+    with pytest.raises(UnreadableError, match="line 1: “1,850” is 1850 or"):
         read_points("1; 1,850; 0")
 
 
 def test_whole_numbers() -> None:
     assert (read_whole("12"), read_whole("1e3"), read_whole("12,0")) == (12, 1000, 12)
     for text in ("12.5", "1,5", "9007199254740993", "12 %", "3 m"):
-        with pytest.raises(NotUnderstood):
+        with pytest.raises(UnreadableError):
             read_whole(text)
