@@ -24,13 +24,16 @@ def monitors_among(session: Session, user: User, ids: set[UUID]) -> set[UUID]:
 
 def look_at_monitors(session: Session, ids: set[UUID]) -> dict[UUID, Shown]:
     """States of monitors that have begun a run: `running` until all runs and judgements have ended, then `succeeded`."""
-    of_monitor = select(MonitorSeries.monitor_id).where(MonitorSeries.monitor_id.in_(ids))
-    runs = of_monitor.add_columns(MonitorRun.id, MonitorRun.state).join(MonitorRun)
-    judgements = (
-        of_monitor.add_columns(Job.id, Job.state).join(MonitorJudgement).join(Job, Job.id == MonitorJudgement.id)
+    among, series = MonitorSeries.monitor_id.in_(ids), MonitorSeries.id
+    runs = select(MonitorSeries.monitor_id, MonitorRun.id, MonitorRun.state)
+    judgements = select(MonitorSeries.monitor_id, Job.id, Job.state)
+    of_series = MonitorJudgement.series_id == series
+    both = union_all(
+        runs.join(MonitorRun, MonitorRun.series_id == series).where(among),
+        judgements.join(MonitorJudgement, of_series).join(Job, Job.id == MonitorJudgement.id).where(among),
     )
     parts: dict[UUID, list[tuple[str, str]]] = {}
-    for monitor, part, state in session.execute(union_all(runs, judgements)):
+    for monitor, part, state in session.execute(both):
         parts.setdefault(monitor, []).append((str(part), state))
     return {monitor: _shown(monitor, sorted(found)) for monitor, found in parts.items()}
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 from pydantic import BaseModel
 
 from service.show.pages.numbers import words
 from service.show.pages.quantities import units_of_field
+from service.store.campaigns.schemas import CampaignIn
+from service.store.structures.schemas import StructureIn
+from service.store.updating.schemas import RecipeIn
 from service.web.quantities import UNITS
 from service.web.typed import SHOWN_AS, in_words
 
@@ -125,3 +129,54 @@ def _label(name: str) -> str:
             return f"{_label(name.removesuffix(ending))} [{SHOWN_AS.get(unit, unit)}]"
     text = words(name).replace(" sd", " standard deviation")
     return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")
+
+
+@cache
+def _members() -> dict[str, str]:
+    """Labels of the members of recipes, campaigns and structures, by the last step of their names."""
+    found: dict[str, str] = {}
+
+    def gather(fields: list[Field]) -> None:
+        for one in fields:
+            found.setdefault(one.name.rsplit("/", 1)[-1], re.sub(r" \[.*\]", "", one.label))
+            gather(one.fields)
+
+    for model in (RecipeIn, CampaignIn, StructureIn):
+        gather(fields_of(model, {}))
+    return found
+
+
+_ASIDE = re.compile(r" ?[^.;:?(]*\((?:`[^`]*`(?:, )?)+\)")
+_CALL = re.compile(r"\b(?:GET|POST|PUT|PATCH|DELETE) /[\w/{}…-]+")
+_NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[a-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
+
+
+def told(text: str | None) -> str:
+    """A sentence of REST for a page: members have the labels of their fields, calls and options are left out.
+
+    >>> told("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
+    'did you mean 33 GPa?'
+    >>> told("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
+    'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is stated'
+    """
+
+    def member(found: re.Match[str]) -> str:
+        name, marked = found[2], found[0].startswith("`")
+        if name in _members() and (marked or "_" in name):
+            return f"“{_members()[name]}”"
+        return found[0].strip("`") if marked else found[0]
+
+    plain = _CALL.sub("this page", _ASIDE.sub("", text or ""))
+    return _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain)).replace(" ;", ";").strip()
+
+
+def labelled(pointer: str) -> str:
+    """A JSON pointer, or the name of a parameter, in words.
+
+    >>> labelled("/inputs/thickness_sd_m"), labelled("next_cursor"), labelled("")
+    ('Thickness standard deviation', 'next cursor', 'what was sent')
+    """
+    steps = [step for step in re.split(r"[/.]", pointer) if step]
+    if not steps:
+        return "what was sent"
+    return _members().get(steps[-1]) or words(" ".join(steps))

@@ -68,7 +68,7 @@ function labelOf(form, name) {
   return [legend && (row ? `${legend} ${[...set.querySelectorAll(".one")].indexOf(row) + 1}` : legend), label].filter(Boolean).join(", ");
 }
 const inWords = (form, text) => text
-  .replace(/ ?[^.;(]*\((?:`[^`]*`(?:, )?)+\)/g, "") // what a script or a command would add
+  .replace(/ ?[^.;:?(]*\((?:`[^`]*`(?:, )?)+\)/g, "") // what a script or a command would add
   .replace(/`([a-z]\w*(?:[./]\w+)*)`/gi, (_, name) => (inputOf(form, name) ? `“${labelOf(form, name)}”` : wordsOf(name)))
   .replace(/(?<![\w/])\/?[a-z]\w*(?:[./][a-z]\w*)*_\w+/gi, (name) => (inputOf(form, pathOf(name)) || UNIT_ENDING.test(name) ? `“${labelOf(form, pathOf(name))}”` : name));
 function linesOf(form, problem) {
