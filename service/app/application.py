@@ -18,8 +18,9 @@ from service.app.composition import FINDERS, ROUTERS
 from service.db.engine import for_reading, make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
 from service.errors import Unavailable
-from service.jobs.events import Changes
+from service.jobs.events import Changes, look_at_jobs
 from service.jobs.metrics import JobMetrics
+from service.monitoring.live import look_at_monitors
 from service.settings import Settings
 from service.show.guide.routes import router as guide
 from service.show.pages import PREFIX as PAGES
@@ -45,6 +46,10 @@ the recipe `{}`, until `GET /update-jobs/{id}` has succeeded; `GET /update-jobs/
 Units are SI and in the names of fields, times UTC. Lists come in pages: hand `next_cursor` in as `cursor`. What is edited
 has an `ETag`, which `If-Match` repeats.
 """
+
+
+LOOKS = (look_at_jobs, look_at_monitors)
+"""What streams of events can watch."""
 
 
 def create_app(settings: Settings) -> FastAPI:
@@ -85,7 +90,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.settings, app.state.engine = settings, engine
     app.state.sessions = make_sessions(engine, project_quota_bytes=settings.project_quota_bytes)
     app.state.reading = make_sessions(for_reading(engine), project_quota_bytes=settings.project_quota_bytes)
-    app.state.changes = Changes(settings.database_url, app.state.reading, settings.event_streams)
+    app.state.changes = Changes(settings.database_url, app.state.reading, settings.event_streams, LOOKS)
     for router in ROUTERS:
         include(app, router, PREFIX)
     _add_health(app)

@@ -1,6 +1,6 @@
-"""A job's states as they change, for who watches (server-sent events).
+"""Jobs' states as they change, for who watches (server-sent events).
 
-An event is the job's state and carries its version as id. A client that comes back with `Last-Event-ID` gets the state
+An event is a job's state and carries its version as id. A client that comes back with `Last-Event-ID` gets the state
 of now if it has changed since, and nothing that is overtaken: a state replaces all before it, so none need be kept.
 
 All streams of a process share one look at the database: at the jobs that a notice named, and now and then at all that are
@@ -11,7 +11,7 @@ import asyncio
 import json
 import time
 from collections import Counter
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Self
@@ -24,6 +24,7 @@ from fastapi.encoders import jsonable_encoder
 from fastapi.sse import KEEPALIVE_COMMENT, EventSourceResponse, format_sse_event
 from sqlalchemy import select
 from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.orm import Session
 
 from service.access.dependencies import CurrentKey
 from service.db.engine import Sessions
@@ -62,18 +63,26 @@ def shown(job: Job) -> Shown:
     return Shown(job.version, event, job.state in ENDED)
 
 
+Look = Callable[[Session, set[UUID]], Mapping[UUID, Shown]]
+"""States of those among these ids that it knows."""
+
+
+def look_at_jobs(session: Session, ids: set[UUID]) -> dict[UUID, Shown]:
+    """States of jobs."""
+    return {job.id: shown(job) for job in session.scalars(select(Job).where(Job.id.in_(ids)))}
+
+
 @dataclass
 class _Watched:
-    """A job that streams watch."""
+    """What streams watch."""
 
-    state: Shown | None  # the last one that was seen; None where the job is gone
-    changed: asyncio.Event = field(default_factory=asyncio.Event)  # set when that has changed, and then replaced
-    streams: int = 0  # how many watch it
+    state: Shown | None  # the last one that was seen; None where it is gone
+    streams: set[asyncio.Event] = field(default_factory=set)  # of each stream what is set when it has changed
 
     def wake(self) -> None:
         """Have the streams look at the state."""
-        self.changed.set()
-        self.changed = asyncio.Event()
+        for changed in self.streams:
+            changed.set()
 
 
 class Changes:
@@ -83,15 +92,16 @@ class Changes:
         closed: the process is about to end, and so are its streams.
     """
 
-    def __init__(self, url: str, sessions: Sessions, limit: int) -> None:
+    def __init__(self, url: str, sessions: Sessions, limit: int, looks: Sequence[Look] = (look_at_jobs,)) -> None:
         """Prepare.
 
         Args:
             url: the database, to listen to.
             sessions: of the same database, to look at jobs.
             limit: streams at a time.
+            looks: what knows the states of what is watched.
         """
-        self._limit, self._sessions = limit, sessions
+        self._limit, self._sessions, self._looks = limit, sessions, looks
         self._watched: dict[UUID, _Watched] = {}
         self._open = Counter[str]()
         self._due: set[UUID] = set()
@@ -141,23 +151,28 @@ class Changes:
         raise TooManyRequests(f"{full}; poll the job instead", retry_after=10)
 
     @contextmanager
-    def of(self, job_id: UUID, state: Shown, caller: str) -> Iterator[_Watched]:
-        """Watch a job, whose last state is given and kept up to date; the caller has one stream more."""
+    def of(self, states: Mapping[UUID, Shown], caller: str) -> Iterator[tuple[asyncio.Event, list[_Watched]]]:
+        """Watch jobs, whose last states are given and kept up to date; the event is set when one of them has changed. The
+        caller has one stream more.
+        """
+        changed = asyncio.Event()
         self._open[caller] += 1
-        watched = self._watched.setdefault(job_id, _Watched(state))
-        watched.streams += 1
-        self._due.add(job_id)  # it may have changed since
+        all_watched = [self._watched.setdefault(key, _Watched(state)) for key, state in states.items()]
+        for watched in all_watched:
+            watched.streams.add(changed)
+        self._due.update(states)  # they may have changed since
         self._wake.set()
         if self._looking is None or self._looking.done():
             self._looking = asyncio.get_running_loop().create_task(self._look())
         try:
-            yield watched
+            yield changed, all_watched
         finally:
             self._open[caller] -= 1
             self._open += Counter()  # forgets who has none
-            watched.streams -= 1
-            if not watched.streams:
-                self._watched.pop(job_id, None)
+            for key, watched in zip(states, all_watched, strict=True):
+                watched.streams.discard(changed)
+                if not watched.streams:
+                    self._watched.pop(key, None)
 
     async def ended(self, job: Shown, job_id: UUID, caller: str, seconds: float) -> bool:
         """Wait until a job has ended, for so many seconds at most, and say whether it has.
@@ -168,10 +183,11 @@ class Changes:
             self.admit(caller)
         except TooManyRequests:
             return job.ended
-        with self.of(job_id, job, caller) as watched, suppress(TimeoutError):
+        with self.of({job_id: job}, caller) as (changed, (watched,)), suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 while not self.closed and watched.state is not None and not watched.state.ended:
-                    await watched.changed.wait()
+                    await changed.wait()
+                    changed.clear()
         return watched.state is None or watched.state.ended
 
     def _heard(self, job_id: str) -> None:
@@ -208,11 +224,11 @@ class Changes:
             return {}
         try:
             with self._sessions() as session:
-                jobs = session.scalars(select(Job).where(Job.id.in_(due)))
-                return dict.fromkeys(due) | {job.id: shown(job) for job in jobs}
+                known = [look(session, due) for look in self._looks]
         except SQLAlchemyError as error:
             log.warning("the database does not answer; streams wait", error=str(error).split("\n", 1)[0])
             return {}
+        return {key: next((states[key] for states in known if key in states), None) for key in due}
 
 
 def _changes(request: Request) -> Changes:
@@ -244,20 +260,32 @@ class Events:
         """
         if job.state in ENDED and job.version == self._last:
             return Response(status_code=204)
+        return self._answer({job.id: shown(job)}, {job.id: self._last})
+
+    def of_all(self, states: Mapping[UUID, Shown]) -> Response:
+        """One stream of the states of several: the present ones at once; it ends when all have.
+
+        Raises:
+            TooManyRequests: as many streams as the operator allows are open.
+        """
+        return self._answer(states, {})
+
+    def _answer(self, states: Mapping[UUID, Shown], sent: Mapping[UUID, int | None]) -> Response:
         self._changes.admit(self._caller)
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-        return EventSourceResponse(self._stream(job.id, shown(job)), headers=headers)
+        return EventSourceResponse(self._stream(states, dict(sent)), headers=headers)
 
-    async def _stream(self, job_id: UUID, first: Shown) -> AsyncIterator[bytes]:
-        sent = self._last
-        with self._changes.of(job_id, first, self._caller) as watched:
-            while not self._changes.closed and (state := watched.state) is not None:  # else deleted with its project
-                changed = watched.changed
-                if state.version != sent:
-                    sent = state.version
-                    yield state.event
-                    if state.ended:
-                        return
+    async def _stream(self, states: Mapping[UUID, Shown], sent: dict[UUID, int | None]) -> AsyncIterator[bytes]:
+        with self._changes.of(states, self._caller) as (changed, all_watched):
+            while not self._changes.closed:
+                changed.clear()
+                now = {key: one.state for key, one in zip(states, all_watched, strict=True) if one.state is not None}
+                for key, state in now.items():  # what is not there was deleted with its project
+                    if state.version != sent.get(key):
+                        sent[key] = state.version
+                        yield state.event
+                if all(state.ended for state in now.values()):
+                    return
                 try:
                     async with asyncio.timeout(PING_SECONDS):
                         await changed.wait()

@@ -42,6 +42,8 @@ from service.store.search.routes import ModeTrend, ResultTrend, WantedDep
 from service.store.updating.result_schemas import CONSTANTS
 from service.web import api_router
 
+Seconds = Annotated[float | None, Query(ge=0, le=1e9, allow_inf_nan=False)]
+
 router = api_router(tags=[])  # each figure stands beside what it shows
 
 
@@ -58,8 +60,12 @@ def get_campaign_figure(
     direction: Annotated[int | None, Query(ge=-6, le=6, description="signed direction there")] = None,
     response: Annotated[Whole, Query(description="of `hits`: where the sensor stood; default: the first one")] = None,
     reference: Annotated[Whole, Query(description="of `frf`: reference point")] = None,
-    fmin: Annotated[Hertz, Query(description="of `frf`: lines from here on, Hz")] = None,
-    fmax: Annotated[Hertz, Query(description="of `frf`: lines up to here, Hz")] = None,
+    fmin: Annotated[
+        Hertz, Query(description="lines from here on, Hz; of `hits` those that are drawn one by one")
+    ] = None,
+    fmax: Annotated[Hertz, Query(description="lines up to here, Hz; of `hits` those that are drawn one by one")] = None,
+    tmin: Annotated[Seconds, Query(description="of `hits`: samples from here on are drawn one by one, s")] = None,
+    tmax: Annotated[Seconds, Query(description="of `hits`: samples up to here are drawn one by one, s")] = None,
 ) -> Response:
     """The first `frf` that matches; or the `hits` of a point: good ones alike, bad ones with what was found against them.
 
@@ -72,7 +78,8 @@ def get_campaign_figure(
         cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
         return asked.answer(lambda: measured_frf_figure(session, frf, cut), name, version)
     blocks = point_blocks(session, campaign.id, Chosen(point, direction, response))
-    return asked.answer(lambda: hits_figure(point_shown(session, blocks)), name, blocks.version)
+    seconds, hertz = (tmin, tmax), (fmin, fmax)
+    return asked.answer(lambda: hits_figure(point_shown(session, blocks), seconds, hertz), name, blocks.version)
 
 
 @router.get(

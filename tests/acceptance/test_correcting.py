@@ -104,17 +104,17 @@ def a_mode_is_dropped(page: Page, campaign: str) -> None:
 
 
 def a_structure_takes_other_units(page: Page, structure: str) -> None:
-    """What is typed with another unit stands in the field's own; what is none is refused in place."""
+    """What is typed with another unit is shown in the field's own; what is none is refused in place."""
     page.goto(f"/ui/edit/structures/{structure}")
     page.wait_for_selector("button:has-text('Save what was changed'):enabled")
     assert "is version 2" in page.inner_text("form .hint")
     field = page.locator("[name='geometry/thickness_m']")
     assert field.input_value() == "10"
     field.fill("12 kg")
-    assert "A number in mm" in field.evaluate("input => input.validationMessage")
+    page.wait_for_selector("small.understood:has-text('“kg” is no unit of this field; there is mm')")
+    assert "is no unit" in field.evaluate("input => input.validationMessage")
     field.fill("0.012 m")
-    field.blur()
-    assert field.input_value() == "12"
+    page.wait_for_selector("small.understood:text-is('= 12 mm')")
     saved(page, "Save what was changed")
 
 

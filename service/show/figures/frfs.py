@@ -105,6 +105,27 @@ def thinned(magnitude: FloatArray, most: int = MOST_LINES) -> IntArray:
     return np.unique(np.concatenate([np.array(ends).ravel(), [0, count - 1]]))
 
 
+Window = tuple[float | None, float | None]
+"""First and last value of an axis that is in view; None for its end."""
+
+
+def seen_in(window: Window, place: FloatArray, values: FloatArray, most: int) -> IntArray:
+    """Which samples are drawn where a part of them is in view: of that part all, or as many as it has pixels; of the rest those
+    that tell its shape.
+
+    Args:
+        window: that is in view.
+        place: (n,) of the samples along the axis, rising.
+        values: (n,) by which they are thinned out.
+        most: samples, about, of the part and of all.
+    """
+    low, high = window
+    first = 0 if low is None else max(int(np.searchsorted(place, low)) - 1, 0)
+    last = place.size if high is None else min(int(np.searchsorted(place, high, "right")) + 1, place.size)
+    inside = first + thinned(values[first:last], most) if last > first else np.empty(0, dtype=int)
+    return np.union1d(thinned(values, most), inside)
+
+
 def _responses(curves: FrfCurves, kept: IntArray, phases: Panel) -> list[Mark]:
     """Magnitude and phase of what was measured and of each model."""
     marks: list[Mark] = []
@@ -195,10 +216,15 @@ class PointShown:
     coherence: FloatArray | None  # (L,) of two good ones or more, or None
 
 
-def hits_figure(point: PointShown) -> Figure:
+def hits_figure(point: PointShown, seconds: Window = (None, None), hertz: Window = (None, None)) -> Figure:
     """The hits of a point, one below the other: force about the pulse, response, FRF, coherence.
 
     Good hits are drawn solid and alike; each bad one dashed in a colour of its own, with what was found in the legend.
+
+    Args:
+        point: its hits.
+        seconds: of the records in view, drawn sample by sample; default: of the force the pulse, of the response all.
+        hertz: of the FRFs in view, drawn line by line.
     """
     hz = Axis("frequency [Hz]")
     size = f"|{point.frf_quantity}| [{UNITS[point.frf_quantity]}]"
@@ -213,16 +239,21 @@ def hits_figure(point: PointShown) -> Figure:
         ups = [(0.78, 1.0), (0.53, 0.71), (0.17, 0.46), (0.0, 0.11)]
     panels = [Panel(x, y, up=up) for (x, y), up in zip(axes, ups, strict=True)]
     styles = zip(point.hits, _styles(point.hits), strict=True)
-    marks = [mark for hit, style in styles for mark in _marks(point, hit, style, panels)]
+    marks = [mark for hit, style in styles for mark in _marks(point, hit, style, panels, (seconds, hertz))]
     if point.mean is not None:
-        kept = thinned(np.abs(point.mean), MOST_SAMPLES)
+        kept = seen_in(hertz, point.frequency_hz, np.abs(point.mean), MOST_SAMPLES)
         place = point.frequency_hz[kept], _size(point.mean[kept])
         marks.append(Curve(*place, "average of the good hits", UPDATED, digits=5, panel=panels[2]))
         if point.coherence is not None:
-            kept = thinned(-point.coherence, MOST_SAMPLES)
+            kept = seen_in(hertz, point.frequency_hz, -point.coherence, MOST_SAMPLES)
             place = point.frequency_hz[kept], point.coherence[kept]
             marks.append(Curve(*place, "", UPDATED, digits=4, panel=panels[3]))
-    return Figure(shortened(point.title), marks, panels, height=760 if point.coherence is None else 900)
+    height = 760 if point.coherence is None else 900
+    return Figure(shortened(point.title), marks, panels, height=height, meta={"windows": _WINDOWS})
+
+
+_WINDOWS = {"x": ("tmin", "tmax", 1e-3), "x2": ("tmin", "tmax", 1.0), "x3": ("fmin", "fmax", 1.0)}
+"""By axis: parameters of the address by which a page that zooms has what is in view, and their unit on the axis."""
 
 
 _Style = tuple[str, str, str, Dash]  # name in the legend, group, colour, dash
@@ -239,13 +270,19 @@ def _styles(hits: list[HitShown]) -> Iterator[_Style]:
             yield f"hit {hit.number}: {hit.why}", f"hit {hit.number}", next(colors), "dash"
 
 
-def _marks(point: PointShown, hit: HitShown, style: _Style, panels: list[Panel]) -> list[Mark]:
-    """Force, response and FRF of a hit."""
+def _marks(
+    point: PointShown, hit: HitShown, style: _Style, panels: list[Panel], windows: tuple[Window, Window]
+) -> list[Mark]:
+    """Force, response and FRF of a hit, in full where they are in view."""
     name, group, color, dash = style
     said = f"hit {hit.number}" + (f", {hit.why}" if hit.why else "")
-    forced, answered = thinned(hit.force, MOST_SAMPLES), thinned(hit.response, MOST_SAMPLES)
-    seen = thinned(np.abs(np.nan_to_num(hit.frf)), MOST_SAMPLES)
     seconds = 1 / point.sample_rate_hz
+    times, (asked, hertz) = seconds * np.arange(hit.force.size), windows
+    low, high = _about_the_pulse(point)
+    pulse = asked if any(end is not None for end in asked) else (1e-3 * low, 1e-3 * high)
+    forced = seen_in(pulse, times, hit.force, MOST_SAMPLES)
+    answered = seen_in(asked, times, hit.response, MOST_SAMPLES)
+    seen = seen_in(hertz, point.frequency_hz, np.abs(np.nan_to_num(hit.frf)), MOST_SAMPLES)
     series = (
         (1e3 * seconds * forced, hit.force[forced], "%{x:.5g} ms: %{y:.4g} N"),
         (seconds * answered, hit.response[answered], "%{x:.5g} s: %{y:.4g}"),

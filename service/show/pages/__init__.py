@@ -6,7 +6,7 @@ are served from here, and its policy lets a browser ask nobody else.
 
 from fastapi import FastAPI
 
-from service.show.pages import comparing, finding, measurements, start, updates
+from service.show.pages import comparing, finding, jobs, measurements, quantities, start, updates
 from service.show.pages.look import PREFIX, PageErrors
 from service.web.routing import include
 
@@ -16,5 +16,5 @@ __all__ = ["PREFIX", "PageErrors", "add_pages"]
 def add_pages(app: FastAPI) -> None:
     """All pages; `/` leads to the first of them."""
     include(app, start.open_router)
-    for module in (start, finding, measurements, updates, comparing):
+    for module in (start, finding, measurements, updates, comparing, quantities, jobs):
         include(app, module.router, PREFIX)

@@ -98,11 +98,15 @@ def get_search(
     if noun not in SEARCHED:
         raise Invalid("noun", f"expected one of {', '.join(SEARCHED)}")
     visit, asked = Visit(request, session, user), Asked(noun, text, sort, tuple(fields or ()), trend.strip())
-    found: dict[str, Any] = {"fault": ""}
+    found: dict[str, Any] = {}
+    faults = dict.fromkeys(_PLACES.values(), "")
     try:
-        found |= _found(visit, asked, cursor)
+        found = _found(visit, asked, cursor)
+        found["trend"] = None  # it is drawn where the search itself can be read
+        found["trend"] = _trend(visit, asked)
     except Invalid as error:
-        found["fault"] = "; ".join(fault.detail for fault in error.faults)
+        for fault in error.faults:
+            faults[_PLACES.get(fault.pointer, "filter")] = fault.detail
     projects = access.list_projects(session, user, limit=200).items
     shown = visit.show(
         "find.html",
@@ -113,10 +117,15 @@ def get_search(
         hints=[_hint(one, field, SEARCHED[noun]) for one in NOUNS.values() for field in one.fields],
         saved=[(kept, _address_of(kept.noun, kept.query)) for kept in list_saved(session, user, None, 200).items],
         projects=[project for project in projects if project.archived_at is None],
-        **found,
+        faults=faults,
+        **{"trend": None, **found},
     )
-    shown.status_code = 422 if found["fault"] else 200
+    shown.status_code = 422 if any(faults.values()) else 200
     return shown
+
+
+_PLACES = {"filter": "filter", "sort": "sort", "fields": "fields", "cursor": "cursor", "value": "trend"}
+"""Parameters of the search, and the part of the page beside which what is wrong with them stands; any other is the box."""
 
 
 def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
@@ -146,14 +155,18 @@ def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
         "following": asked.address(cursor=following) if following else None,
         "query": urlencode(query),
         "saving": query,
-        "trend": _trend(visit, asked, query),
     }
 
 
-def _trend(visit: Visit, asked: Asked, query: Mapping[str, str]) -> dict[str, Any] | None:
-    """What the page says of the chosen value over time; None where results or modes are not searched, or none is chosen."""
+def _trend(visit: Visit, asked: Asked) -> dict[str, Any] | None:
+    """What the page says of the chosen value over time; None where results or modes are not searched, or none is chosen.
+
+    Raises:
+        Invalid: the value is none that can be followed.
+    """
     if asked.noun not in FOLLOWED or not asked.trend:
         return None
+    query = asked.query()
     wanted = Wanted(query.get("filter"), query.get("q"))
     with bounded(visit.session):
         found = trend_of(visit.session, visit.user, asked.noun, wanted, asked.trend, COVARIATES[:1])

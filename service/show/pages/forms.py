@@ -5,16 +5,22 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 from pydantic import BaseModel
 
 from service.show.pages.numbers import words
+from service.show.pages.quantities import units_of_field
+from service.store.campaigns.schemas import CampaignIn
+from service.store.structures.schemas import StructureIn
+from service.store.updating.schemas import RecipeIn
 from service.web.quantities import UNITS
+from service.web.typed import SHOWN_AS, in_words
 
 CHECKED_LIST = "choices"
-SCALES = {"_m": ("mm", "0.001"), "_Pa": ("GPa", "1e9"), "_kg": ("g", "0.001")}
-"""What people write in place of the SI unit at the end of a name, and its size."""
+OF_PARAMETER = ("prior_mean", "prior_sd")
+"""Members in the unit of the parameter that their row names."""
 SIMPLE = {"number": "number", "integer": "whole", "boolean": "switch"}
 
 
@@ -30,7 +36,16 @@ class Field:
     options: list[tuple[str, str]] = field(default_factory=list)  # value and words of each choice
     fields: list[Field] = field(default_factory=list)  # of a group, or of one row of a table
     nullable: bool = False  # whether nothing can be said
-    scale: str = ""  # SI of one unit of the field, where people write another one: mm, GPa, g
+    of: str = ""  # question of the same row that names the parameter in whose unit the value is
+
+    @property
+    def placeholder(self) -> str:
+        """What an empty field shows: the default in the field's unit, of a list how one is written."""
+        if self.kind == "numbers":
+            return "120; 250"
+        if isinstance(self.default, bool) or not isinstance(self.default, int | float):
+            return ""
+        return in_words(self.default, *units_of_field(self.name, self.label)).split()[0]
 
 
 def fields_of(model: type[BaseModel], choices: Mapping[str, list[tuple[str, str]]]) -> list[Field]:
@@ -66,7 +81,7 @@ class _Schema:
             "help": _without_json(outer.get("description") or node.get("description", "")),
             "default": outer.get("default"),
             "nullable": nullable,
-            "scale": _scale(label)[1],
+            "of": "name" if label in OF_PARAMETER else "",
         }
         if name in self.choices:
             return Field(kind="select", options=self.choices[name], **common)
@@ -103,12 +118,6 @@ def _without_json(said: str) -> str:
     return re.sub(r"\bnull\b", "empty", said).replace("`{}` will do", "everything may stay empty")
 
 
-def _scale(name: str) -> tuple[str, str]:
-    """The unit that people write in place of the one that the name ends in, and its size; nothing where it is the same."""
-    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
-    return SCALES.get(ending, ("", ""))
-
-
 def _label(name: str) -> str:
     """A member's name as words, with its unit where the name has one, as people write it.
 
@@ -117,6 +126,57 @@ def _label(name: str) -> str:
     """
     for ending, unit in UNITS.items():
         if name.endswith(ending):
-            return f"{_label(name.removesuffix(ending))} [{_scale(name)[0] or unit}]"
+            return f"{_label(name.removesuffix(ending))} [{SHOWN_AS.get(unit, unit)}]"
     text = words(name).replace(" sd", " standard deviation")
     return (text[:1].upper() + text[1:]).replace("Nu xy", "νxy")
+
+
+@cache
+def _members() -> dict[str, str]:
+    """Labels of the members of recipes, campaigns and structures, by the last step of their names."""
+    found: dict[str, str] = {}
+
+    def gather(fields: list[Field]) -> None:
+        for one in fields:
+            found.setdefault(one.name.rsplit("/", 1)[-1], re.sub(r" \[.*\]", "", one.label))
+            gather(one.fields)
+
+    for model in (RecipeIn, CampaignIn, StructureIn):
+        gather(fields_of(model, {}))
+    return found
+
+
+_ASIDE = re.compile(r" ?[^.;:?(]*\((?:`[^`]*`(?:, )?)+\)")
+_CALL = re.compile(r"\b(?:GET|POST|PUT|PATCH|DELETE) /[\w/{}…-]+")
+_NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[a-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
+
+
+def told(text: str | None) -> str:
+    """A sentence of REST for a page: members have the labels of their fields, calls and options are left out.
+
+    >>> told("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
+    'did you mean 33 GPa?'
+    >>> told("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
+    'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is stated'
+    """
+
+    def member(found: re.Match[str]) -> str:
+        name, marked = found[2], found[0].startswith("`")
+        if name in _members() and (marked or "_" in name):
+            return f"“{_members()[name]}”"
+        return found[0].strip("`") if marked else found[0]
+
+    plain = _CALL.sub("this page", _ASIDE.sub("", text or ""))
+    return _NAME.sub(member, re.sub(r"\?([a-z_]+)=(\w*)", r"`\1` \2", plain)).replace(" ;", ";").strip()
+
+
+def labelled(pointer: str) -> str:
+    """A JSON pointer, or the name of a parameter, in words.
+
+    >>> labelled("/inputs/thickness_sd_m"), labelled("next_cursor"), labelled("")
+    ('Thickness standard deviation', 'next cursor', 'what was sent')
+    """
+    steps = [step for step in re.split(r"[/.]", pointer) if step]
+    if not steps:
+        return "what was sent"
+    return _members().get(steps[-1]) or words(" ".join(steps))

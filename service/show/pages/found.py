@@ -6,6 +6,7 @@ from typing import Any
 
 from fecore.normal import Z_95
 from fecore.updating.findings import FINDINGS, but_numbers, fold
+from service.show.pages.forms import told
 from service.show.pages.numbers import in_unit
 
 MOST = 3  # findings that a result opens with; a reader does not act on a longer list
@@ -78,7 +79,7 @@ def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
             chosen[finding["kind"]] = common, _step(finding, fold(alike).removeprefix(finding["text"]))
     shown = tuple(common for common, _ in chosen.values())
     rest = [text for text in dict.fromkeys(warnings) if not but_numbers(text).startswith(shown)]
-    return [step for _, step in chosen.values()], rest
+    return [step for _, step in chosen.values()], list(map(told, rest))
 
 
 def _step(finding: Mapping[str, Any], alike: str) -> Step:
@@ -88,7 +89,9 @@ def _step(finding: Mapping[str, Any], alike: str) -> Step:
     if own and text.endswith(own):
         text, advice = text.removesuffix(own).rstrip(";: "), advice or own
     address, link = PLACES[place]
-    return Step(_sentence(text + alike), finding["level"], _sentence(advice) if advice else "", address, link)
+    return Step(
+        _sentence(told(text + alike)), finding["level"], _sentence(told(advice)) if advice else "", address, link
+    )
 
 
 def _sentence(text: str) -> str:

@@ -28,9 +28,10 @@ from service.access import CurrentUser, SessionDep, User, role_in
 from service.access import routes as access
 from service.access.keys import COOKIE, request_token
 from service.errors import NotAcceptable, NotFound
-from service.jobs.resource import ENDED
 from service.show.pages import numbers
+from service.show.pages.forms import labelled, told
 from service.show.pages.found import bar
+from service.show.pages.quantities import attributes
 from service.store.campaigns.operations import campaign_for, describe
 from service.store.structures import routes as structures
 from service.web.negotiation import choose_format
@@ -119,8 +120,8 @@ def root_of(path: str) -> str:
 @cache
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates")
-    made.filters.update(numbers.FILTERS, bar=bar)
-    made.globals.update(asset=address, version=__version__)
+    made.filters.update(numbers.FILTERS, bar=bar, told=told, labelled=labelled)
+    made.globals.update(asset=address, version=__version__, quantity=attributes)
     return made
 
 
@@ -156,13 +157,6 @@ class Visit:
     def show(self, template: str, **context: Any) -> HTMLResponse:
         """A page of theirs."""
         return page(self.request, template, user=self.user.name, **context)
-
-    def show_progress(self, job: Any, kind: str) -> HTMLResponse:
-        """The piece of a page that says how far a job is, and replaces itself; once it has ended, the page is loaded anew."""
-        answer = self.show("job_progress.html", job=job, ended=job.status in ENDED, kind=kind)
-        if job.status in ENDED:
-            answer.headers["HX-Refresh"] = "true"
-        return answer
 
     def in_project(self, project_id: UUID) -> dict[str, Any]:
         """The project of a page below it, as templates have it, and whether the visitor may change what is in it."""

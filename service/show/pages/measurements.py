@@ -9,6 +9,7 @@ from fastapi import Query
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from service.monitoring import routes as monitoring
+from service.monitoring.live import look_at_monitors
 from service.show.measured import AXES
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.updates import NamedJob, joint_updates_of, name_jobs, over_time
@@ -77,21 +78,17 @@ def get_structure(
 
 
 @router.get("/models/{model_id}")
-def get_model(model_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> Response:
-    """A model's structure; `part` is the piece that says how far its reading is, and replaces itself."""
+def get_model(model_id: UUID, visit: VisitDep) -> Response:
+    """A model's structure."""
     model = models.of_jobs.one(visit.session, visit.user, model_id)
-    return visit.show_progress(model, "models") if part else RedirectResponse(f"../structures/{model.structure_id}")
+    return RedirectResponse(f"../structures/{model.structure_id}")
 
 
 @router.get("/forecasts/{forecast_id}")
-def get_forecast(forecast_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> Response:
-    """A forecast's structure; `part` is the piece that says how far it is, and replaces itself."""
+def get_forecast(forecast_id: UUID, visit: VisitDep) -> Response:
+    """A forecast's structure."""
     forecast = forecasts.of_jobs.one(visit.session, visit.user, forecast_id)
-    return (
-        visit.show_progress(forecast, "forecasts")
-        if part
-        else RedirectResponse(f"../structures/{forecast.structure_id}")
-    )
+    return RedirectResponse(f"../structures/{forecast.structure_id}")
 
 
 def _wanted(campaign: CampaignOut, boundary: str | None, name: str) -> bool:
@@ -253,7 +250,7 @@ def get_points(campaign_id: UUID, visit: VisitDep) -> HTMLResponse:
 
 @router.get("/imports/{import_id}")
 def get_import(import_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
-    """What became of a file, dataset by dataset; `part` is the piece that replaces itself until the import has ended."""
+    """What became of a file, dataset by dataset; `part` is the piece that replaces itself when it has ended."""
     shown = imports.of_jobs.one(visit.session, visit.user, import_id)
     starts = _starts([shown], _sent(visit, shown.campaign_id))
     if part:
@@ -303,8 +300,10 @@ def get_monitor(
 ) -> HTMLResponse:
     """A monitor: a figure of each watched parameter with its limits, what they say, alarms, runs."""
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
+    under_way = look_at_monitors(visit.session, {monitor_id})
     return visit.show(
         "monitor.html",
+        watched=monitor_id in under_way and not under_way[monitor_id].ended,
         **visit.in_structure(monitor.structure_id),
         monitor=monitor,
         series=monitoring.get_series(monitor_id, visit.session, visit.user, series),

@@ -15,10 +15,11 @@ from fastapi.responses import HTMLResponse
 from service.access import routes as access
 from service.jobs.resource import ENDED, JobState
 from service.show.figures.marks import counted
-from service.show.pages.forms import fields_of
+from service.show.pages.forms import OF_PARAMETER, fields_of
 from service.show.pages.found import opening
 from service.show.pages.look import Visit, VisitDep
 from service.show.pages.numbers import leaves
+from service.show.pages.quantities import units_of_parameter
 from service.show.pages.viewer import viewer_of
 from service.show.results import routes as shown
 from service.store.campaigns import routes as campaigns
@@ -42,6 +43,7 @@ from service.store.updating.operations import (
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.web.parameters import Cursor
 from service.web.routing import page_router
+from service.web.typed import in_words
 
 
 @dataclass(frozen=True)
@@ -124,9 +126,16 @@ def get_new_update(
     if like is not None:
         recipe = updating.single.one(visit.session, visit.user, like).recipe
         start = recipe.model_dump(mode="json", exclude_defaults=True, exclude_none=True)
+        start |= {"parameters": [_as_typed(row) for row in start["parameters"]]} if start.get("parameters") else {}
     return visit.show(
         "new_update.html", **context, first=first, more=[f for f in fields if f.name not in PRINCIPAL], start=start
     )
+
+
+def _as_typed(row: Mapping[str, Any]) -> dict[str, Any]:
+    """A parameter of a recipe as its form has it: values in the unit that the parameter is shown in."""
+    units = units_of_parameter(row["name"])
+    return {name: in_words(value, *units, 15) if name in OF_PARAMETER else value for name, value in row.items()}
 
 
 @router.get("/update-jobs")
@@ -152,17 +161,12 @@ def get_jobs(
 
 
 @router.get("/update-jobs/{job_id}")
-def get_job(job_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
-    """A job: its progress while it runs, its result when it has one.
-
-    `part` is the piece with the progress alone, which replaces itself; when the job has ended, it has the page loaded anew.
-    """
+def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """A job: its progress while it runs, its result when it has one."""
     job = updating.single.one(visit.session, visit.user, job_id)
-    if part:
-        return visit.show_progress(job, "update-jobs")
     common = {"job": job, **visit.in_campaign(job.campaign_id)}
     if job.status != "succeeded":
-        return visit.show("job.html", **common, ended=job.status in ENDED, kind="update-jobs")
+        return visit.show("job.html", **common, ended=job.status in ENDED)
     result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
     figures = shown.list_figures(job_id, visit.session, visit.user).items
     steps, notes = opening(result)
@@ -228,17 +232,12 @@ def get_plan(structure_id: UUID, visit: VisitDep) -> HTMLResponse:
 
 
 @router.get("/joint-updates/{joint_id}")
-def get_joint(joint_id: UUID, visit: VisitDep, part: Annotated[bool, Query()] = False) -> HTMLResponse:
-    """A joint update: its progress while it runs, then what all campaigns say together, and where they contradict.
-
-    `part` is the piece with the progress alone, as of a single update.
-    """
+def get_joint(joint_id: UUID, visit: VisitDep) -> HTMLResponse:
+    """A joint update: its progress while it runs, then what all campaigns say together, and where they contradict."""
     job = updating.joint.one(visit.session, visit.user, joint_id)
-    if part:
-        return visit.show_progress(job, "joint-updates")
     rows = campaigns_of(visit.session, [each.campaign_id for each in job.campaigns])
     names = {str(key): row.name for key, row in rows.items()}
-    common = {"job": job, **visit.in_project(job.project_id), "names": names, "kind": "joint-updates"}
+    common = {"job": job, **visit.in_project(job.project_id), "names": names}
     if job.status != "succeeded":
         return visit.show("joint_job.html", **common, ended=job.status in ENDED)
     return visit.show(

@@ -113,6 +113,7 @@ class _Reader:
             else:
                 raise Invalid("filter", "is no condition, such as campaign.temperature_c > 25")
         op, args = node["op"].lower(), node["args"]
+        _require_arguments(op, args)
         if op == "not":
             return self.tree(args[0], negated=not negated, depth=depth + 1)
         if op in ("and", "or"):
@@ -122,6 +123,7 @@ class _Reader:
 
     def condition(self, op: str, args: Sequence[Any], negated: bool) -> Leaf | Branch:
         """A condition on one field, which stands on either side of a comparison."""
+        _require_read(args)
         if op in _MIRRORED and len(args) == 2 and not _is_field(args[0]):
             op, args = _MIRRORED[op], [args[1], args[0]]
         if op != "in" and op not in _TESTS:
@@ -172,14 +174,61 @@ class _Reader:
         return Leaf(noun, asked)
 
 
+_TAKES: dict[str, tuple[int | None, str]] = {
+    "and": (None, "conditions"),
+    "or": (None, "conditions"),
+    "not": (1, "one condition"),
+    **dict.fromkeys(literals.COMPARISONS, (2, "a field and a value")),
+    "between": (3, "a field and two values"),
+    "like": (2, "a field and a pattern"),
+    "in": (2, "a field and values in brackets"),
+    "isnull": (1, "one field"),
+    "casei": (1, "one text, or a field of text"),
+    "interval": (2, "two ends, each a text, a DATE, a TIMESTAMP or '..'"),
+    **dict.fromkeys(("t_after", "t_before", "t_during"), (2, "a field and a time")),
+}
+"""How many arguments each operator takes (None: any number but none), and which."""
+
+
+def _require_arguments(op: str, args: Any) -> None:
+    """Refuse an operator with another number of arguments than it takes; unknown ones are refused by their names.
+
+    Raises:
+        Invalid: says what it takes.
+    """
+    number, words = _TAKES.get(op, (len(args), ""))
+    if len(args) != number and not (number is None and args):
+        raise Invalid(
+            "filter", f"{op.upper()} takes {words}; it has {len(args)} argument{'s' if len(args) != 1 else ''}"
+        )
+
+
+def _require_read(node: Any) -> None:
+    """Refuse operands whose functions lack what they take.
+
+    Raises:
+        Invalid: says what they take.
+    """
+    if isinstance(node, list | tuple):
+        for one in node:
+            _require_read(one)
+    elif isinstance(node, dict) and "interval" in node:
+        _require_arguments("interval", node["interval"])
+    elif isinstance(node, dict) and str(node.get("op", "")).lower() == "casei":
+        _require_arguments("casei", node["args"])
+        (inner,) = node["args"]
+        if not (isinstance(inner, str) or (isinstance(inner, dict) and "property" in inner)):
+            raise Invalid("filter", f"CASEI takes {_TAKES['casei'][1]}")
+
+
 _MIRRORED = {"=": "=", "<>": "<>", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
 _OPPOSITE = {"=": "<>", "<>": "=", "<": ">=", ">=": "<", ">": "<=", "<=": ">"}
 
 
 def _is_field(node: Any) -> bool:
-    return isinstance(node, dict) and (
-        "property" in node or (node.get("op") == "casei" and "property" in node["args"][0])
-    )
+    folded = isinstance(node, dict) and node.get("op") == "casei"
+    inner = node["args"][0] if folded else node
+    return isinstance(inner, dict) and "property" in inner
 
 
 def _folded(value: Any) -> Any:

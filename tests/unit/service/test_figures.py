@@ -82,6 +82,35 @@ def test_hits_with_and_without_an_average_and_its_coherence() -> None:
     assert [figure["layout"]["xaxis3"]["anchor"] for figure in shown] == ["y3", "y3", "y4"]
 
 
+def test_a_pulse_is_drawn_sample_by_sample_and_what_is_zoomed_to_too() -> None:
+    """Half a sine of 0.6 ms among 65,536 samples is as wide as it was; what comes into view comes in full."""
+    rate, count, begin = 51_200.0, 65_536, 0.01
+    times = np.arange(count) / rate
+    force = np.where((times >= begin) & (times < begin + 6e-4), 100 * np.sin(np.pi * (times - begin) / 6e-4), 0.0)
+    ringing = np.exp(-times) * np.sin(2 * np.pi * 700 * times)
+    lines = np.linspace(0, rate / 2, count // 2 + 1)
+    hit = HitShown(1, good=True, why="", sentence="", force=force, response=ringing, frf=1 / (700 - lines + 1j))
+    point = PointShown("p", "acceleration", "accelerance", rate, lines, (begin, begin + 6e-4), [hit], None, None)
+
+    def drawn(figure: Figure, number: int) -> tuple[np.ndarray, np.ndarray]:
+        trace = screen(figure)["data"][number]
+        return np.array(trace["x"]), np.array(trace["y"])
+
+    ms, newtons = drawn(hits_figure(point), 0)
+    above = ms[newtons > 50]
+    assert above[-1] - above[0] == pytest.approx(0.4, abs=2e3 / rate)  # half of the sine is above half of its height
+    inside = (times >= begin) & (times <= begin + 6e-4)
+    assert np.isin(np.round(1e3 * times[inside], 2), np.round(ms, 2)).all()
+    assert ms.size < 2000
+    low, high = 0.5, 0.51
+    whole, near = (drawn(hits_figure(point, window), 1)[0] for window in ((None, None), (low, high)))
+    seen = np.sum((times >= low) & (times <= high))
+    assert np.sum((whole >= low) & (whole <= high)) < seen / 10
+    assert np.sum((near >= low) & (near <= high)) >= seen
+    close = drawn(hits_figure(point, hertz=(650, 750)), 2)[0]
+    assert np.sum((close >= 650) & (close <= 750)) >= np.sum((lines >= 650) & (lines <= 750))
+
+
 TENSION = {
     "area_m2": 1e-4, "chord_range": [0.001, 0.003], "modulus_pa": 50e9, "transition_strain": None, "poisson_ratio": None,
     "ultimate_strain": None, "strength_pa": 250e6,

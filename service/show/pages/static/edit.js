@@ -23,7 +23,7 @@ function shownIn(input, value) {
   if ("pairs" in input.dataset) return Object.entries(value).map(([key, item]) => `${key}: ${lineOf(item)}`).join("\n");
   if ("list" in input.dataset) return value.join(", ");
   if (input.type === "datetime-local") { const at = new Date(value); return new Date(at - at.getTimezoneOffset() * 60000).toISOString().slice(0, 16); }
-  return input.dataset.scale ? Number((value / Number(input.dataset.scale)).toPrecision(12)) : value;
+  return Array.isArray(value) ? value.map((one) => inUnit(input, one)).join("; ") : inUnit(input, value);
 }
 const lineOf = (item) => (typeof item === "string" ? item : JSON.stringify(item));
 /* What lines of pairs say: a line that stayed is what it was; of metadata a number is one. */

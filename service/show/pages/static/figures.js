@@ -76,6 +76,7 @@ async function show(figure) {
     const found = await get(withQuery(asked, { theme: dark.matches ? "dark" : "light" }));
     if (asked !== address(figure)) return; // something else was chosen in the meantime
     await draw(place, found);
+    follow(figure, place, found.layout.meta?.windows);
     performance.mark("drawn " + asked);
     figure.classList.remove("quiet");
     figure.dispatchEvent(new CustomEvent("drawn"));
@@ -88,6 +89,21 @@ async function show(figure) {
     place.replaceChildren(note);
     figure.classList.add("quiet");
   }
+}
+/* What comes into view by a zoom is fetched in full: a drawing of the whole has no more points than it has pixels. */
+function follow(figure, place, windows) {
+  if (windows) place.on("plotly_relayout", async (moved) => {
+    const path = address(figure);
+    for (const [axis, [from, to, unit]] of Object.entries(windows)) {
+      const range = `${axis[0]}axis${axis.slice(1)}.range`, low = moved[`${range}[0]`] ?? moved[range]?.[0], high = moved[`${range}[1]`] ?? moved[range]?.[1];
+      if (low === undefined) continue;
+      const found = await get(withQuery(path, { [from]: Math.max(0, low * unit), [to]: Math.max(0, high * unit), theme: dark.matches ? "dark" : "light" })).catch(() => null);
+      if (!found || path !== address(figure)) continue; // the drawing of the whole stays
+      const on = found.data.flatMap((trace, i) => ((trace.xaxis ?? "x") === axis ? [i] : []));
+      await Plotly.restyle(place, { x: on.map((i) => found.data[i].x), y: on.map((i) => found.data[i].y) }, on);
+      figure.dispatchEvent(new CustomEvent("in-view"));
+    }
+  });
 }
 function files(figure) {
   let list = figure.querySelector(".files");

@@ -17,63 +17,27 @@ async function call(method, path, body, headers = {}) {
 /* Numbers that are probably in another unit are sent again where a person says that they are meant. */
 async function meant(path, sent) {
   try { return await sent(path); } catch (problem) {
-    if (!problem.confirmable || !confirm(`${problem.detail}\n\nTake them as they are?`)) throw problem;
+    if (!problem.confirmable || !confirm(`${linesOf(speaking, problem).join("\n")}\n\nTake them as they are?`)) throw problem;
     return sent(path + "?confirm=true");
   }
 }
 const send = (method, path, value, headers = {}) => meant(path, (to) => call(method, to, JSON.stringify(value), { "Content-Type": "application/json", ...headers }));
 const say = (text) => { document.getElementById("say").textContent = text; };
 
-/* The value of an input: in SI, with the digits that were typed; undefined where nothing was said. */
+/* The value of an input: of a quantity what the service understood; undefined where nothing was said. */
 function valueOf(input) {
   if (input.type === "checkbox") return input.checked || undefined;
   if ("truth" in input.dataset) return { true: true, false: false, null: null }[input.value];
   const text = input.value.trim();
   if (text === "") return "asked" in input.dataset ? null : undefined;
   if ("pairs" in input.dataset) return Object.fromEntries(text.split("\n").filter((row) => row.trim()).map((row) => { const [key, ...rest] = row.split(":"); return [key.trim(), rest.join(":").trim()]; }));
-  if ("table" in input.dataset) return text.split("\n").filter((row) => row.trim()).map(pointOf);
-  if ("numbers" in input.dataset && "scale" in input.dataset) return text.split(/[\s,;]+/).map((part) => inSI(input, part));
-  if ("scale" in input.dataset) return inSI(input, text);
-  if ("array" in input.dataset) return arrayOf(text);
+  if (kindOf(input)) return UNDERSTOOD.get(questionOf(input)).value;
   if ("list" in input.dataset) return text.split(",").map((part) => part.trim()).filter(Boolean);
   if ("column" in input.dataset) return /^\d+$/.test(text) ? Number(text) : text; // of a file without headers its number
-  if (input.type === "number" || "number" in input.dataset) return Number(text);
+  if ("number" in input.dataset) return Number(text); // of a list or a hidden field
   if (input.type === "datetime-local") return new Date(text).toISOString();
-  if ("numbers" in input.dataset) return text.split(/[\s,;]+/).map(Number);
   return text;
 }
-/* A number, several, or the array of this name. */
-function arrayOf(text) {
-  const numbers = text.split(/[\s,;]+/).map(Number);
-  return numbers.some(Number.isNaN) ? { variable: text } : numbers.length > 1 ? numbers : numbers[0];
-}
-/* A grid point of a line: its number, x, y and where it is given z, in mm. */
-function pointOf(line) {
-  const [label, ...mm] = line.trim().split(/[\s,;]+/).map(Number);
-  if (mm.length < 2 || mm.length > 3 || [label, ...mm].some(Number.isNaN)) throw { detail: `Grid points: “${line.trim()}” is no line of number, x, y and z.` };
-  const [x_m, y_m, z_m = 0] = mm.map((value) => Number((value / 1000).toPrecision(15)));
-  return { label, x_m, y_m, z_m };
-}
-/* A number in the unit of its field, or with a unit of its own, such as "0.5 m" in a field of mm; NaN of what is neither. */
-const UNIT_FACTORS = { m: 1, mm: 1e-3, cm: 1e-2, in: 0.0254, Pa: 1, kPa: 1e3, MPa: 1e6, GPa: 1e9, kg: 1, g: 1e-3 };
-const LIKE = [["m", "mm", "cm", "in"], ["Pa", "kPa", "MPa", "GPa"], ["kg", "g"]];
-const unitOf = (input) => /\[([^\]]+)\]/.exec(input.closest("label")?.firstChild?.textContent ?? "")?.[1];
-function inSI(input, text) {
-  const [, value, unit] = /^([-+]?[\d.]+(?:e[-+]?\d+)?)\s*([a-zA-Z]*)$/.exec(text.replace(",", ".").replace("−", "-")) ?? [];
-  const like = LIKE.find((units) => units.includes(unitOf(input)));
-  if (value === undefined || (unit && !like?.includes(unit))) return NaN;
-  return Number((Number(value) * (unit ? UNIT_FACTORS[unit] : Number(input.dataset.scale))).toPrecision(15));
-}
-document.addEventListener("input", ({ target }) => {
-  if (!target.dataset?.scale) return;
-  const wrong = [valueOf(target) ?? 0].flat().some(Number.isNaN);
-  target.setCustomValidity(wrong ? `A number in ${unitOf(target)}, or with another unit of the same kind.` : "");
-});
-document.addEventListener("change", ({ target }) => { // what was typed with another unit stands in the field's own
-  if (!target.dataset?.scale || "numbers" in target.dataset || !/[a-zA-Z]$/.test(target.value)) return;
-  const value = inSI(target, target.value.trim());
-  if (!Number.isNaN(value)) target.value = Number((value / Number(target.dataset.scale)).toPrecision(12));
-});
 function put(target, pointer, value) {
   const steps = pointer.split("/");
   let node = target;
@@ -97,22 +61,14 @@ function bodyOf(form) {
 }
 function showFaults(form, problem) {
   for (const input of form.elements) input.removeAttribute?.("aria-invalid");
-  const lines = [];
-  let first = null;
-  for (const fault of problem.errors ?? []) {
-    const name = fault.pointer.replace(/^\//, "");
-    const input = [...form.elements].find((e) => e.name === name || e.name === name + "[]" || (e.name && name.startsWith(e.name + "/")));
-    const label = input?.closest("label")?.firstChild?.textContent?.trim();
-    lines.push(`${label || fault.pointer}: ${fault.detail}`);
-    if (input) {
-      input.setAttribute("aria-invalid", "true");
-      const closed = input.closest("details:not([open])");
-      if (closed) closed.open = true;
-      first ??= input;
-    }
+  const wrong = (problem.errors ?? []).map(({ pointer }) => inputOf(form, pointer.replace(/^\//, ""))).filter(Boolean);
+  for (const input of wrong) {
+    input.setAttribute("aria-invalid", "true");
+    const closed = input.closest("details:not([open])");
+    if (closed) closed.open = true;
   }
-  form.querySelector(".faults").textContent = lines.join("; ") || problem.detail || String(problem);
-  first?.focus();
+  form.querySelector(".faults").textContent = linesOf(form, problem).join("; ");
+  wrong[0]?.focus();
 }
 /* To another page, or to this one anew: until it comes, no button sends again what was sent. */
 let leaving = false;
@@ -125,7 +81,8 @@ async function submitted(form, work) {
   const button = form.querySelector("button[type=submit]");
   form.querySelector(".faults").textContent = "";
   button.disabled = true;
-  try { await work(); } catch (problem) { showFaults(form, problem); }
+  speaking = form;
+  try { await understand(form); await work(); } catch (problem) { showFaults(form, problem); }
   const again = () => { leaving = button.disabled = false; };
   if (leaving) addEventListener("pagehide", again, { once: true }); else again(); // a browser may bring the page back as it was
 }
@@ -319,11 +276,13 @@ function number(rows) {
     for (const input of row.querySelectorAll("[data-field]")) input.name = `${rows.dataset.rows}/${i}/${input.dataset.field}`;
   });
 }
+/* A number of REST in the unit of its field. */
+const inUnit = (input, value) => (input.dataset.scale ? Number((value / Number(input.dataset.scale)).toPrecision(15)) : value);
 function fill(input, value) {
   if (!input) return;
-  const shown = (one) => (one?.variable ? one.variable : input.dataset.scale ? Number((one / Number(input.dataset.scale)).toPrecision(12)) : one);
+  const shown = (one) => (one?.variable ? one.variable : inUnit(input, one));
   if (input.type === "checkbox") input.checked = Boolean(value);
-  else input.value = [value].flat().filter((one) => one !== null).map(shown).join(", ");
+  else input.value = [value].flat().filter((one) => one !== null).map(shown).join("; ");
   const closed = input.closest("details:not([open])");
   if (closed) closed.open = true;
 }

@@ -1,0 +1,33 @@
+"""What a page shows of jobs while they run: one stream for all of them, whatever their kind."""
+
+from typing import Annotated
+from uuid import UUID
+
+from fastapi import Depends, Query, Response
+from sqlalchemy import select
+
+from service.access import CurrentUser, SessionDep, projects_of
+from service.errors import NotFound
+from service.jobs.events import Events, look_at_jobs
+from service.jobs.tables import Job
+from service.monitoring.live import look_at_monitors, monitors_among
+from service.web.routing import page_router
+
+router = page_router()
+MOST = 200  # that a page watches
+
+
+@router.get("/events")
+def get_events(
+    job: Annotated[list[UUID], Query(min_length=1, max_length=MOST)],
+    session: SessionDep,
+    user: CurrentUser,
+    events: Annotated[Events, Depends()],
+) -> Response:
+    """The states of jobs and monitors as server-sent events, of those among them that the visitor may see."""
+    asked = set(job)
+    seen = set(session.scalars(select(Job.id).where(Job.id.in_(asked), Job.project_id.in_(projects_of(user)))))
+    states = {**look_at_jobs(session, seen), **look_at_monitors(session, monitors_among(session, user, asked))}
+    if not states:
+        raise NotFound("job", ", ".join(map(str, job)))
+    return events.of_all(states)

@@ -1,0 +1,121 @@
+"""Jobs in the system's Chromium: of whatever kind, each is shown as it is, and what came of it once it has ended."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from service.app.supervisor import LocalService
+from tests.acceptance.test_browser import more_pages, signed_in
+from tests.acceptance.test_correcting import MATERIAL, PLATE
+from tests.integration.test_monitoring import WATCH, worker_stopped
+from tests.support.browser import watched_page
+from tests.support.rest import client_at, ok, posted
+
+if TYPE_CHECKING:
+    import httpx
+    from playwright.sync_api import Browser, Page
+
+TWO = [{"frequency_hz": 25.6, "damping_ratio": 0.01}, {"frequency_hz": 160.5, "damping_ratio": 0.01}]
+
+
+def specimen(api: httpx.Client) -> str:
+    project = posted(api, "projects", {"name": "live"})["id"]
+    body = {"name": "bar", "geometry": PLATE, "density_kg_m3": 2000, "material": MATERIAL}
+    return str(posted(api, f"projects/{project}/structures", body)["id"])
+
+
+def begun(page: Page, path: str) -> None:
+    """Go to a page that shows something which waits, and mark it, so that it can be told from one that was loaded anew."""
+    page.goto(path)
+    page.wait_for_selector("[data-job]", state="attached")
+    page.evaluate("document.body.dataset.before = 'yes'")
+
+
+def renewed(page: Page, selector: str) -> None:
+    """Wait until the page was loaded anew by itself, and shows this."""
+    page.wait_for_selector(f"body:not([data-before]) {selector}", state="attached")
+    assert page.locator("[data-job]").count() == 0
+
+
+def test_processing_and_identification_show_themselves(running: Browser, service: LocalService) -> None:
+    key = service.new_key("watcher of hits")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        hits = more_pages(api, specimen(api))[2]
+        campaign = hits.rsplit("/", 1)[1]
+        page = signed_in(seen, key, "/ui/")
+        with worker_stopped(service):
+            ok(api.post(f"campaigns/{campaign}/processings", json={}), 202)
+            begun(page, hits)
+            assert page.inner_text("#hits ~ p .state[data-job]") == "queued"
+        renewed(page, "section[aria-labelledby=grid] [data-frf-viewer]")
+        with worker_stopped(service):
+            ok(api.post(f"campaigns/{campaign}/identifications", json={"name": "found"}), 202)
+            begun(page, hits)
+            assert page.inner_text("#modes ~ p .state[data-job]") == "queued"
+        renewed(page, "#modes ~ details summary:has-text('Stabilisation diagram of found'), #modes ~ p .state.failed")
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_updates_show_themselves_on_every_page_that_lists_them(running: Browser, service: LocalService) -> None:
+    """On its own page and in lists, one stream a page; what somebody types is not taken away."""
+    key = service.new_key("watcher of updates")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        structure = specimen(api)
+        test = posted(api, f"structures/{structure}/campaigns", {"name": "first", "boundary": "cantilever"})["id"]
+        posted(api, f"campaigns/{test}/mode-sets", {"name": "typed", "modes": TWO})
+        project = ok(api.get(f"structures/{structure}"))["project_id"]
+        page = signed_in(seen, key, "/ui/")
+        pages = [page, *(page.context.new_page() for _ in range(4))]
+        with worker_stopped(service):
+            job = ok(api.post(f"campaigns/{test}/update-jobs", json={}), 202)["id"]
+            ok(api.post(f"campaigns/{test}/update-jobs", json={"seed": 1}), 202)
+            paths = [
+                f"/ui/update-jobs/{job}",
+                "/ui/update-jobs",
+                f"/ui/campaigns/{test}",
+                "/ui/",
+                f"/ui/projects/{project}",
+            ]
+            for each, path in zip(pages, paths, strict=True):
+                each.bring_to_front()
+                begun(each, path)
+                each.wait_for_function("stream?.readyState === EventSource.OPEN")
+        for each in pages:
+            each.bring_to_front()
+            renewed(each, ".state.succeeded, .state.failed, .verdict")
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_an_end_does_not_take_away_what_is_typed(running: Browser, service: LocalService) -> None:
+    key = service.new_key("typist beside a job")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        structure = specimen(api)
+        page = signed_in(seen, key, "/ui/")
+        with worker_stopped(service):
+            ok(api.post(f"structures/{structure}/forecasts", json={"boundary": "free", "modes": 4}), 202)
+            begun(page, f"/ui/structures/{structure}")
+            page.click("summary:text('New monitor')")
+            page.fill("#monitors ~ details [name=name]", "half a name")
+        page.wait_for_selector("#say:has-text('A computation has ended')")
+        assert page.input_value("#monitors ~ details [name=name]") == "half a name"
+        assert page.inner_text("#progress .state") == "succeeded"
+        assert (seen.complaints, seen.strangers) == ([], [])
+
+
+def test_runs_of_a_monitor_show_themselves(running: Browser, service: LocalService) -> None:
+    key = service.new_key("watcher of runs")
+    with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
+        structure = specimen(api)
+        monitor = posted(api, f"structures/{structure}/monitors", WATCH)["id"]
+        for day in (1, 2):
+            body = {"name": f"day {day}", "boundary": "cantilever", "performed_at": f"2026-03-0{day}T09:30:00Z"}
+            test = posted(api, f"structures/{structure}/campaigns", body)["id"]
+            posted(api, f"campaigns/{test}/mode-sets", {"name": "typed", "modes": TWO})
+        page = signed_in(seen, key, "/ui/")
+        with worker_stopped(service):
+            ok(api.post(f"monitors/{monitor}/runs", json={}), 202)
+            begun(page, f"/ui/monitors/{monitor}")
+            assert page.inner_text("#runs ~ div tbody .state >> nth=0") == "running"
+        renewed(page, "#runs ~ div tbody .state.succeeded, #runs ~ div tbody .state.failed")
+        assert page.locator("#runs ~ div tbody .state.running").count() == 0
+        assert (seen.complaints, seen.strangers) == ([], [])
