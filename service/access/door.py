@@ -220,9 +220,12 @@ class Door:
         """The request with its body, as soon as there is a slot for it."""
         scope, length = visit.scope, _length(visit.scope)
         limit, better = self._limit(scope)
-        if length:
+        again = "idempotency-key" in Headers(
+            scope=scope
+        )  # may be answered by what is kept, so the role is asked for here
+        if length or again:
             targets = self._paths.find(scope)
-            if length > LARGE_BYTES or not visit.caller.known or _reads_itself(scope):
+            if length > LARGE_BYTES or not visit.caller.known or again or _reads_itself(scope):
                 await self._may_send(visit, targets)
         if length > limit and length != _UNKNOWN:
             raise PayloadTooLarge(too_large(limit, better))

@@ -143,7 +143,9 @@ def _shown(project: Project, response: Response) -> ProjectOut:
 
 
 @router.post("/api-keys", status_code=201)
-def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: CurrentKey) -> NewKeyOut:
+def create_api_key(
+    body: KeyIn, session: SessionDep, user: CurrentUser, own: CurrentKey, response: Response
+) -> NewKeyOut:
     """Make another key of one's own, with no more rights than the one that makes it; the answer alone shows it."""
     scopes = own.scopes if body.scopes is None else list(dict.fromkeys(body.scopes))
     if more := [scope for scope in scopes if scope not in own.scopes]:
@@ -158,6 +160,7 @@ def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: Cur
     row, key = create_key(session, user, body.name, scopes, expires_at)
     session.refresh(row)
     audit(session, user, "api_key.create", "api_key", row.id, name=body.name, scopes=scopes)
+    response.headers["Cache-Control"] = "no-store"
     return NewKeyOut(**KeyOut.model_validate(row).model_dump(), key=key)
 
 

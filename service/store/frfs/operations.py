@@ -97,6 +97,7 @@ class NewFrfs:
 
     path: Path  # rows, as `service.store.frfs.schemas.write_rows` left them
     count: int  # how many
+    stated: str  # SHA-256 of what was sent
 
 
 frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)

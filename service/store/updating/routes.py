@@ -5,7 +5,7 @@ from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import Header, Query, Request, Response
+from fastapi import Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -28,7 +28,6 @@ from service.web import (
     Cursor,
     Limit,
     Page,
-    Text,
     api_router,
     etag_of,
     paged,
@@ -48,9 +47,6 @@ def _with_campaigns(session: Session, rows: Sequence[UpdateJob]) -> list[dict[st
 single = JobRoutes(router, operations.UPDATES, UpdateJobOut, "job_id", _with_campaigns)
 joint = JobRoutes(router, operations.JOINT_UPDATES, JointUpdateOut, "joint_id", lambda _, rows: [{} for _ in rows])
 
-IdempotencyKey = Annotated[
-    Text | None, Header(max_length=255, description="one of your own: the same again gives the same, no second one")
-]
 Priority = Annotated[int, Query(ge=-100, le=100, description="of the project's waiting jobs the highest runs first")]
 
 Include = Annotated[
@@ -65,16 +61,12 @@ def start_update(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
     confirm: Confirm = False,
 ) -> UpdateJobOut:
-    """Queue an update of the campaign's structure. `{}` is a recipe.
-
-    With an `Idempotency-Key`, sending the same again gives the same job and not a second one.
-    """
+    """Queue an update of the campaign's structure. `{}` is a recipe."""
     require_usual(recipe, confirm)
-    row = operations.start_update(session, user, campaign_id, recipe, idempotency_key, priority)
+    row = operations.start_update(session, user, campaign_id, recipe, priority)
     return single.made(session, row, response)
 
 
@@ -84,7 +76,6 @@ def start_updates(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
     confirm: Confirm = False,
 ) -> UpdateBatchOut:
@@ -94,9 +85,9 @@ def start_updates(
     """
     require_usual(batch, confirm)
     if batch.joint:
-        row = start_joint(session, user, batch, idempotency_key, priority)
+        row = start_joint(session, user, batch, priority)
         return UpdateBatchOut(items=[], joint=joint.made(session, row, response))
-    rows = start_batch(session, user, batch, idempotency_key, priority)
+    rows = start_batch(session, user, batch, priority)
     return UpdateBatchOut(items=single.all_shown(session, rows))
 
 
