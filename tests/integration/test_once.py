@@ -170,7 +170,7 @@ def test_a_secret_is_answered_again_to_its_own_key_alone_and_is_not_stored(place
     assert not any(secret in bytes(answer) for answer in answers)
 
 
-def test_who_has_lost_the_role_gets_no_answer_from_memory(place: Place, service: LocalService) -> None:
+def test_who_has_lost_the_role_gets_no_answer_from_memory(place: Place) -> None:
     structure, key = f"structures/{place.ids['structure_id']}/campaigns", {"Idempotency-Key": str(uuid4())}
     made = ok(place.api.post(structure, json=paper.CAMPAIGN, headers=key), 201)
     ok(place.api.post(structure, json=paper.CAMPAIGN, headers=key), 201)
