@@ -55,16 +55,27 @@ from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
 from service.web import IF_MATCH, Page, api_router, etag_of, require_match, shown_as
 from service.web.bodies import Name
-from service.web.parameters import Cursor, Limit, paged
+from service.web.parameters import Cursor, Limit, UnlessNamed, paged, there
 
 router = api_router(tags=["access"])
 
 
-@router.post("/projects", status_code=201)
-def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
+@router.post("/projects", status_code=201, responses=there(ProjectOut))
+def create_project(
+    body: ProjectIn,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    unless_named: UnlessNamed = False,
+) -> ProjectOut:
     """Make a project; its maker is its owner."""
-    project = projects.add(session, user, Project(**body.model_dump()), name=body.name)
-    session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
+    among = Project.id.in_(projects_of(user))
+    project = projects.first_named(session, user.id, body.name, among) if unless_named else None
+    if project is not None:
+        response.status_code = 200
+    else:
+        project = projects.add(session, user, Project(**body.model_dump()), name=body.name)
+        session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
     response.headers["Location"] = f"/api/v1/projects/{project.id}"
     return ProjectOut.model_validate(project)
 

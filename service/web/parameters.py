@@ -164,6 +164,17 @@ Confirm = Annotated[
 ]
 
 
+UnlessNamed = Annotated[
+    bool,
+    Query(description="make it only where there is none of this name; where there is, the answer is that one, and 200"),
+]
+
+
+def there(model: type[BaseModel]) -> dict[int | str, dict[str, Any]]:
+    """What a route with `UnlessNamed` says of its answers."""
+    return {200: {"model": model, "description": "With `unless_named`: the one of this name that is there"}}
+
+
 HOW = "What is meant as it is, confirm (`confirm=true`, `--confirm`)"
 
 

@@ -11,6 +11,7 @@ import httpx
 import pytest
 from sqlalchemy import Engine, func, select, text
 
+from modalbase import connect
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.base import Base
@@ -216,3 +217,46 @@ def test_keys_of_update_jobs_come_along(empty: Engine) -> None:
     assert (status, dict(headers)["location"]) == (202, f"/api/v1/update-jobs/{job['id']}")
     carried = UpdateJobOut.model_validate_json(body)
     assert (carried.id, carried.recipe.seed) == (job["id"], 4)
+
+
+MODE = {"frequency_hz": 25.61, "damping_ratio": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("projects", {}),
+        ("projects/{project_id}/structures", paper.STRUCTURE),
+        ("structures/{structure_id}/campaigns", paper.CAMPAIGN),
+        ("structures/{structure_id}/coupon-batches", {"constants": ["Ex"]}),
+        ("structures/{structure_id}/monitors", BODIES["POST /structures/{structure_id}/monitors"]),
+        ("campaigns/{campaign_id}/mode-sets", {"modes": [MODE]}),
+    ],
+)
+def test_eight_at_once_make_one_unless_it_is_there(place: Place, path: str, body: dict[str, Any]) -> None:
+    name, at = str(uuid4()), path.format(**place.ids)
+
+    def make(_: int) -> httpx.Response:
+        return place.api.post(at, json={**body, "name": name}, params={"unless_named": True})
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(make, range(8)))
+    assert sorted(answer.status_code for answer in answers) == 7 * [200] + [201]
+    assert len({ok(answer)["id"] for answer in answers}) == 1
+    assert len({answer.headers["location"] for answer in answers}) == 1
+
+
+def test_the_librarys_create_makes_one_of_eight_at_once(place: Place) -> None:
+    name = str(uuid4())
+    stated = {member: value for member, value in paper.STRUCTURE.items() if member != "name"}
+
+    def make(_: int) -> tuple[str, str, str]:
+        key = place.api.headers["authorization"].removeprefix("Bearer ")
+        with connect(str(place.api.base_url).removesuffix("/api/v1/"), key) as lab:
+            project = lab.project(name, create=True)
+            structure = project.structure(create=True, which="beam", **stated)
+            campaign = structure.campaign("March", create=True, boundary="free")
+            return project.id, structure.id, campaign.id
+
+    with ThreadPoolExecutor(8) as pool:
+        assert len(set(pool.map(make, range(8)))) == 1
