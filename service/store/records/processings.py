@@ -20,12 +20,12 @@ from fecore.frf import Dof
 from service.access import Lookup, User
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
-from service.db.base import Base, Big, Identified
+from service.db.base import Base, Big, Identified, one_at_a_time
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.data import specimen_points
-from service.store.frfs.operations import store_processed
+from service.store.frfs.operations import processings_present, store_processed, supersede
 from service.store.records.operations import Record, block_rows, describe, sample_bytes, samples_of
 from service.store.records.schemas import (
     HitDecisionIn,
@@ -268,6 +268,18 @@ def _store(session: Session, row: Processing, items: Iterator[signal.Averages | 
             keys += store_processed(session, row.campaign_id, row.id, item)
         else:
             row.document = _with_keys(json.loads(item), keys)
+    _supersede_earlier(session, row)
+
+
+def _supersede_earlier(session: Session, row: Processing) -> None:
+    """FRFs of earlier processings leave where a time block of theirs was looked at anew, be it that no hit was good."""
+    one_at_a_time(session, f"processings of {row.campaign_id}")
+    blocks = {str(block.id) for rows in block_rows(session, row.campaign_id).values() for block in rows}
+    earlier = processings_present(session, row.campaign_id) - {row.id}
+    documents = session.scalars(_judged(row.campaign_id).where(Processing.id.in_(earlier)))
+    made = [frf for one in documents for frf in (one.document or {})["frfs"]]
+    remade = {UUID(frf["id"]) for frf in made if any(block["id"] in blocks for block in frf["records"])}
+    supersede(session, row.campaign_id, row.id, remade)
 
 
 def _with_keys(document: dict[str, Any], keys: Sequence[UUID]) -> dict[str, Any]:
@@ -288,6 +300,7 @@ def keep_processing(
     session.add(row)
     session.flush()
     row.document = _with_keys(output.document, store_processed(session, campaign_id, job_id, output.processed))
+    _supersede_earlier(session, row)
     return row.document
 
 

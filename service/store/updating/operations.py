@@ -50,9 +50,9 @@ def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> N
             document["provenance"]["frfs"] = [{"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]]
         if output.identified is not None:
             found = document["identification"]
-            kept = keep_identified(
-                session, row.campaign_id, "identified by an update", output.identified, found, job_id=row.id
-            )
+            settings = {part: row.recipe.get(part) for part in ("identification", "band_hz")}
+            how: dict[str, Any] = {"job_id": row.id, "settings": settings}
+            kept = keep_identified(session, row.campaign_id, "identified by an update", output.identified, found, **how)
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
         book(session, campaign_for, campaign_of(session, row.campaign_id), "results", size)
