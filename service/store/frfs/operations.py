@@ -184,6 +184,19 @@ def processings_present(session: Session, campaign_id: UUID) -> set[UUID]:
     return set(session.scalars(select(Frf.processing_id).distinct().where(*made)))
 
 
+def processings_of(session: Session, keys: Collection[UUID]) -> set[UUID]:
+    """Processings that made some FRFs."""
+    made = Frf.id.in_(keys), Frf.processing_id.is_not(None)
+    return {key for key in session.scalars(select(Frf.processing_id).distinct().where(*made)) if key is not None}
+
+
+def frfs_changed(session: Session, campaign_id: UUID, used: Collection[UUID], after: datetime) -> datetime | None:
+    """When the first present FRF of a campaign came after a moment that is none of those used; None where none came."""
+    came = Frf.campaign_id == campaign_id, Frf.created_at > after, Frf.id.not_in(used), *present(Frf)
+    found: datetime | None = session.scalar(select(func.min(Frf.created_at)).where(*came))
+    return found
+
+
 def supersede(session: Session, campaign_id: UUID, processing_id: UUID, remade: Collection[UUID]) -> None:
     """Mark FRFs of earlier processings as made anew by one: those of these keys, and those between the places of its own."""
     newer = aliased(Frf)

@@ -19,7 +19,8 @@ from service.store.structures.operations import structure_for, structures_in
 from service.store.updating import operations
 from service.store.updating.batches import start_batch, start_joint
 from service.store.updating.document import LARGE_PARTS, slim
-from service.store.updating.result_schemas import JointResultOut, ResultOut
+from service.store.updating.outdated import ResultNowOut, outdated
+from service.store.updating.result_schemas import JointResultOut
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
 from service.store.updating.tables import UpdateJob
 from service.web import (
@@ -127,7 +128,7 @@ single.watching(
 )
 
 
-@router.get("/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultOut}})
+@router.get("/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultNowOut}})
 def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: Include = None) -> dict[str, Any]:
     """Verdict and warnings first, then parameters, modes, correlation, and where all of it came from.
 
@@ -136,8 +137,11 @@ def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: In
     named = set(filter(None, (include or "").split(",")))
     if unknown := named - set(LARGE_PARTS):
         raise Invalid("include", f"names {', '.join(sorted(unknown))}; there are {', '.join(LARGE_PARTS)}")
-    document = operations.result_document(session, operations.update_job_for(session, user, job_id))
-    return slim(document, leave_out=set(LARGE_PARTS) - named)
+    job = operations.update_job_for(session, user, job_id)
+    document = operations.result_document(session, job)
+    changed = outdated(session, job, document)
+    shown = slim(document, leave_out=set(LARGE_PARTS) - named)
+    return {**shown, "outdated": None if changed is None else changed.model_dump(mode="json")}
 
 
 @router.get("/update-jobs/{job_id}/labels")
