@@ -149,7 +149,15 @@ def import_archive(
     from modalbase.objects.laboratory import Laboratory  # it reads files, which no other command needs
 
     with service_at(url) as service:
-        done = Laboratory(service).project(project, create=True).import_archive(file, again=again)
+        lab = Laboratory(service)
+        there = any(one["name"] == project for one in service.pages("projects"))
+        into = lab.project(project, create=True)
+        try:
+            done = into.import_archive(file, again=again)
+        except BaseException:
+            if not there and not into.structures():
+                into.delete()
+            raise
     if as_json:
         print_json({"ids": done.ids, "results": done.results})
         return

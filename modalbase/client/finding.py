@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 LATEST = "latest"
 MOST_NAMED = 8
+OK = 200  # where one is there already; 201 of a new one
 
 
 @dataclass(frozen=True)
@@ -89,8 +90,11 @@ def find_or_make(
     path, name = kind.below.format(within), str(body["name"])
     found = _only(kind, name, [one for one in service.pages(path) if one["name"] == name])
     if found is None:
-        made: dict[str, Any] = service.call("POST", path, params=query, json=body)
-        return made
+        answer = service.request("POST", path, params={**query, "unless_named": True}, json=body)
+        made: dict[str, Any] = answer.json()
+        if answer.status_code != OK:
+            return made
+        found = made  # somebody else has made it since
     if other := list(_differences(body, found)):
         raise ClientError(
             f"the {kind.word} {name!r} is there already, and is not as stated: {'; '.join(other[:MOST_NAMED])}. State what it "

@@ -6,6 +6,8 @@ sides are ordered as ours; set 2412 goes around an element instead, a middle bet
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
+from typing import TypeVar
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -13,6 +15,8 @@ import numpy as np
 from modalbase.formats.types import FloatArray, IntArray
 from modalbase.formats.uff.content import Content, Element, GridPoint, ModeShape
 
+Values = TypeVar("Values", bound=FloatArray | IntArray)
+ROWS = 4096  # of an array that are text at a time
 _VTK = {"point": 1, "beam2": 3, "beam3": 21, "tri3": 5, "tri6": 22, "quad4": 9, "quad8": 23}
 _UFF = {"beam2": 21, "beam3": 24, "tri3": 41, "tri6": 42, "quad4": 44, "quad8": 45}
 """Types of cells, and descriptors of elements, by our kinds."""
@@ -67,35 +71,45 @@ class MeshFile:
     groups: Sequence[Group] = ()
 
 
-def write_vtu(mesh: MeshFile) -> bytes:
-    """A VTU file: `set` of each cell counts the names in the file's comment; a shape is an array of its nodes, a complex one
-    two.
+def write_vtu(mesh: MeshFile) -> Iterator[bytes]:
+    """The bytes of a VTU file, some lines at a time: `set` of each cell counts the names in the file's comment; a shape is an
+    array of its nodes, a complex one two.
     """
+    lines = (f"{line}\n" for line in _vtu(mesh))
+    while text := "".join(islice(lines, ROWS)):
+        yield text.encode()
+
+
+def _vtu(mesh: MeshFile) -> Iterator[str]:
     sets = list(dict.fromkeys(block.set for block in mesh.cells))
-    flat = [row + 0 for block in mesh.cells for row in block.nodes]
-    ends = np.cumsum([len(row) for row in flat])
+    ends = np.cumsum(np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.cells]))
     kinds = np.concatenate([np.full(len(block.nodes), _VTK[block.kind]) for block in mesh.cells])
     owner = np.concatenate([np.full(len(block.nodes), sets.index(block.set)) for block in mesh.cells])
     own = np.concatenate([block.numbers for block in mesh.cells])
-    lines = [
-        '<?xml version="1.0"?>',
-        *(f"<!-- set {k}: {name.replace('--', '- -')} -->" for k, name in enumerate(sets)),
-        '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>',
-        f'<Piece NumberOfPoints="{len(mesh.nodes)}" NumberOfCells="{len(flat)}">',
-        "<Points>", *_array("Points", mesh.nodes), "</Points>",
-        "<Cells>", *_array("connectivity", np.concatenate(flat)), *_array("offsets", ends), *_array("types", kinds), "</Cells>",
-        "<CellData>", *_array("set", owner), *_array("number", own), "</CellData>",
-        "<PointData>", *_array("number", mesh.numbers), *_shapes(mesh.shapes), "</PointData>",
-        "</Piece></UnstructuredGrid></VTKFile>", "",
-    ]  # fmt: skip
-    return "\n".join(lines).encode()
+    yield '<?xml version="1.0"?>'
+    yield from (f"<!-- set {k}: {name.replace('--', '- -')} -->" for k, name in enumerate(sets))
+    yield '<VTKFile type="UnstructuredGrid" version="0.1" byte_order="LittleEndian"><UnstructuredGrid>'
+    yield f'<Piece NumberOfPoints="{len(mesh.nodes)}" NumberOfCells="{len(ends)}">'
+    flat = np.concatenate([block.nodes.ravel() for block in mesh.cells])
+    parts = {
+        "Points": [("Points", mesh.nodes)],
+        "Cells": [("connectivity", flat), ("offsets", ends), ("types", kinds)],
+        "CellData": [("set", owner), ("number", own)],
+        "PointData": [("number", mesh.numbers), *_shapes(mesh.shapes)],
+    }
+    for part, arrays in parts.items():
+        yield f"<{part}>"
+        for name, values in arrays:
+            yield from _array(name, values)
+        yield f"</{part}>"
+    yield "</Piece></UnstructuredGrid></VTKFile>"
 
 
-def _shapes(shapes: Iterable[ModeShape]) -> Iterator[str]:
+def _shapes(shapes: Iterable[ModeShape]) -> Iterator[tuple[str, FloatArray]]:
     for shape in shapes:
-        yield from _array(f"{shape.label}", shape.values.real[:, :3])
+        yield shape.label, shape.values.real[:, :3]
         if shape.kind == "complex":
-            yield from _array(f"{shape.label}, imaginary", shape.values.imag[:, :3])
+            yield f"{shape.label}, imaginary", shape.values.imag[:, :3]
 
 
 def _array(name: str, values: FloatArray | IntArray) -> Iterator[str]:
@@ -104,23 +118,31 @@ def _array(name: str, values: FloatArray | IntArray) -> Iterator[str]:
     columns = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
     kind = "Float64" if real else "Int64"
     yield f'<DataArray type="{kind}" Name={quoteattr(name)}{columns} format="ascii">'
-    for row in values.reshape(len(values), -1).tolist():
-        yield " ".join(f"{value:.9g}" if real else str(value) for value in row)
+    for part in pieces(values):
+        for row in part.reshape(len(part), -1).tolist():
+            yield " ".join(f"{value:.9g}" if real else str(value) for value in row)
     yield "</DataArray>"
+
+
+def pieces(values: Values) -> Iterator[Values]:
+    """The rows of an array, `ROWS` at a time."""
+    return (values[first : first + ROWS] for first in range(0, len(values), ROWS))  # type: ignore[misc]  # of the same kind
 
 
 def uff_of(mesh: MeshFile) -> Iterator[Content]:
     """Contents of a UFF file: grid points, elements, and the shapes. Cells that are points are grid points alone; those of the
     k-th set have the property table k.
     """
-    for number, (x, y, z) in zip(mesh.numbers.tolist(), mesh.nodes.tolist(), strict=True):
-        yield GridPoint(number, (x, y, z))
+    for labels, places in zip(pieces(mesh.numbers), pieces(mesh.nodes), strict=True):
+        for number, (x, y, z) in zip(labels.tolist(), places.tolist(), strict=True):
+            yield GridPoint(number, (x, y, z))
     sets = list(dict.fromkeys(block.set for block in mesh.cells))
     for block in mesh.cells:
         if block.kind in _UFF:
             order = around(block.kind)
-            for number, row in zip(block.numbers.tolist(), mesh.numbers[block.nodes[:, order]].tolist(), strict=True):
-                yield Element(number, _UFF[block.kind], tuple(row), 1 + sets.index(block.set))
+            for labels, rows in zip(pieces(block.numbers), pieces(block.nodes), strict=True):
+                for number, row in zip(labels.tolist(), mesh.numbers[rows[:, order]].tolist(), strict=True):
+                    yield Element(number, _UFF[block.kind], tuple(row), 1 + sets.index(block.set))
     yield from mesh.shapes
 
 

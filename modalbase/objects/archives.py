@@ -1,28 +1,21 @@
-"""An archive on this machine's disk, checked before anything is taken from it, and read into a project of a service.
+"""An archive read into a project of a service: everything gets new ids, and what it names is named by those.
 
-A zip can say that it is small and be large, and name files that it should not have. So nothing is unpacked by name: the
-manifest says which members there are, each with its bytes and SHA-256, and no member is read beyond what it says. Everything
-gets new ids, and what it names is named by those.
+The first structure has a name of its own until all is there, which one client alone can take: so of several that read an
+archive at one moment one does, and what a broken line leaves is seen for what it is.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import tempfile
-import zlib
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
-from zipfile import BadZipFile, ZipFile
 
-from modalbase.archive import CRATE, FORMAT, MANIFEST
-from modalbase.client.errors import ClientError, Exit
+from modalbase.client.errors import ClientError
+from modalbase.client.finding import OK
+from modalbase.objects.archive_file import ArchiveFile, broken
 from modalbase.objects.found import Found
 from modalbase.objects.jobs import Import
 
@@ -30,146 +23,7 @@ if TYPE_CHECKING:
     from modalbase.objects.campaigns import Campaign
     from modalbase.objects.projects import Project, Structure
 
-
-MOST_MANIFEST, MOST_WHOLE = 64 * 1024 * 1024, 512 * 1024 * 1024
-"""Bytes of the manifest, and of any other member that is read whole."""
-MOST_RATIO = 200
-"""How many times an archive may grow when it is unpacked; text of numbers grows less than tenfold."""
-BLOCK = 1024 * 1024
-
-
-class ArchiveFile:
-    """An archive on this machine's disk.
-
-    Attributes:
-        manifest: as the archive has it.
-        last: the member that was read last.
-    """
-
-    last = MANIFEST
-
-    def __init__(self, path: Path) -> None:
-        """Open an archive, and hold its manifest against what the zip says.
-
-        Raises:
-            ClientError: it is none, or has other members than the manifest says.
-        """
-        try:
-            self._zip = ZipFile(path)
-            self.manifest = json.loads(self._read(MANIFEST, MOST_MANIFEST))
-            members: dict[str, Any] = self.manifest["files"]
-            stated = {name: int(entry["bytes"]) for name, entry in members.items()}
-            self._digests = {name: str(entry["sha256"]) for name, entry in members.items()}
-            version = int(self.manifest["format"])
-        except (
-            BadZipFile,
-            KeyError,
-            OSError,
-            RuntimeError,
-            ValueError,
-            TypeError,
-            AttributeError,
-            zlib.error,
-        ) as error:
-            raise broken(f"{path.name} is no archive of modalbase: {error}") from None
-        if version != FORMAT:
-            raise broken(f"{path.name} is of format {version}; this version reads {FORMAT}")
-        infos = [info for info in self._zip.infolist() if info.filename != MANIFEST]
-        found = {info.filename: info.file_size for info in infos}
-        if len(found) != len(infos) or found != stated:
-            other = sorted(found.items() ^ stated.items())
-            raise broken(f"{path.name} has other members than its manifest: {other[0][0] if other else 'one twice'}")
-        if sum(found.values()) > MOST_RATIO * path.stat().st_size:
-            raise broken(f"{path.name} would grow to {sum(found.values())} bytes, over {MOST_RATIO} times its size")
-
-    def __enter__(self) -> ArchiveFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._zip.close()
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of what is in it: archives of the same content have the same, whenever they were written."""
-        content = {name: sha for name, sha in self._digests.items() if name != CRATE}
-        return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-    def names(self, folder: str, end: str) -> list[str]:
-        """Paths of members in a folder that end so."""
-        return sorted(name for name in self._digests if name.startswith(folder) and name.endswith(end))
-
-    def check(self) -> None:
-        """Read all members once.
-
-        Raises:
-            ClientError: one is not what the manifest says.
-        """
-        for name in self._digests:
-            for _ in self._blocks(name):
-                continue
-
-    def has(self, name: str) -> bool:
-        """Whether there is such a member."""
-        return name in self._digests
-
-    def json(self, name: str) -> Any:
-        """A member of JSON."""
-        try:
-            return json.loads(self._whole(name))
-        except (ValueError, RecursionError) as error:
-            raise broken(f"{name} cannot be read: {error}") from None
-
-    def rows(self, name: str) -> list[dict[str, str]]:
-        """A member of CSV, a row each."""
-        try:
-            return list(csv.DictReader(io.StringIO(self._whole(name).decode(), newline=""), strict=True))
-        except (ValueError, csv.Error) as error:
-            raise broken(f"{name} cannot be read: {error}") from None
-
-    @contextmanager
-    def unpacked(self, name: str, called: str) -> Iterator[Path]:
-        """A member as a file of that name, while it is needed."""
-        with tempfile.TemporaryDirectory(prefix="modalbase-") as folder:
-            file = Path(folder, Path(called).name)
-            with file.open("wb") as target:
-                target.writelines(self._blocks(name))
-            yield file
-
-    def _whole(self, name: str) -> bytes:
-        if self._zip.getinfo(name).file_size > MOST_WHOLE:
-            raise broken(f"{name} has {self._zip.getinfo(name).file_size} bytes, at most {MOST_WHOLE} are read at once")
-        return b"".join(self._blocks(name))
-
-    def _read(self, name: str, most: int) -> bytes:
-        with self._zip.open(name) as member:
-            content = member.read(most + 1)
-        if len(content) > most:
-            raise BadZipFile(f"{name} has more than {most} bytes")
-        return content
-
-    def _blocks(self, name: str) -> Iterator[bytes]:
-        """The bytes of a member; `ZipExtFile` ends at the size that the zip states.
-
-        Raises:
-            ClientError: they are not those that the manifest says.
-        """
-        digest, self.last = sha256(), name
-        try:
-            with self._zip.open(name) as member:
-                while block := member.read(BLOCK):
-                    digest.update(block)
-                    yield block
-        except (BadZipFile, EOFError, NotImplementedError, RuntimeError, zlib.error) as error:
-            raise broken(f"{name} cannot be unpacked: {error}") from None
-        if digest.hexdigest() != self._digests[name]:
-            raise broken(f"{name} is not what the manifest says: its SHA-256 differs")
-
-
-def broken(why: str) -> ClientError:
-    """What is wrong with an archive, as an error."""
-    return ClientError(why, Exit.USAGE)
-
-
+FORBIDDEN = 403
 _OF_THE_SERVICE = {
     *("id", "project_id", "structure_id", "version", "model", "replaced"),
     *("created_at", "updated_at", "deleted_at"),
@@ -207,34 +61,47 @@ def import_archive(project: Project, path: Path, *, again: bool = False) -> Impo
 
     What came from an archive of the same content, in any project that one may see, is not brought in twice but with `again`.
 
-    Where a part of it cannot be read, the structures that were made are deleted, and with them all that is theirs; instruments
-    stay.
+    Where a part of it cannot be read, or the reading is interrupted, nothing stays: what was made is purged, or where the key
+    may not do that deleted, and instruments that were there are as they were.
 
     Raises:
         ClientError: the archive is not what was written, or its content is there already, which is known before anything is
-            sent; or a part of it is none of an archive, or refused by the service.
+            sent; or another client reads it into the project now; or a part of it is none of an archive, or refused by the
+            service.
     """
     with ArchiveFile(path) as archive:
         archive.check()
         if not again:
             _require_new(project, archive)
-        reading = _Import(project, archive)
+        reading = _Import(project, archive, alone=not again)
         try:
             return reading.whole()
-        except (AttributeError, ClientError, KeyError, TypeError, ValueError) as error:
+        except BaseException as error:
             reading.undo()
+            if isinstance(error, AlreadyThere) or not isinstance(error, _OF_A_PART):
+                raise
             said = str(error) if isinstance(error, ClientError) else f"{type(error).__name__} {error}"
             raise broken(
-                f"{archive.last} of {path.name} is not as an archive is: {said}; what was made is deleted"
+                f"{archive.last} of {path.name} is not as an archive is: {said}; nothing of it stays"
             ) from error
 
 
-def _require_new(project: Project, archive: ArchiveFile) -> None:
-    """Refuse an archive whose content is in a project already."""
+_OF_A_PART = (AttributeError, ClientError, KeyError, TypeError, ValueError)
+"""What a part raises that is none of an archive, or that the service refuses."""
+
+
+class AlreadyThere(ClientError):  # noqa: N818  named for what happened
+    """The content of an archive is in a project, or on its way into one."""
+
+
+def _require_new(project: Project, archive: ArchiveFile, before: str | None = None) -> None:
+    """Refuse an archive whose content is in a project already; `before` is the id of a structure, of which older ones count."""
     same = Found(project.lab, "structures", {"filter": f"meta.archive.sha256 = '{archive.digest}'"})
     for there in same:
+        if before is not None and there["id"] >= before:  # ids are in the order of creation
+            continue
         name, key, day = there["project.name"], there["project.id"], there["created_at"][:10]
-        raise ClientError(
+        raise AlreadyThere(
             f"the project {name} ({key}) has what is in this archive since {day}; `again=True`, `--again`: have it twice"
         )
 
@@ -242,23 +109,45 @@ def _require_new(project: Project, archive: ArchiveFile) -> None:
 class _Import:
     """An archive on its way into a project; `ids` are those that are known by now."""
 
-    def __init__(self, project: Project, archive: ArchiveFile) -> None:
+    def __init__(self, project: Project, archive: ArchiveFile, *, alone: bool) -> None:
         self.project, self.archive, self.ids = project, archive, dict[str, str]()
         self.made: list[Structure] = []
+        self.calibrations_before: dict[str, list[Any] | None] = {}
+        self.alone, self.name = alone, ""
 
     def undo(self) -> None:
-        """Delete the structures that were made."""
+        """Take back what was made: structures with all that is theirs, instruments, calibrations."""
+        call = self.project.lab.connection.call
         for structure in self.made:
             structure.delete()
+            try:
+                call("POST", f"{structure.address}/purge")
+            except ClientError as error:
+                if error.status != FORBIDDEN:  # this key may not: it stays deleted
+                    raise
+        for key, calibrations in self.calibrations_before.items():
+            if calibrations is None:
+                call("DELETE", f"instruments/{key}", headers={"If-Match": "*"})
+            else:
+                self.project.change_instrument(key, calibrations=calibrations)
 
     def whole(self) -> Imported:
         """All that the archive has: monitors last, since they are of a structure with its campaigns."""
         archive = self.archive
-        if archive.has("instruments.json"):
-            self.instruments(archive.json("instruments.json"))
         structures: dict[str, Structure] = {}
         for was in map(archive.json, archive.names("structures/", "/structure.json")):
             structures[_id(was)] = self.structure(was)
+        if archive.has("instruments.json"):
+            self.instruments(archive.json("instruments.json"))
+        self.below(structures)
+        if self.name:
+            call = self.project.lab.connection.call
+            call("PATCH", self.made[0].address, json={"name": self.name}, headers={"If-Match": "*"})
+        return Imported(self.ids, [name for name in archive.names("campaigns/", ".json") if "/results/" in name])
+
+    def below(self, structures: dict[str, Structure]) -> None:
+        """Campaigns and monitors of structures, which are there by the ids that they had."""
+        archive = self.archive
         for name in archive.names("campaigns/", "/campaign.json"):
             was = archive.json(name)
             if (structure := structures.get(str(was.get("structure_id")))) is None:
@@ -267,7 +156,6 @@ class _Import:
         for key, structure in structures.items():
             for name in archive.names(f"structures/{key}/monitors/", ".json"):
                 self.monitor(structure, archive.json(name)["monitor"])
-        return Imported(self.ids, [name for name in archive.names("campaigns/", ".json") if "/results/" in name])
 
     def instruments(self, listed: list[dict[str, Any]]) -> None:
         """Those that the project has keep what it says of them, and get the calibrations that it does not know."""
@@ -276,16 +164,21 @@ class _Import:
             stated = {name: was[name] for name in _INSTRUMENT}
             if (known := there.get((was["kind"], was["serial"]))) is None:
                 self.ids[_id(was)] = self.project.add_instrument(**stated)["id"]
+                self.calibrations_before[self.ids[_id(was)]] = None
                 continue
             self.ids[_id(was)] = known["id"]
             if more := [one for one in was["calibrations"] if one not in known["calibrations"]]:
+                self.calibrations_before[known["id"]] = known["calibrations"]
                 self.project.change_instrument(known["id"], calibrations=[*known["calibrations"], *more])
 
     def structure(self, was: Mapping[str, Any]) -> Structure:
         """A structure with its deck and its coupons."""
         archive, folder = self.archive, f"structures/{_id(was)}"
-        made = self.project.new_structure(**self.stated(was), confirm=True)
-        self.made.append(made)
+        if self.alone and not self.made:
+            made = self.first(was)
+        else:
+            made = self.project.new_structure(**self.stated(was), confirm=True)
+            self.made.append(made)
         self.ids[_id(was)] = made.id
         if archive.has(f"{folder}/deck"):
             deck = archive.json(f"{folder}/model.json")
@@ -295,6 +188,24 @@ class _Import:
         if archive.has(f"{folder}/coupon-batches.json"):
             for one in archive.json(f"{folder}/coupon-batches.json"):
                 self.coupons(made, folder, one["batch"], one["coupons"])
+        return made
+
+    def first(self, was: Mapping[str, Any]) -> Structure:
+        """The first structure, under the name that says that the archive is being read."""
+        stated = self.stated(was)
+        self.name, stated["name"] = stated["name"], f"archive {self.archive.digest[:16]}, being read"
+        query = {"confirm": True, "unless_named": True}
+        path = f"{self.project.address}/structures"
+        answer = self.project.lab.connection.request("POST", path, params=query, json=stated)
+        key = answer.json()["id"]
+        if answer.status_code == OK:
+            raise AlreadyThere(
+                f"the archive is being read into the project {self.project.name} now, or that was broken off: then delete its "
+                f"structure {stated['name']!r} ({key}) and read it again"
+            )
+        made = self.project.structure(key)
+        self.made.append(made)
+        _require_new(self.project, self.archive, key)
         return made
 
     def stated(self, was: Mapping[str, Any]) -> dict[str, Any]:

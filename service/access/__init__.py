@@ -13,7 +13,7 @@ What a feature needs of it::
 
 from typing import TYPE_CHECKING, Any
 
-from service.access.lookup import Lookup, Role, project_for, projects_at_work, projects_of, role_in
+from service.access.lookup import Lookup, Role, present, project_for, projects_at_work, projects_of, role_in
 from service.access.tables import ApiKey, AuditEvent, Member, Project, User
 from service.access.users import audit
 
@@ -32,6 +32,7 @@ __all__ = [
     "SettingsDep",
     "User",
     "audit",
+    "present",
     "project_for",
     "projects_at_work",
     "projects_of",

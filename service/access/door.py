@@ -43,6 +43,7 @@ LARGE_BYTES = 65536  # of a body before which key and role are checked, even of 
 SECONDS = 30.0  # for which a verdict is remembered
 MOST_KEYS = 10_000
 MISSING = "send `Authorization: Bearer KEY`; make a key with `modalbase keys create --name NAME`"
+TOO_MANY_WRONG = "too many wrong keys came from this address, and this one is wrong too; wait a minute"
 INVALID = "the API key is not valid; make one with `modalbase keys create --name NAME`"
 
 
@@ -54,6 +55,7 @@ class Caller:
     digest: bytes  # of the key
     token: str  # the key
     known: bool  # the key was valid a moment ago
+    suspect: bool  # the address has tried too many wrong keys, and this one is not known
 
 
 class KnownKeys:
@@ -68,7 +70,6 @@ class KnownKeys:
 
         Raises:
             Unauthorized: there is no key, or it was wrong a moment ago.
-            TooManyRequests: the address has tried too many wrong keys, and this one is not known to be right.
         """
         scheme, _, token = (authorization or "").partition(" ")
         token = token.strip()
@@ -78,10 +79,9 @@ class KnownKeys:
         verdict = self._verdict(digest)
         if verdict is False:
             raise Unauthorized(INVALID)
-        if verdict is None and self._failures.left(address) < 1:
-            raise TooManyRequests("too many wrong keys came from this address; wait a minute", retry_after=60)
         known = verdict is True
-        return Caller(f"key {digest.hex()}" if known else f"address {address}", digest, token, known)
+        suspect = not known and self._failures.left(address) < 1
+        return Caller(f"key {digest.hex()}" if known else f"address {address}", digest, token, known, suspect)
 
     def found(self, caller: Caller, address: str, *, valid: bool) -> None:
         """The database was asked."""
@@ -220,9 +220,11 @@ class Door:
         """The request with its body, as soon as there is a slot for it."""
         scope, length = visit.scope, _length(visit.scope)
         limit, better = self._limit(scope)
-        if length:
-            targets = self._paths.find(scope)
-            if length > LARGE_BYTES or not visit.caller.known or _reads_itself(scope):
+        # What is sent again may be answered by what is kept, so the role is asked for here.
+        again = "idempotency-key" in Headers(scope=scope)
+        if length or again or visit.caller.suspect:
+            targets = self._paths.find(scope) if length or again else []
+            if length > LARGE_BYTES or not visit.caller.known or again or _reads_itself(scope):
                 await self._may_send(visit, targets)
         if length > limit and length != _UNKNOWN:
             raise PayloadTooLarge(too_large(limit, better))
@@ -259,6 +261,8 @@ class Door:
             await run_in_threadpool(self._check, visit, targets)
         except Unauthorized:
             self.keys.found(visit.caller, visit.address, valid=False)
+            if visit.caller.suspect:
+                raise TooManyRequests(TOO_MANY_WRONG, retry_after=60) from None
             raise
         finally:
             visit.slot.give_back()

@@ -11,13 +11,13 @@ from itertools import pairwise
 from typing import Any, Generic, Literal, TypeVar
 from uuid import UUID
 
-from sqlalchemy import Select, bindparam, delete, select, text
+from sqlalchemy import ColumnElement, Select, bindparam, delete, select, text
 from sqlalchemy.exc import InvalidRequestError
 from sqlalchemy.orm import Session
 
 from service.access.tables import Member, Project, User
 from service.access.users import audit
-from service.db.base import Base, transaction_time
+from service.db.base import Base, one_at_a_time, transaction_time
 from service.errors import Conflict, Forbidden, Invalid, NotFound, not_found_as
 
 Role = Literal["viewer", "editor", "owner"]
@@ -212,13 +212,29 @@ class Lookup(Generic[Row]):
         return {row.id: row for row in session.scalars(select(table).where(table.id.in_(set(keys))))}
 
     def all(self, session: Session, **among: Iterable[UUID]) -> Sequence[Row]:
-        """The rows that name one of some keys in a column, such as `campaign_id`, oldest first, whoever asks; deleted ones are
-        left out.
+        """The present rows that name one of some keys in a column, such as `campaign_id`, oldest first, whoever asks."""
+        table: Any = self.table
+        named = (getattr(table, column).in_(set(keys)) for column, keys in among.items())
+        return session.scalars(select(table).where(*named, *present(table)).order_by(table.id)).all()
+
+    def first_named(
+        self, session: Session, owner_id: UUID, name: str, among: ColumnElement[bool] | None = None
+    ) -> Row | None:
+        """The oldest row of an owner with a name, deleted ones left out; None where there is none, and until the transaction
+        ends no other that asks for the same gets an answer: what asks can make one.
+
+        Args:
+            session: the request's transaction.
+            owner_id: of the owner.
+            name: what it is called.
+            among: which rows are the owner's; default: by `owner_key`.
         """
         table: Any = self.table
-        query = select(table).where(*(getattr(table, column).in_(set(keys)) for column, keys in among.items()))
-        there = query.where(table.deleted_at.is_(None)) if hasattr(table, "deleted_at") else query
-        return session.scalars(there.order_by(table.id)).all()
+        one_at_a_time(session, f"{table.__tablename__} {owner_id} {name}")
+        its = getattr(table, self.owner_key) == owner_id if among is None else among
+        query = select(table).where(its, table.name == name, *present(table)).order_by(table.id).limit(1)
+        found: Row | None = session.scalar(query)
+        return found
 
     def add(self, session: Session, user: User, row: Row, **noted: Any) -> Row:
         """Store a new row, with what the database gives it, and note it in the audit trail."""
@@ -279,6 +295,18 @@ class Lookup(Generic[Row]):
 
 def _key(table: Any) -> Any:
     return table.id
+
+
+def present(columns: Any, *, superseded: bool = False) -> list[ColumnElement[bool]]:
+    """What lists, searches, figures, archives and computations see of a table: rows that are neither deleted nor superseded
+    by what was made anew of the same.
+
+    Args:
+        columns: a table's class, or the columns of one in a query.
+        superseded: whether superseded rows are seen too.
+    """
+    names = ("deleted_at",) if superseded else ("deleted_at", "superseded_by")
+    return [getattr(columns, name).is_(None) for name in names if hasattr(columns, name)]
 
 
 projects = Lookup(Project, "project", "id")

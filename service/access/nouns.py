@@ -7,6 +7,7 @@ which the client calls it, and a text for the documentation.
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from inspect import signature
 from typing import Any, Generic, TypeVar
 from uuid import UUID
 
@@ -16,11 +17,23 @@ from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from service.access.dependencies import CurrentUser, SessionDep
-from service.access.lookup import Lookup, project_for
+from service.access.lookup import Lookup, present, project_for
 from service.access.tables import User
 from service.db.base import Base
 from service.errors import Invalid
-from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, etag_of, paged, require_match, require_usual
+from service.web import (
+    IF_MATCH,
+    Confirm,
+    Cursor,
+    Limit,
+    Page,
+    UnlessNamed,
+    etag_of,
+    paged,
+    require_match,
+    require_usual,
+)
+from service.web.parameters import there
 
 Row = TypeVar("Row", bound=Base)
 Out = TypeVar("Out", bound=BaseModel)
@@ -91,6 +104,7 @@ class NounRoutes(Generic[Row, Out]):
         *,
         deleted: bool | None = None,
         newest_first: bool | None = None,
+        superseded: bool = False,
     ) -> Page[Out]:
         """Rows of one owner, such as a campaign, as clients see them.
 
@@ -102,12 +116,15 @@ class NounRoutes(Generic[Row, Out]):
             limit: rows in a page.
             deleted: those that are deleted, or those that are not; None where no row can be.
             newest_first: their order; None for the noun's own.
+            superseded: whether those that were made anew are listed too.
         """
         table: Any = self._find.table
         owner = (self._find.owner or project_for)(session, user, owner_id)
         query = select(table).where(getattr(table, self._find.owner_key) == owner.id)
-        if deleted is not None:
-            query = query.where(table.deleted_at.is_not(None) if deleted else table.deleted_at.is_(None))
+        if deleted:
+            query = query.where(table.deleted_at.is_not(None))
+        elif deleted is not None or not hasattr(table, "deleted_at"):
+            query = query.where(*present(table, superseded=superseded))
         shown = partial(self.all_shown, session)
         newest_first = self.newest_first if newest_first is None else newest_first
         return paged(session, query, cursor, limit, shown, newest_first=newest_first, weight=self._weight)
@@ -136,26 +153,40 @@ class NounRoutes(Generic[Row, Out]):
         """
         owner = Path(alias=self._find.owner_key)
 
-        def post(session: SessionDep, user: CurrentUser, response: Response, body: Any, owner_id: UUID = owner) -> Any:
-            shown = self.made(session, create(session, user, owner_id, body), response)
-            if tagged:
-                response.headers["ETag"] = etag_of(shown)
-            return shown
-
-        def post_measured(
+        def post(
             session: SessionDep,
             user: CurrentUser,
             response: Response,
             body: Any,
             owner_id: UUID = owner,
             confirm: Confirm = False,
+            unless_named: UnlessNamed = False,
         ) -> Any:
-            require_usual(body, confirm)
-            return post(session, user, response, body, owner_id)
+            if measured:
+                require_usual(body, confirm)
+            row = self.first_named(session, user, owner_id, body.name, response) if unless_named else None
+            shown = self.made(session, row or create(session, user, owner_id, body), response)
+            if tagged:
+                response.headers["ETag"] = etag_of(shown)
+            return shown
 
-        chosen = post_measured if measured else post
-        chosen.__annotations__["body"] = model
-        self._add(name, text, chosen, self._below_owner(), methods=["POST"], status_code=status)
+        post.__annotations__["body"] = model
+        named = "name" in model.model_fields
+        without = {"confirm": measured, "unless_named": named}
+        taken = signature(post)
+        post.__signature__ = taken.replace(  # type: ignore[attr-defined]
+            parameters=[one for one in taken.parameters.values() if without.get(one.name, True)]
+        )
+        given: dict[str, Any] = {"responses": there(self._model)} if named else {}
+        self._add(name, text, post, self._below_owner(), methods=["POST"], status_code=status, **given)
+
+    def first_named(self, session: Session, user: User, owner_id: UUID, name: str, response: Response) -> Row | None:
+        """The row of an owner that has a name, which is answered 200; None where there is none, until the transaction ends."""
+        owner = (self._find.owner or project_for)(session, user, owner_id, "editor")
+        row = self._find.first_named(session, owner.id, name)
+        if row is not None:
+            response.status_code = 200
+        return row
 
     def listing(self, name: str, text: str, rows: int = 100, owners: str | None = None, *, hides: bool = False) -> None:
         """Add `GET /{owners}/{owner_id}/{address}`.
@@ -168,6 +199,7 @@ class NounRoutes(Generic[Row, Out]):
             hides: whether rows can be deleted, so that the list is of the others, or with `deleted` of them.
         """
         owner = Path(alias=self._find.owner_key)
+        old = Query(False, description=f"list {self._address} that were made anew since too")
         gone = Query(False, description=f"list deleted {self._address}, which can be restored, instead")
 
         def get_page(
@@ -185,8 +217,20 @@ class NounRoutes(Generic[Row, Out]):
         ) -> Any:
             return self.page(session, user, owner_id, cursor, limit, deleted=deleted)
 
+        def get_all(
+            session: SessionDep,
+            user: CurrentUser,
+            owner_id: UUID = owner,
+            cursor: Cursor = None,
+            limit: Limit = rows,
+            superseded: bool = old,
+        ) -> Any:
+            return self.page(session, user, owner_id, cursor, limit, superseded=superseded)
+
         path = self._below_owner(owners)
-        self._add(name, text, get_either if hides else get_page, path, response_model=Page[self._model])  # type: ignore[name-defined]
+        replaced = hasattr(self._find.table, "superseded_by")
+        get = get_either if hides else get_all if replaced else get_page
+        self._add(name, text, get, path, response_model=Page[self._model])  # type: ignore[name-defined]
 
     def getting(self, name: str, text: str, *, tagged: bool = False) -> None:
         """Add `GET …/{id}`; `tagged`, its answer has an ETag."""

@@ -55,16 +55,27 @@ from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound, not_found_as
 from service.web import IF_MATCH, Page, api_router, etag_of, require_match, shown_as
 from service.web.bodies import Name
-from service.web.parameters import Cursor, Limit, paged
+from service.web.parameters import Cursor, Limit, UnlessNamed, paged, there
 
 router = api_router(tags=["access"])
 
 
-@router.post("/projects", status_code=201)
-def create_project(body: ProjectIn, session: SessionDep, user: CurrentUser, response: Response) -> ProjectOut:
+@router.post("/projects", status_code=201, responses=there(ProjectOut))
+def create_project(
+    body: ProjectIn,
+    session: SessionDep,
+    user: CurrentUser,
+    response: Response,
+    unless_named: UnlessNamed = False,
+) -> ProjectOut:
     """Make a project; its maker is its owner."""
-    project = projects.add(session, user, Project(**body.model_dump()), name=body.name)
-    session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
+    among = Project.id.in_(projects_of(user))
+    project = projects.first_named(session, user.id, body.name, among) if unless_named else None
+    if project is not None:
+        response.status_code = 200
+    else:
+        project = projects.add(session, user, Project(**body.model_dump()), name=body.name)
+        session.add(Member(project_id=project.id, user_id=user.id, role="owner"))
     response.headers["Location"] = f"/api/v1/projects/{project.id}"
     return ProjectOut.model_validate(project)
 
@@ -143,7 +154,9 @@ def _shown(project: Project, response: Response) -> ProjectOut:
 
 
 @router.post("/api-keys", status_code=201)
-def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: CurrentKey) -> NewKeyOut:
+def create_api_key(
+    body: KeyIn, session: SessionDep, user: CurrentUser, own: CurrentKey, response: Response
+) -> NewKeyOut:
     """Make another key of one's own, with no more rights than the one that makes it; the answer alone shows it."""
     scopes = own.scopes if body.scopes is None else list(dict.fromkeys(body.scopes))
     if more := [scope for scope in scopes if scope not in own.scopes]:
@@ -158,6 +171,7 @@ def create_api_key(body: KeyIn, session: SessionDep, user: CurrentUser, own: Cur
     row, key = create_key(session, user, body.name, scopes, expires_at)
     session.refresh(row)
     audit(session, user, "api_key.create", "api_key", row.id, name=body.name, scopes=scopes)
+    response.headers["Cache-Control"] = "no-store"
     return NewKeyOut(**KeyOut.model_validate(row).model_dump(), key=key)
 
 

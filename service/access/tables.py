@@ -4,7 +4,7 @@ from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import CheckConstraint, ForeignKey, Index, func, text
+from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, func, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.db.base import Base, Identified, Labelled, label_indexes
@@ -43,6 +43,23 @@ class BrowserSession(Identified, Base):
     key_id: Mapped[UUID] = mapped_column(ForeignKey("api_keys.id", ondelete="CASCADE"), index=True)
     token_sha256: Mapped[bytes] = mapped_column(unique=True)
     expires_at: Mapped[datetime]
+
+
+class IdempotencyKey(Base):
+    """An `Idempotency-Key` of a user, and the answer to what came with it: see `service.access.once`.
+
+    Keys that came before there was this table have no SHA-256 of their request.
+    """
+
+    __tablename__ = "idempotency_keys"
+
+    user_id: Mapped[UUID] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), primary_key=True)
+    operation: Mapped[str] = mapped_column(primary_key=True)
+    key: Mapped[str] = mapped_column(primary_key=True)
+    request_sha256: Mapped[bytes | None]
+    answer: Mapped[bytes] = mapped_column(LargeBinary)
+    sealed: Mapped[bool] = mapped_column(server_default=text("false"))
+    created_at: Mapped[datetime] = mapped_column(server_default=func.now())
 
 
 class Project(Identified, Labelled, Base):

@@ -1,7 +1,8 @@
 """Users: found by name or key, entered under a name before they have a key, disabled; and the audit trail of what they do."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from contextlib import suppress
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
@@ -46,6 +47,17 @@ def audit(
             request_id=current_request_id(),
         )
     )
+
+
+def first_event(
+    session: Session, action: str, subjects: Collection[UUID], after: datetime, project_id: UUID
+) -> datetime | None:
+    """When an act was first done with one of some things of a project after a moment; None where it was not."""
+    acts = AuditEvent.project_id == project_id, AuditEvent.action == action, AuditEvent.subject_id.in_(subjects)
+    found: datetime | None = session.scalar(
+        select(func.min(AuditEvent.created_at)).where(*acts, AuditEvent.created_at > after)
+    )
+    return found
 
 
 _SOME_TIME_AGO = text("uuidv7(-random() * (now() - coalesce((SELECT min(created_at) FROM users), now())))")

@@ -14,6 +14,7 @@ from starlette.concurrency import run_in_threadpool
 
 from fecore import __version__
 from service.access.door import Door, Paths, SessionCookie
+from service.access.once import answered_once
 from service.app.composition import FINDERS, ROUTERS
 from service.db.engine import for_reading, make_engine, make_sessions
 from service.db.schema import SchemaError, require_head
@@ -92,7 +93,7 @@ def create_app(settings: Settings) -> FastAPI:
     app.state.reading = make_sessions(for_reading(engine), project_quota_bytes=settings.project_quota_bytes)
     app.state.changes = Changes(settings.database_url, app.state.reading, settings.event_streams, LOOKS)
     for router in ROUTERS:
-        include(app, router, PREFIX)
+        include(app, router, PREFIX, creating=answered_once)
     _add_health(app)
 
     if settings.docs:

@@ -57,6 +57,11 @@ def label_indexes(table: str) -> tuple[Index, Index]:
     )  # type: ignore[return-value]
 
 
+def one_at_a_time(session: Session, key: str) -> None:
+    """Hold up other transactions that come with the same key until this one ends."""
+    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(key, 0))))
+
+
 def transaction_time(session: Session) -> datetime:
     """When the session's transaction began, by the database's clock: all rows that one transaction changes get the same
     time.

@@ -117,11 +117,6 @@ def cancel_purged(session: Session, project_id: UUID) -> None:
     tickets.drop_left(session)
 
 
-def one_at_a_time(session: Session, key: str) -> None:
-    """Hold up other transactions that come with the same key until this one ends: for `Idempotency-Key`."""
-    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(key, 0))))
-
-
 def _row(session: Session, job_id: UUID) -> Job:
     return session.get_one(Job, job_id, with_for_update=True, populate_existing=True)
 

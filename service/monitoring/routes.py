@@ -31,7 +31,20 @@ from service.monitoring.schemas import (
 from service.monitoring.tables import Alarm, Monitor, MonitorRun, MonitorSeries
 from service.store.campaigns.operations import campaign_for
 from service.store.structures.operations import structures_in
-from service.web import IF_MATCH, Confirm, Cursor, Limit, Page, api_router, etag_of, paged, require_match, require_usual
+from service.web import (
+    IF_MATCH,
+    Confirm,
+    Cursor,
+    Limit,
+    Page,
+    UnlessNamed,
+    api_router,
+    etag_of,
+    paged,
+    require_match,
+    require_usual,
+)
+from service.web.parameters import there
 
 router = api_router(tags=["monitoring"])
 nouns = NounRoutes(router, monitor_for, MonitorOut, monitors.describe_all, "monitors", "monitor_id")
@@ -41,7 +54,7 @@ Deleted = Annotated[bool, Query(description="list deleted monitors, which can be
 Version = Annotated[int | None, Query(ge=1, le=1_000_000, description="of the series; default: the one that is judged")]
 
 
-@router.post("/structures/{structure_id}/monitors", status_code=201)
+@router.post("/structures/{structure_id}/monitors", status_code=201, responses=there(MonitorOut))
 def create_monitor(
     structure_id: UUID,
     body: MonitorIn,
@@ -50,10 +63,12 @@ def create_monitor(
     settings: SettingsDep,
     response: Response,
     confirm: Confirm = False,
+    unless_named: UnlessNamed = False,
 ) -> MonitorOut:
     """Watch a structure: a frozen recipe, a baseline, parameters and how often it may call in vain."""
     require_usual(body, confirm)
-    monitor = monitors.create_monitor(session, user, structure_id, body, settings)
+    present = nouns.first_named(session, user, structure_id, body.name, response) if unless_named else None
+    monitor = present or monitors.create_monitor(session, user, structure_id, body, settings)
     response.headers["Location"] = f"/api/v1/monitors/{monitor.id}"
     return nouns.tagged(session, monitor, response)
 

@@ -279,7 +279,7 @@ def _start(session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs:
     try:
         with session.begin_nested():
             recipe = _recipe(session, monitor, one, runs)
-            run.update_job_id = start_update(session, user, one.campaign.id, recipe, None).id
+            run.update_job_id = start_update(session, user, one.campaign.id, recipe).id
     except (ServiceError, FecoreError) as error:
         run.state, run.message, run.finished_at = "failed", str(error), func.now()
     except ValidationError as error:

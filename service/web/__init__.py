@@ -11,7 +11,17 @@ from typing import TYPE_CHECKING, Any
 from service.web.bodies import Int64, Name, Page, StrictModel, Text, Time, example, not_null, shown_as, wrong
 
 if TYPE_CHECKING:
-    from service.web.parameters import IF_MATCH, Confirm, Cursor, Limit, etag_of, paged, require_match, require_usual
+    from service.web.parameters import (
+        IF_MATCH,
+        Confirm,
+        Cursor,
+        Limit,
+        UnlessNamed,
+        etag_of,
+        paged,
+        require_match,
+        require_usual,
+    )
     from service.web.routing import api_router
 
 __all__ = [
@@ -25,6 +35,7 @@ __all__ = [
     "StrictModel",
     "Text",
     "Time",
+    "UnlessNamed",
     "api_router",
     "etag_of",
     "example",
@@ -37,7 +48,10 @@ __all__ = [
 ]
 
 _LATER = {
-    "parameters": ("IF_MATCH", "Confirm", "Cursor", "Limit", "etag_of", "paged", "require_match", "require_usual"),
+    "parameters": (
+        *("IF_MATCH", "Confirm", "Cursor", "Limit", "UnlessNamed"),
+        *("etag_of", "paged", "require_match", "require_usual"),
+    ),
     "routing": ("api_router",),
 }
 

@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 from service.errors import Invalid, PreconditionFailed, PreconditionRequired, Unusual
 from service.web.bodies import Page
 from service.web.negotiation import choose_format, one_of
-from service.web.quantities import unusual
+from service.web.quantities import beyond, unusual
 
 Cursor = Annotated[str | None, Query(max_length=100, description="`next_cursor` of the page before")]
 Limit = Annotated[int, Query(ge=1, le=1000, description="rows in a page")]
@@ -164,6 +164,17 @@ Confirm = Annotated[
 ]
 
 
+UnlessNamed = Annotated[
+    bool,
+    Query(description="make it only where there is none of this name; where there is, the answer is that one, and 200"),
+]
+
+
+def there(model: type[BaseModel]) -> dict[int | str, dict[str, Any]]:
+    """What a route with `UnlessNamed` says of its answers."""
+    return {200: {"model": model, "description": "With `unless_named`: the one of this name that is there"}}
+
+
 HOW = "What is meant as it is, confirm (`confirm=true`, `--confirm`)"
 
 
@@ -175,8 +186,11 @@ def require_usual(body: object, confirm: bool) -> None:
         confirm: whether the client says that they are meant.
 
     Raises:
+        Invalid: a number is too small or too large to compute with, confirmed or not.
         Unusual: each such number, with what was probably meant.
     """
+    if faults := list(beyond(body)):
+        raise Invalid(faults)
     if not confirm and (faults := list(unusual(body))):
         last = faults.pop()  # once, where the person has read them all
         raise Unusual([*faults, replace(last, detail=f"{last.detail} {HOW}")])

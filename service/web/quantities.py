@@ -106,6 +106,30 @@ def unusual(value: object, at: str = "") -> Iterator[Fault]:
             yield from unusual(inner, f"{at}/{step}")
 
 
+COMPUTABLE = 1e-30, 1e30
+"""Magnitudes of which the products that a computation forms stay numbers; 0 is one too."""
+FREE = "meta"
+"""The member of a person's own JSON, with which nothing is computed."""
+
+
+def beyond(value: object, at: str = "") -> Iterator[Fault]:
+    """Each number of a body that is possible, and too small or too large to compute with, whoever confirms it.
+
+    Args:
+        value: a model, or what a model's member may be.
+        at: JSON pointer of the value.
+    """
+    if isinstance(value, float) and value and not _within(value, COMPUTABLE):
+        low, high = COMPUTABLE
+        yield Fault(at, f"is {_digits(value)}; expected 0, or a magnitude from {_digits(low)} to {_digits(high)}")
+    if isinstance(value, BaseModel):
+        value = dict(value)
+    members = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list | tuple) else ()
+    for step, inner in members:
+        if step != FREE:
+            yield from beyond(inner, f"{at}/{step}")
+
+
 def stated(body: BaseModel) -> Iterator[tuple[str, float, Quantity]]:
     """Numbers of a model that measure something: member, value, quantity. What a member measures is in its annotation; where
     another member decides about it, in the model's own `measured`.

@@ -42,6 +42,8 @@ def require_known(sent: Iterable[str], known: Set[str]) -> None:
         raise Invalid([Fault(name, f"is no parameter of this query; {there_are}") for name in unknown])
 
 
+AFTERWARDS = "modalbase.afterwards"
+"""Where a request's scope has what is done with its answer before its transaction is committed."""
 LARGE = 65536  # bytes beyond which parsing would hold up other requests
 _MATCHING = ("path_regex", "path_format", "param_convertors")
 _assembly = RLock()
@@ -129,6 +131,12 @@ class StrictRoute(LateRoute):
         handle, known = super().get_route_handler(), query_names(self.dependant)
 
         async def strict(request: Request) -> Response:
+            response = await read(request)
+            if (afterwards := request.scope.get(AFTERWARDS)) is not None:
+                await run_in_threadpool(afterwards, response)
+            return response
+
+        async def read(request: Request) -> Response:
             require_known(request.query_params, known)
             if self.body_field is None:
                 return await handle(request)
@@ -176,9 +184,25 @@ def page_router() -> APIRouter:
     return APIRouter(route_class=LateRoute, include_in_schema=False)
 
 
-def include(app: FastAPI, router: APIRouter, prefix: str = "") -> None:
+def creates(route: LateRoute) -> bool:
+    """Whether a route creates something: a POST that answers 201, or 202 while a job makes it."""
+    return "POST" in (route.methods or ()) and route.given.get("status_code") in (201, 202)
+
+
+def include(
+    app: FastAPI,
+    router: APIRouter,
+    prefix: str = "",
+    creating: Callable[[Callable[..., Any]], Callable[..., Any]] | None = None,
+) -> None:
     """Give an app the routes of a router. FastAPI's own `include_router` puts all of them together, once more, at the first
     request.
+
+    Args:
+        app: takes the routes.
+        router: has them.
+        prefix: of their paths.
+        creating: what the operations become that create something.
     """
     for route in router.routes:
         assert isinstance(route, LateRoute)
@@ -186,7 +210,7 @@ def include(app: FastAPI, router: APIRouter, prefix: str = "") -> None:
         kind = type(route)
         app.router.add_api_route(
             prefix + route.path,
-            route.endpoint,
+            creating(route.endpoint) if creating is not None and creates(route) else route.endpoint,
             name=route.name,
             methods=route.methods,
             route_class_override=kind,

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO, Annotated, Generic, TypeVar
+from typing import IO, Annotated, Any, Generic, TypeVar
 
 from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
@@ -172,7 +172,14 @@ class Form(Generic[File]):
     fields: Mapping[str, str] = field(default_factory=dict)  # the other fields of the form, as text
 
 
-Upload = Form[Spooled]
+@dataclass(frozen=True)
+class Upload(Form[Spooled]):
+    """A file that came with a request, on disk."""
+
+    @property
+    def stated(self) -> list[Any]:
+        """What a request with it states, as JSON: the file by its SHA-256."""
+        return [self.file.sha256.hex(), self.filename, dict(self.fields)]
 
 
 @asynccontextmanager

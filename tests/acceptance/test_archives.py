@@ -5,6 +5,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ import pytest
 
 import modalbase
 from modalbase.client.errors import ClientError
-from modalbase.objects.archives import ArchiveFile
+from modalbase.objects.archive_file import ArchiveFile
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
@@ -376,6 +377,42 @@ def test_an_archive_that_contradicts_itself_is_refused(
             with pytest.raises(ClientError, match=said):
                 project.import_archive(file)
             assert project.structures() == [], "nothing is left by half"
+            assert lab.rest.list_structures(project.id, deleted=True)["items"] == [], "nor hidden"
+            assert len(project.instruments()) == 0
+
+
+def test_of_several_that_read_an_archive_at_once_one_does(
+    service: LocalService, api: httpx.Client, measured: dict[str, str], tmp_path: Path
+) -> None:
+    with modalbase.connect(service.url, key_of(api)) as lab:
+        file = lab.project(measured["project"]).archive(tmp_path / "once.zip")
+        with ZipFile(file) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+        folder = f"campaigns/{measured['campaign']}"
+        content = members[f"{folder}/campaign.json"].replace(b"cold", b"cool")  # else it is there already
+        files = json.loads(members["manifest.json"])["files"]
+        files[f"{folder}/campaign.json"] |= {"bytes": len(content), "sha256": sha256(content).hexdigest()}
+        with ZipFile(file, "w", ZIP_DEFLATED) as archive:
+            for path, kept in (restated(members, files=files) | {f"{folder}/campaign.json": content}).items():
+                archive.writestr(path, kept)
+        project = lab.new_project("at once")
+        names = {one.name for one in lab.project(measured["project"]).structures()}
+
+    def read(_: int) -> str:
+        with modalbase.connect(service.url, key_of(api)) as lab:
+            try:
+                lab.project(project.id).import_archive(file)
+            except ClientError as error:
+                return str(error)
+        return ""
+
+    with ThreadPoolExecutor(4) as pool:
+        came = list(pool.map(read, range(4)))
+    assert came.count("") == 1, came
+    assert all("being read" in one or "has what is in this archive" in one for one in came if one)
+    with modalbase.connect(service.url, key_of(api)) as lab:
+        assert {one.name for one in lab.project(project.id).structures()} == names
+        assert all(one.version == 1 for one in lab.project(project.id).structures())
 
 
 def test_an_archive_has_nothing_of_others(measured: dict[str, str], new_client: Callable[[], httpx.Client]) -> None:

@@ -258,6 +258,9 @@ async def test_a_wrong_key_is_found_out_before_its_body_and_then_by_memory(front
     at.client = ("10.0.0.1", 2)
     status, headers, _ = await at.ask(key=f"{wrong}c")
     assert (status, headers["retry-after"]) == (429, "60")
+    assert (await at.ask())[0] == 200  # a right key that nobody knew yet, from there
+    assert len(at.house.asked) == 1
+    at.house.asked.clear()
     at.client = ("10.0.0.2", 1)
     assert (await at.ask(content_length="5", receive=nothing_comes, key=f"{wrong}d"))[0] == 401
     assert (at.door.gate.answering, at.house.asked, at.looked) == (0, [], [])

@@ -180,3 +180,43 @@ def test_the_library(api: httpx.Client, service: LocalService) -> None:
             campaign.update(recipe)
         with pytest.raises(modalbase.ClientError, match="states no laminate or material"):
             campaign.update(recipe, confirm=True)
+
+
+@pytest.mark.parametrize("number", [1e-320, 1e-200, 1e-31])
+@pytest.mark.parametrize(
+    ("changes", "pointer"),
+    [
+        ({"geometry": {**SIZE, "thickness_m": None}}, "/geometry/thickness_m"),
+        ({"density_kg_m3": None}, "/density_kg_m3"),
+        ({"material": {**MATERIAL, "Ex_Pa": None, "nu_xy": 0}}, "/material/Ex_Pa"),
+        ({"inputs": {"density_sd_kg_m3": None}}, "/inputs/density_sd_kg_m3"),
+        (of_plies({"thickness_m": 0.01, "G13_Pa": None}), "/laminate/plies/0/G13_Pa"),
+    ],
+)
+def test_what_nobody_can_compute_with_is_refused_though_it_is_confirmed(
+    api: httpx.Client, project: str, changes: dict[str, Any], pointer: str, number: float
+) -> None:
+    def filled(value: Any, at: str = "") -> Any:
+        if isinstance(value, dict):
+            return {name: filled(inner, f"{at}/{name}") for name, inner in value.items()}
+        if isinstance(value, list):
+            return [filled(inner, f"{at}/{place}") for place, inner in enumerate(value)]
+        return number if at == pointer else value
+
+    answer = api.post(f"projects/{project}/structures?confirm=true", json=filled({**BEAM, **changes}))
+    problem = ok(answer, 422)
+    assert [one["pointer"] for one in problem["errors"]] == [pointer]
+    assert "confirmable" not in problem
+
+
+def test_numbers_of_a_recipe_and_of_a_campaign_too(api: httpx.Client, campaign: str, structure: str) -> None:
+    for body, pointer in (
+        ({"parameters": [{"name": "Ex", "prior_mean": 1e300}]}, "/parameters/0/prior_mean"),
+        ({"parameters": [{"name": "Ex", "prior_sd": 1e-320}]}, "/parameters/0/prior_sd"),
+    ):
+        answer = ok(api.post(f"campaigns/{campaign}/update-jobs?confirm=true", json=body), 422)
+        assert [one["pointer"] for one in answer["errors"]] == [pointer]
+    masses = {"added_masses": [{"x_m": 0.1, "y_m": 0.0, "mass_kg": 1e-320}]}
+    body = {"name": "c", "boundary": "free", "instruments": masses, "meta": {"free": 1e-320}}
+    answer = ok(api.post(f"structures/{structure}/campaigns?confirm=true", json=body), 422)
+    assert [one["pointer"] for one in answer["errors"]] == ["/instruments/added_masses/0/mass_kg"]

@@ -11,7 +11,7 @@ Everything is written in SI units under a set 164 that says so. What survives th
 
 import sys
 from collections.abc import Iterable, Iterator
-from itertools import groupby
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Literal
 
@@ -29,6 +29,7 @@ _RESPONSES = {
     "receptance": (8, "Displacement", ""),
 }
 _HEADER_LINES = 11
+_LINES = 4096  # that are text at a time
 _PER_ROW = 8  # points of an element
 _NO_AXIS = "         0    0    0    0 NONE                 NONE                "
 
@@ -79,9 +80,9 @@ def encode(
             yield _set_164()
             header_done = True
         if kind is GridPoint:
-            yield _grid_points([each for each in group if isinstance(each, GridPoint)], points)
+            yield from _in_parts(points, _grid_points((each for each in group if isinstance(each, GridPoint)), points))
         elif kind is Element:
-            yield _elements(each for each in group if isinstance(each, Element))
+            yield from _in_parts("2412", _elements(each for each in group if isinstance(each, Element)))
         elif kind is not Units:
             yield from (_content(content, binary=binary) for content in group)
     if not header_done:
@@ -105,6 +106,14 @@ def _content(content: Content, *, binary: bool) -> bytes:
 def _dataset(kind: str, text: str) -> bytes:
     """A text dataset between its delimiters."""
     return _TAG + f"{kind:>6}\n".encode() + text.encode() + _TAG
+
+
+def _in_parts(kind: str, lines: Iterator[str]) -> Iterator[bytes]:
+    """A text dataset of any number of lines, some at a time."""
+    yield _TAG + f"{kind:>6}\n".encode()
+    while text := "".join(islice(lines, _LINES)):
+        yield text.encode()
+    yield _TAG
 
 
 def _line(text: str) -> str:
@@ -149,31 +158,27 @@ def _set_164() -> bytes:
     return _dataset("164", f"{1:10d}{'SI: Meter (newton)':<20}{1:10d}\n{row}\n{offset}\n")
 
 
-def _grid_points(points: list[GridPoint], kind: str) -> bytes:
-    """Set 2411, or 15."""
-    rows = []
+def _grid_points(points: Iterable[GridPoint], kind: str) -> Iterator[str]:
+    """The lines of set 2411, or 15."""
     for point in points:
         if not all(np.isfinite(point.xyz_m)):
             raise ValueError(f"grid point {point.number} is at {point.xyz_m}")
         labels = _whole(point.number, 10) + _whole(0, 10) * 2 + _whole(1, 10)
         if kind == "15":
-            rows.append(labels + "".join(_apart(x) for x in point.xyz_m) + "\n")
+            yield labels + "".join(_apart(x) for x in point.xyz_m) + "\n"
         else:
-            rows.append(labels + "\n" + "".join(f"{x:25.16e}".replace("e", "D") for x in point.xyz_m) + "\n")
-    return _dataset(kind, "".join(rows))
+            yield labels + "\n" + "".join(f"{x:25.16e}".replace("e", "D") for x in point.xyz_m) + "\n"
 
 
-def _elements(elements: Iterable[Element]) -> bytes:
-    """Set 2412; material and colour are 1."""
-    rows = []
+def _elements(elements: Iterable[Element]) -> Iterator[str]:
+    """The lines of set 2412; material and colour are 1."""
     for each in elements:
         fields = each.number, each.descriptor, each.properties, 1, 1, len(each.points)
-        rows.append("".join(_whole(n, 10) for n in fields) + "\n")
+        yield "".join(_whole(n, 10) for n in fields) + "\n"
         if each.descriptor in BEAMS:
-            rows.append("".join(_whole(n, 10) for n in (0, 1, 1)) + "\n")
+            yield "".join(_whole(n, 10) for n in (0, 1, 1)) + "\n"
         labels = [_whole(point, 10) for point in each.points]
-        rows += ["".join(labels[k : k + _PER_ROW]) + "\n" for k in range(0, len(labels), _PER_ROW)]
-    return _dataset("2412", "".join(rows))
+        yield from ("".join(labels[k : k + _PER_ROW]) + "\n" for k in range(0, len(labels), _PER_ROW))
 
 
 def _frf_axes(frf: Frf) -> list[str]:

@@ -127,6 +127,7 @@ def create_webhook(
     session.refresh(row)
     _any_webhook_for.note(session, user, row, "create", url=body.url)
     response.headers["Location"] = f"/api/v1/webhooks/{row.id}"
+    response.headers["Cache-Control"] = "no-store"
     return NewWebhookOut.model_validate(row)
 
 

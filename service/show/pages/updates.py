@@ -40,6 +40,7 @@ from service.store.updating.operations import (
     result_parts,
     update_job_for,
 )
+from service.store.updating.outdated import outdated
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateJobOut
 from service.web.parameters import Cursor
 from service.web.routing import page_router
@@ -167,13 +168,15 @@ def get_job(job_id: UUID, visit: VisitDep) -> HTMLResponse:
     common = {"job": job, **visit.in_campaign(job.campaign_id)}
     if job.status != "succeeded":
         return visit.show("job.html", **common, ended=job.status in ENDED)
-    result = result_document(visit.session, update_job_for(visit.session, visit.user, job_id))
+    row = update_job_for(visit.session, visit.user, job_id)
+    result = result_document(visit.session, row)
     figures = shown.list_figures(job_id, visit.session, visit.user).items
     steps, notes = opening(result)
     return visit.show(
         "result.html",
         **common,
         result=result,
+        outdated=outdated(visit.session, row, result),
         viewer=_viewer(visit, common["campaign"], job_id, result),
         figures=figures,
         steps=steps,

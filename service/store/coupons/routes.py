@@ -6,6 +6,7 @@
 import shutil
 import tempfile
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import quote
@@ -49,6 +50,11 @@ class RawCurve:
     filename: str
     data: bytes
     reduced: Reduced
+
+    @property
+    def stated(self) -> list[Any]:
+        """What the request says, as JSON: the file by its SHA-256."""
+        return [self.request.model_dump(mode="json"), self.filename, sha256(self.data).hexdigest()]
 
 
 async def _received(request: Request, settings: SettingsDep) -> list[CouponIn] | RawCurve:

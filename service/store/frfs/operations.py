@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -12,14 +12,28 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, Row, Select, func, literal, select, text, update
+from sqlalchemy import (
+    CheckConstraint,
+    ForeignKey,
+    Index,
+    LargeBinary,
+    Row,
+    Select,
+    exists,
+    func,
+    literal,
+    or_,
+    select,
+    text,
+    update,
+)
 from sqlalchemy.dialects.postgresql import aggregate_order_by
-from sqlalchemy.orm import Mapped, Session, mapped_column
+from sqlalchemy.orm import Mapped, Session, aliased, mapped_column
 
 from fecore.arrays import FloatArray
 from fecore.signal import Averages
 from modalbase.formats.frfs.table import DOFS
-from service.access import Lookup, User
+from service.access import Lookup, User, present
 from service.access.demands import require_demanded
 from service.compute.frf_rows import COLUMNS, coherence_columns
 from service.compute.spectra import encode, encode_axis
@@ -80,6 +94,7 @@ class Frf(Identified, Labelled, Base):
     window_rate_sd_per_s: Mapped[float | None]
     variance_sha256: Mapped[bytes | None]
     variance: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    superseded_by: Mapped[UUID | None]  # the processing that made it anew
 
 
 READ_COLUMNS = ("campaign_id", "import_id", "dataset", *COLUMNS)
@@ -97,6 +112,7 @@ class NewFrfs:
 
     path: Path  # rows, as `service.store.frfs.schemas.write_rows` left them
     count: int  # how many
+    stated: str  # SHA-256 of what was sent
 
 
 frf_for = Lookup(Frf, "FRF", "campaign_id", campaign_for)
@@ -162,6 +178,37 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
     return keys
 
 
+def processings_present(session: Session, campaign_id: UUID) -> set[UUID]:
+    """Processings that made present FRFs of a campaign."""
+    made = Frf.campaign_id == campaign_id, Frf.processing_id.is_not(None), *present(Frf)
+    return set(session.scalars(select(Frf.processing_id).distinct().where(*made)))
+
+
+def processings_of(session: Session, keys: Collection[UUID]) -> set[UUID]:
+    """Processings that made some FRFs."""
+    made = Frf.id.in_(keys), Frf.processing_id.is_not(None)
+    return {key for key in session.scalars(select(Frf.processing_id).distinct().where(*made)) if key is not None}
+
+
+def frfs_changed(session: Session, campaign_id: UUID, used: Collection[UUID], after: datetime) -> datetime | None:
+    """When the first present FRF of a campaign came after a moment that is none of those used; None where none came."""
+    came = Frf.campaign_id == campaign_id, Frf.created_at > after, Frf.id.not_in(used), *present(Frf)
+    found: datetime | None = session.scalar(select(func.min(Frf.created_at)).where(*came))
+    return found
+
+
+def supersede(session: Session, campaign_id: UUID, processing_id: UUID, remade: Collection[UUID]) -> None:
+    """Mark FRFs of earlier processings as made anew by one: those of these keys, and those between the places of its own."""
+    newer = aliased(Frf)
+    between = [getattr(newer, dof) == getattr(Frf, dof) for dof in DOFS]
+    same = exists().where(newer.campaign_id == campaign_id, newer.processing_id == processing_id, *between)
+    earlier = update(Frf).where(Frf.campaign_id == campaign_id, Frf.processing_id != processing_id, *present(Frf))
+    session.execute(
+        earlier.where(or_(Frf.id.in_(remade), same)).values(superseded_by=processing_id),
+        execution_options={"synchronize_session": False},
+    )
+
+
 def describe(frf: Frf) -> FrfOut:
     """An FRF as clients see it: degrees of freedom, quantity, unit, axis and SHA-256. The values are not read."""
     return shown_as(
@@ -214,7 +261,7 @@ def frfs_of(session: Session, keys: Sequence[UUID]) -> list[Frf]:
 def frf_extents(session: Session, campaign_id: UUID) -> Sequence[Row[float, float, int, int]]:
     """First and last line (`start_hz`, `end_hz`), `response_point` and `reference_point` of each FRF of a campaign."""
     columns = (Frf.start_hz, Frf.end_hz, Frf.response_point, Frf.reference_point)
-    return session.execute(select(*columns).where(Frf.campaign_id == campaign_id)).all()
+    return session.execute(select(*columns).where(Frf.campaign_id == campaign_id, *present(Frf))).all()
 
 
 def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tuple[str, datetime]]:
@@ -222,5 +269,6 @@ def frf_digests(session: Session, campaign_ids: Sequence[UUID]) -> dict[UUID, tu
     parts = (Frf.response_point, Frf.response_direction, Frf.reference_point, Frf.reference_direction, Frf.quantity)
     one = func.concat_ws(" ", func.encode(Frf.sha256, "hex"), *parts, Frf.start_hz, Frf.step_hz, Frf.lines)
     digest = func.md5(func.string_agg(one, aggregate_order_by(literal(","), one)))
-    query = select(Frf.campaign_id, digest, func.max(Frf.created_at)).where(Frf.campaign_id.in_(campaign_ids))
+    query = select(Frf.campaign_id, digest, func.max(Frf.created_at))
+    query = query.where(Frf.campaign_id.in_(campaign_ids), *present(Frf))
     return {key: (found, newest) for key, found, newest in session.execute(query.group_by(Frf.campaign_id))}

@@ -26,7 +26,7 @@ from modalbase.formats.frfs.arrow import write_arrow
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.frfs.table import FrfTable as Written
 from modalbase.formats.uff.write import encode
-from service.access import CurrentUser, SessionDep
+from service.access import CurrentUser, SessionDep, present
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
@@ -156,6 +156,7 @@ class FrfFilter:
     import_id: Annotated[UUID | None, Query(description="of this import only")] = None
     fmin: Annotated[Hertz, Query(description="Hz")] = None
     fmax: Annotated[Hertz, Query(description="Hz")] = None
+    superseded: Annotated[bool, Query(description="also those that a later processing made anew")] = False
 
     def __post_init__(self) -> None:
         """Refuse a band whose ends are the wrong way round."""
@@ -173,7 +174,7 @@ class FrfFilter:
             (Frf.start_hz, le, self.fmax),
         )
         passed = [compared(column, value) for column, compared, value in asked if value is not None]
-        return select(Frf).where(Frf.campaign_id == campaign_id, *passed)
+        return select(Frf).where(Frf.campaign_id == campaign_id, *present(Frf, superseded=self.superseded), *passed)
 
     def rows(self, session: Session, campaign_id: UUID, most: int | None = None) -> Sequence[Frf]:
         """The first of them, or all.

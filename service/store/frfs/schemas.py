@@ -48,6 +48,9 @@ class FrfOut(StrictModel):
     sha256: str = Field(description="of the spectrum's little-endian bytes")
     has_coherence: bool
     processing_id: UUID | None = Field(None, description="the processing of time blocks that made it")
+    superseded_by: UUID | None = Field(
+        None, description="the later processing that made it anew, or found no good hit for it"
+    )
     window_rate_per_s: float | None = Field(
         None, description="rate of the exponential window that it carries: every decay rate is larger by this"
     )

@@ -14,7 +14,7 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from service.access import Lookup, User
 from service.compute.reading import Kept, ReadingInputs, read_upload
-from service.db.base import Base
+from service.db.base import Base, one_at_a_time
 from service.jobs.kinds import REQUESTS
 from service.jobs.resource import JobNoun
 from service.jobs.tables import Job
@@ -70,7 +70,7 @@ def _store(session: Session, row: Import, items: Iterator[Kept]) -> None:
         Invalid: nothing at all of the file could be read.
     """
     # Imports into one campaign are stored one after the other, so that each sees the points of the one before.
-    session.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(str(row.campaign_id), 0))))
+    one_at_a_time(session, str(row.campaign_id))
     size = original_sizes(session, [row.sha256])[row.sha256]
     with RecordIntake() as records:
         intake = Intake(session, row, size, records)

@@ -13,11 +13,13 @@ from uuid import UUID
 
 from anyio import to_thread
 from fastapi import Depends, Query, Request, Response
+from sqlalchemy.orm import Session
 
 from modalbase.formats.recognise import FORMATS, Format
 from modalbase.formats.records import Variables
-from service.access import CurrentUser, SessionDep, SettingsDep
+from service.access import CurrentUser, SessionDep, SettingsDep, User
 from service.access.dependencies import Beforehand
+from service.access.once import KeyHeader, digest_of, keep, made_before
 from service.compute.arrays_of_files import hits_of
 from service.errors import Conflict, Fault, Invalid, PayloadTooLarge, ServiceError, Unavailable, UnsupportedMediaType
 from service.jobs.aside import read_aside
@@ -67,21 +69,42 @@ class Reading:
         settings: SettingsDep,
         changes: ChangesDep,
         beforehand: Annotated[Beforehand, Depends()],
+        idempotency_key: KeyHeader = None,
     ) -> None:
         self._request, self._changes, self._beforehand = request, changes, beforehand
+        self._once = idempotency_key
         self._seconds = settings.import_wait_seconds
 
     async def of(self, campaign_id: UUID, file: Spooled, wanted: Import) -> UUID:
         """The key of the file's import, which has ended or has had its time."""
 
         def start(session: Any, key: Any, user: Any) -> tuple[UUID, Any, str]:
-            row, _ = operations.start_import(session, user, campaign_id, file, wanted, urgent=True)
-            return row.id, shown(session.get_one(Job, row.id)), str(key.id)
+            import_id = self._started(session, user, campaign_id, file, wanted)
+            return import_id, shown(session.get_one(Job, import_id)), str(key.id)
 
         job_id, job, caller = await self._beforehand.do(start)
         async with without_slot(self._request.scope):
             await self._changes.ended(job, job_id, caller, self._seconds)
         return job_id
+
+    def _started(self, session: Session, user: User, campaign_id: UUID, file: Spooled, wanted: Import) -> UUID:
+        """A new import, or that of the same request under the same `Idempotency-Key`."""
+
+        def started() -> UUID:
+            return operations.start_import(session, user, campaign_id, file, wanted, urgent=True)[0].id
+
+        if self._once is None:
+            return started()
+        name = f"file of {self._request.scope['route'].label}", self._once
+        about = {
+            part: getattr(wanted, part) for part in ("filename", "dry_run", "quantity", "format", "kind", "mapping")
+        }
+        sha256 = digest_of({"campaign_id": campaign_id, "file": file.sha256.hex(), **about})
+        if (row := made_before(session, user, *name, sha256)) is not None:
+            return UUID(bytes=row.answer)
+        import_id = started()
+        keep(session, user, name, sha256, import_id.bytes)
+        return import_id
 
 
 ReadingDep = Annotated[Reading, Depends()]
@@ -94,6 +117,7 @@ class _Came:
     sent: tuple[Variables, Any] | UUID  # arrays of JSON and their mapping, or the import of a file
     filename: str  # where they come from
     dry_run: bool  # they shall only be looked at
+    stated: list[Any]  # what the request says of them
 
 
 async def _records(
@@ -109,7 +133,7 @@ async def _records(
     name = filename or upload.filename
     if upload.content_type == "application/json":
         sent = await to_thread.run_sync(lambda: from_json(upload.file.path.read_bytes()))
-        return _Came(sent, name, dry_run)
+        return _Came(sent, name, dry_run, [upload.stated, name, dry_run])
     suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
     if suffix not in RECORD_SUFFIXES:
         raise Invalid("", f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}")
@@ -123,7 +147,8 @@ async def _records(
         kind="hits",
         mapping=stated,
     )
-    return _Came(await reading.of(campaign_id, upload.file, wanted), name, dry_run)
+    import_id = await reading.of(campaign_id, upload.file, wanted)
+    return _Came(import_id, name, dry_run, [str(import_id)])
 
 
 @router.post(
@@ -177,7 +202,7 @@ async def _frfs(
             path = Path(rows.name)
             async with without_slot(request.scope):
                 count = await read_aside(write_rows, upload.file.path, path)
-            yield frfs.NewFrfs(path, count)
+            yield frfs.NewFrfs(path, count, upload.file.sha256.hex())
         return
     form = FRF_FORMATS.get(upload.content_type)
     if form is None:

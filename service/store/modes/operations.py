@@ -11,7 +11,7 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from sqlalchemy import JSON, ForeignKey, Index, insert, select, text
+from sqlalchemy import JSON, ForeignKey, Index, insert, select, text, update
 from sqlalchemy.dialects.postgresql import JSONB, distinct_on
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -20,9 +20,9 @@ from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from modalbase.formats.uff import ModeShape
-from service.access import Lookup, User
+from service.access import Lookup, User, present
 from service.compute.identifying import IdentificationInputs, IdentificationOutput, find_modes
-from service.db.base import Base, Identified
+from service.db.base import Base, Identified, one_at_a_time
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of, frame_of
@@ -45,6 +45,8 @@ class ModeSet(Identified, Base):
     origin: Mapped[str]
     covariance: Mapped[list[Any] | None] = mapped_column(JSONB(none_as_null=True))
     details: Mapped[dict[str, Any]] = mapped_column(server_default=text("'{}'"))
+    settings: Mapped[dict[str, Any] | None] = mapped_column(JSONB(none_as_null=True))  # by which a job identified it
+    superseded_by: Mapped[UUID | None]  # the mode set that a later job identified by the same settings
 
 
 class Identification(Base):
@@ -100,16 +102,29 @@ DETAILS = ("warnings", "doubtful", "refused", "refused_poles")
 
 
 def keep_identified(
-    session: Session, campaign_id: UUID, name: str, modes: MeasuredModes, document: dict[str, Any], *, job_id: UUID
+    session: Session,
+    campaign_id: UUID,
+    name: str,
+    modes: MeasuredModes,
+    document: dict[str, Any],
+    *,
+    job_id: UUID,
+    settings: dict[str, Any],
 ) -> ModeSet:
     """Store modes that a job found in the specimen's frame, with their directions in the file's coordinates, as all stored
-    shapes are, with covariance and how they were found.
+    shapes are, with covariance and how they were found. Those that an earlier job found by the same settings leave.
     """
     details = {part: document[part] for part in DETAILS}
     said = {row["frequency_hz"]: row for row in (*document["modes"], *document["doubtful"])}
     details["evidence"] = [{part: said[float(hz)][part] for part in EVIDENCE} for hz in modes.frequency_hz]
     covariance = None if modes.covariance is None else modes.covariance.tolist()
-    found = {"job_id": job_id, "origin": "identified", "covariance": covariance, "details": details}
+    found = {
+        "job_id": job_id,
+        "origin": "identified",
+        "covariance": covariance,
+        "details": details,
+        "settings": settings,
+    }
     mode_set = ModeSet(campaign_id=campaign_id, name=name, **found)
     sd_f, sd_z = modes.frequency_sd_hz, modes.damping_sd
     frame = frame_of(campaign_of(session, campaign_id))
@@ -125,7 +140,13 @@ def keep_identified(
         }
         for k in range(len(modes))
     )
+    one_at_a_time(session, f"mode sets of {campaign_id}")
     store(session, mode_set, rows)
+    same = (ModeSet.campaign_id == campaign_id, ModeSet.settings == settings, ModeSet.id != mode_set.id)
+    session.execute(
+        update(ModeSet).where(*same, *present(ModeSet)).values(superseded_by=mode_set.id),
+        execution_options={"synchronize_session": False},
+    )
     return mode_set
 
 
@@ -295,7 +316,8 @@ def _store(session: Session, row: Identification, items: Iterator[Identification
     name = IdentificationIn.model_validate(row.options).name
     for output in items:
         row.document = output.document
-        keep_identified(session, row.campaign_id, name, output.modes, output.document, job_id=row.id)
+        how: dict[str, Any] = {"job_id": row.id, "settings": row.options}
+        keep_identified(session, row.campaign_id, name, output.modes, output.document, **how)
 
 
 identification_for = Lookup(Identification, "identification", "campaign_id", campaign_for)

@@ -145,6 +145,7 @@ class ModeSetOut(StrictModel):
     origin: Origin
     import_id: UUID | None = Field(description="the import that it came with")
     job_id: UUID | None = Field(description="the job that identified it")
+    superseded_by: UUID | None = Field(None, description="the newer set that a job identified by the same settings")
     modes: list[ModeOut]
     details: dict[str, Any] = Field(
         description="of an identified set, what stands beside its modes: `warnings`, `doubtful` modes with the reason of "

@@ -3,14 +3,15 @@ stored as they are looked at; and by a processing, a job that keeps the FRFs of 
 """
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
+from datetime import datetime
 from itertools import islice
 from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from sqlalchemy import JSON, ForeignKey, Index, Select, select
+from sqlalchemy import JSON, ForeignKey, Index, Select, func, select
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
 from fecore import signal
@@ -18,14 +19,15 @@ from fecore.body.sections import section
 from fecore.errors import InputError
 from fecore.frf import Dof
 from service.access import Lookup, User
+from service.access.users import first_event
 from service.compute.hits import BlockRow, Place, by_sensors, describe_verdict, hits_of, whole
 from service.compute.processing import PointFile, ProcessingInputs, ProcessingOutput, process_records
-from service.db.base import Base, Big, Identified
+from service.db.base import Base, Big, Identified, one_at_a_time
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.frfs.data import specimen_points
-from service.store.frfs.operations import store_processed
+from service.store.frfs.operations import processings_of, processings_present, store_processed, supersede
 from service.store.records.operations import Record, block_rows, describe, sample_bytes, samples_of
 from service.store.records.schemas import (
     HitDecisionIn,
@@ -268,6 +270,18 @@ def _store(session: Session, row: Processing, items: Iterator[signal.Averages | 
             keys += store_processed(session, row.campaign_id, row.id, item)
         else:
             row.document = _with_keys(json.loads(item), keys)
+    _supersede_earlier(session, row)
+
+
+def _supersede_earlier(session: Session, row: Processing) -> None:
+    """FRFs of earlier processings leave where a time block of theirs was looked at anew, be it that no hit was good."""
+    one_at_a_time(session, f"processings of {row.campaign_id}")
+    blocks = {str(block.id) for rows in block_rows(session, row.campaign_id).values() for block in rows}
+    earlier = processings_present(session, row.campaign_id) - {row.id}
+    documents = session.scalars(_judged(row.campaign_id).where(Processing.id.in_(earlier)))
+    made = [frf for one in documents for frf in (one.document or {})["frfs"]]
+    remade = {UUID(frf["id"]) for frf in made if any(block["id"] in blocks for block in frf["records"])}
+    supersede(session, row.campaign_id, row.id, remade)
 
 
 def _with_keys(document: dict[str, Any], keys: Sequence[UUID]) -> dict[str, Any]:
@@ -288,6 +302,7 @@ def keep_processing(
     session.add(row)
     session.flush()
     row.document = _with_keys(output.document, store_processed(session, campaign_id, job_id, output.processed))
+    _supersede_earlier(session, row)
     return row.document
 
 
@@ -309,6 +324,27 @@ def start_processing(session: Session, user: User, campaign_id: UUID, body: Proc
     require_room(session, campaign_for.project_of(session, campaign))
     row = Processing(campaign_id=campaign.id, options=body.model_dump(mode="json"))
     return PROCESSINGS.start(session, user, row)
+
+
+def hits_changed(session: Session, campaign_id: UUID, frfs: Collection[UUID], after: datetime) -> datetime | None:
+    """When the hits that some FRFs were made of changed first after a moment: by new time blocks, one deleted, or a decision.
+
+    None where they did not, or where no processing made the FRFs.
+    """
+    made_by = processings_of(session, frfs)
+    if not made_by:
+        return None
+    documents = session.scalars(select(Processing.document).where(Processing.id.in_(made_by)))
+    blocks = {UUID(block["id"]) for one in documents for frf in (one or {})["frfs"] for block in frf["records"]}
+    times = [
+        session.scalar(
+            select(func.min(table.created_at)).where(table.campaign_id == campaign_id, table.created_at > after)
+        )
+        for table in (Record, HitDecision)
+    ]
+    project_id = campaign_for.project_of(session, campaign_of(session, campaign_id))
+    times.append(first_event(session, "record.delete", blocks, after, project_id))
+    return min((at for at in times if at is not None), default=None)
 
 
 def newest_document(session: Session, campaign_id: UUID) -> Processing | None:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any, Literal
 
-from sqlalchemy import ColumnElement, FromClause
+from sqlalchemy import ColumnElement, FromClause, select
 
+from service.access import present
 from service.db.base import Base
 from service.errors import Invalid
 
@@ -59,8 +60,11 @@ class Noun:
     of_part: OfPart | None = None
 
     def rows(self) -> FromClause:
-        """Its table, under a new name."""
-        return self.made() if self.made else Base.metadata.tables[self.table].alias()
+        """Its table without what was made anew since, under a new name."""
+        if self.made:
+            return self.made()
+        table = Base.metadata.tables[self.table]
+        return table.alias() if "superseded_by" not in table.c else select(table).where(*present(table.c)).subquery()
 
     def owned_by(self, row: FromClause, owner: FromClause) -> ColumnElement[bool]:
         """That one row belongs to another."""

@@ -7,13 +7,12 @@ from dataclasses import replace
 from typing import IO, Annotated, Any, Literal
 from uuid import UUID
 
-import numpy as np
 from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import Field
 from sqlalchemy.orm import Session
 
-from modalbase.formats.meshes import Cells, MeshFile, columns, uff_of, write_vtu
+from modalbase.formats.meshes import MeshFile, uff_of, write_vtu
 from modalbase.formats.models.questions import plain
 from modalbase.formats.uff.write import encode
 from service.access import CurrentUser, SessionDep
@@ -27,7 +26,7 @@ from service.store.structures.models import mesh_of
 from service.store.structures.operations import StructureModel, current_version, structure_for
 from service.store.structures.shapes import Section
 from service.web import Confirm, Name, StrictModel, api_router
-from service.web.downloads import spooled
+from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.json_body import checked, parse_parameter
 from service.web.openapi import UPLOAD, reads
 from service.web.parameters import HOW, form_of, not_modified
@@ -47,22 +46,11 @@ MeshForm = Annotated[str, form_of(MEDIA_TYPES, "default: by Accept, else json")]
 """Name of the format that a request wants."""
 
 
-def file_of(mesh: Mapping[str, Any]) -> MeshFile:
-    """A mesh as a page has it, as what a file says of it."""
-    cells = [
-        Cells(each["kind"], each["set"], np.array(each["numbers"]), np.array(each["nodes"])) for each in mesh["blocks"]
-    ]
-    return MeshFile(np.array(mesh["nodes"]["numbers"]), columns(mesh["nodes"]), cells)
-
-
 def mesh_answer(mesh: MeshFile, form: str, name: str, headers: Mapping[str, str] | None = None) -> Response:
     """A file for download."""
 
     def write(file: IO[bytes]) -> None:
-        if form == "vtu":
-            file.write(write_vtu(mesh))
-        else:
-            file.writelines(encode(uff_of(mesh)))
+        file.writelines(write_vtu(mesh) if form == "vtu" else encode(uff_of(mesh)))
 
     return spooled(write, MEDIA_TYPES[form], f"{name}.{form}", headers or {})
 
@@ -318,7 +306,6 @@ def get_model_mesh(
     session: SessionDep,
     user: CurrentUser,
     request: Request,
-    response: Response,
     form: MeshForm,
     boundary: Annotated[
         Literal["cantilever", "free", "simply_supported", "as_modelled"] | None,
@@ -334,10 +321,11 @@ def get_model_mesh(
     if (unchanged := not_modified(request, headers)) is not None:
         return unchanged
     mesh = mesh_of(session, version, boundary)
-    if form == "json":
-        response.headers.update(headers)
-        return mesh
-    return mesh_answer(file_of(mesh), form, f"structure-{structure_id}", headers)
+    name = f"structure-{structure_id}"
+    if form != "json":
+        return mesh_answer(mesh.file(), form, name, headers)
+    send = in_memory if fits_memory(request, mesh.size()) else spooled
+    return send(mesh.write_json, MEDIA_TYPES[form], f"{name}.json", headers)
 
 
 @router.get("/structures/{structure_id}/model/original", response_class=FileResponse)

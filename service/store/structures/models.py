@@ -4,7 +4,7 @@ mesh that a structure is: of such a model, or of the strip or shape that is desc
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from hashlib import sha256
 from io import BytesIO
 from itertools import accumulate
@@ -16,12 +16,13 @@ import numpy as np
 from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import IntArray
 from fecore.body import structure as core
 from fecore.body.generators import strip
 from fecore.body.matrices import MatrixBody
 from fecore.body.mesh import Block, Mesh
 from fecore.body.supports import of_boundary
+from modalbase.formats.meshes import Cells
 from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.units import units_of
 from service.access import Lookup, User
@@ -34,6 +35,7 @@ from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.storage import book
 from service.store.storage.originals import copy_original, keep_original, write_original
+from service.store.structures.drawn import DrawnMesh, Held
 from service.store.structures.operations import (
     Structure,
     StructureModel,
@@ -158,7 +160,7 @@ def models_files() -> Select[bytes]:
     return select(StructureModel.sha256)
 
 
-def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -> dict[str, Any]:
+def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -> DrawnMesh:
     """Nodes and elements of a structure, with what holds and loads it, for a page that draws it.
 
     Args:
@@ -174,13 +176,14 @@ def mesh_of(session: Session, version: StructureVersion, boundary: str | None) -
         return _of_model(load_model(session, version.model), held=boundary in (None, AS_MODELLED))
     mesh = described_mesh(version)
     supports = () if boundary is None else of_boundary(boundary)  # type: ignore[arg-type]
-    blocks = zip(mesh.blocks, _first_numbers(mesh), strict=True)
-    return {
-        "nodes": {"numbers": list(range(1, len(mesh.nodes) + 1)), **_columns(mesh.nodes)},
-        "blocks": [_block(block, np.arange(first, first + len(block.nodes))) for block, first in blocks],
-        "supports": [_held(mesh.select(each.where), each.dofs) for each in supports],
-        "masses": [],
-    }
+    first = accumulate((len(block.nodes) for block in mesh.blocks), initial=1)
+    return DrawnMesh(
+        np.arange(1, len(mesh.nodes) + 1),
+        mesh.nodes,
+        [_cells(block, np.arange(len(block.nodes)) + start) for block, start in zip(mesh.blocks, first, strict=False)],
+        [Held(mesh.select(each.where), each.dofs) for each in supports],
+        [],
+    )
 
 
 def body_in_space(session: Session, structure: StructureIn) -> core.Structure | MatrixBody | None:
@@ -209,35 +212,18 @@ def described_mesh(version: StructureVersion) -> Mesh:
     return strip(g.length_m, g.width_m, pieces=pieces, thickness=g.thickness_m)
 
 
-def _of_model(model: FiniteElementModel | MatrixModel, *, held: bool) -> dict[str, Any]:
+def _of_model(model: FiniteElementModel | MatrixModel, *, held: bool) -> DrawnMesh:
     if isinstance(model, MatrixModel):
         every = np.arange(len(model.numbers))
-        return {
-            "nodes": {"numbers": model.numbers.tolist(), **_columns(model.nodes)},
-            "blocks": [_block(Block("point", every[:, None], "nodes"), every + 1)],
-            "supports": [],
-            "masses": [],
-        }
-    return {
-        "nodes": {"numbers": model.numbers.tolist(), **_columns(model.nodes)},
-        "blocks": [_block(block, block.numbers) for block in model.elements],
-        "supports": [_held(each.nodes, each.dofs) for each in (model.supports if held else ())],
-        "masses": sorted({int(each.node) for each in model.masses}),
-    }
+        return DrawnMesh(model.numbers, model.nodes, [Cells("point", "nodes", every + 1, every[:, None])], [], [])
+    return DrawnMesh(
+        model.numbers,
+        model.nodes,
+        [_cells(block, block.numbers) for block in model.elements],
+        [Held(each.nodes, each.dofs) for each in (model.supports if held else ())],
+        sorted({int(each.node) for each in model.masses}),
+    )
 
 
-def _columns(nodes: FloatArray) -> dict[str, list[float]]:
-    """Coordinates of the nodes by axis, m."""
-    return {f"{axis}_m": nodes[:, k].tolist() for k, axis in enumerate("xyz")}
-
-
-def _first_numbers(mesh: Mesh) -> Iterable[int]:
-    return accumulate((len(block.nodes) for block in mesh.blocks[:-1]), initial=1)
-
-
-def _block(block: Block | Elements, numbers: IntArray) -> dict[str, Any]:
-    return {"set": block.set, "kind": block.kind, "numbers": numbers.tolist(), "nodes": block.nodes.tolist()}
-
-
-def _held(nodes: IntArray, dofs: Iterable[int]) -> dict[str, Any]:
-    return {"nodes": nodes.tolist(), "dofs": [dof + 1 for dof in dofs]}
+def _cells(block: Block | Elements, numbers: IntArray) -> Cells:
+    return Cells(block.kind, block.set, numbers, block.nodes)

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.body.constants import Body
@@ -13,44 +12,30 @@ from fecore.updating.campaigns import check_material
 from fecore.updating.parameters import parametrise
 from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
-from service.jobs.queue import one_at_a_time
 from service.store.campaigns.operations import campaign_for
 from service.store.coupons.operations import batch_for
 from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import joint_body, parameters_of
-from service.store.updating.operations import JOINT_UPDATES, check_mode_set, repeated, start_update
+from service.store.updating.operations import JOINT_UPDATES, check_mode_set, start_update
 from service.store.updating.schemas import USUAL, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
-SEPARATOR = "\x1f"  # cannot stand in a header, so a batch's keys never meet those of single jobs
 
-
-def start_batch(
-    session: Session, user: User, batch: UpdateBatchIn, idempotency_key: str | None, priority: int
-) -> list[UpdateJob]:
-    """Queue every update of a batch, in the caller's transaction. The same key and body again: the jobs that are there.
+def start_batch(session: Session, user: User, batch: UpdateBatchIn, priority: int) -> list[UpdateJob]:
+    """Queue every update of a batch, in the caller's transaction.
 
     Raises:
-        Invalid: some of them cannot be; each fault with its pointer into the batch. Or the key came with another body.
+        Invalid: some of them cannot be; each fault with its pointer into the batch.
     """
     _refuse_what_is_joint(batch)
     common = batch.recipe or USUAL
-    wanted = [(job.campaign_id, job.recipe or common) for job in batch.jobs]
-    if idempotency_key is not None:
-        one_at_a_time(session, f"{user.id} {idempotency_key}")
-        if known := _known(session, _prefix(user, idempotency_key)):
-            sent = [(campaign_id, recipe.model_dump(mode="json")) for campaign_id, recipe in wanted]
-            if [(row.campaign_id, row.recipe) for row in known] != sent:
-                raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new batch")
-            return known
     rows: list[UpdateJob] = []
     faults: list[Fault] = []
-    for index, (campaign_id, recipe) in enumerate(wanted):
-        key = None if idempotency_key is None else f"{_prefix(user, idempotency_key)}{index:04}"
+    for index, job in enumerate(batch.jobs):
         try:
-            rows.append(start_update(session, user, campaign_id, recipe, key, priority))
+            rows.append(start_update(session, user, job.campaign_id, job.recipe or common, priority))
         except (ServiceError, FecoreError) as error:
             faults += _placed(error, index)
     if faults:
@@ -75,15 +60,6 @@ def _refuse_what_is_joint(batch: UpdateBatchIn) -> None:
         raise Invalid(faults)
 
 
-def _prefix(user: User, key: str) -> str:
-    return f"{user.id}{SEPARATOR}{key}{SEPARATOR}"
-
-
-def _known(session: Session, prefix: str) -> list[UpdateJob]:
-    query = select(UpdateJob).where(func.starts_with(UpdateJob.idempotency_key, prefix))
-    return list(session.scalars(query.order_by(UpdateJob.idempotency_key)))
-
-
 def _placed(error: ServiceError | FecoreError, index: int) -> list[Fault]:
     """The faults of one job, with pointers into the batch."""
     at = f"/jobs/{index}"
@@ -100,16 +76,12 @@ _SINGLE_ONLY = ("springs", "zones_m", "damping_models", "hold_out", "posterior",
 """Members of a recipe that a joint update has no use for: they must be left at their defaults."""
 
 
-def start_joint(
-    session: Session, user: User, request: UpdateBatchIn, idempotency_key: str | None, priority: int
-) -> JointUpdate:
+def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: int) -> JointUpdate:
     """Queue one update of several campaigns together, in the caller's transaction.
 
     Raises:
-        Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer; or the key came
-            with another request.
+        Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer.
     """
-    sent = request.model_dump(mode="json")
     faults: list[Fault] = []
     campaigns, projects, bodies = [], set(), []
     common = request.recipe or USUAL
@@ -128,11 +100,7 @@ def start_joint(
     if faults:
         raise Invalid(faults)
     (project_id,) = projects
-    if (known := repeated(session, JointUpdate, project_id, idempotency_key)) is not None:
-        if UpdateBatchIn.model_validate(known.request).model_dump(mode="json") != sent:
-            raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
-        return known
-    row = JointUpdate(project_id=project_id, request=sent, campaigns=campaigns, idempotency_key=idempotency_key)
+    row = JointUpdate(project_id=project_id, request=request.model_dump(mode="json"), campaigns=campaigns)
     require_room(session, project_id)
     return JOINT_UPDATES.start(session, user, row, priority=priority)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from sqlalchemy import func, select
@@ -17,7 +17,6 @@ from service.access.demands import require_demanded
 from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
 from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES
-from service.jobs.queue import one_at_a_time
 from service.jobs.resource import JobNoun
 from service.store.campaigns.operations import campaign_for, campaign_of
 from service.store.coupons.operations import batch_for
@@ -40,8 +39,6 @@ from service.web.bodies import Labels
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
 
-Row = TypeVar("Row", UpdateJob, JointUpdate)
-
 
 def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> None:
     for output in items:
@@ -53,9 +50,9 @@ def _store(session: Session, row: UpdateJob, items: Iterator[UpdateOutput]) -> N
             document["provenance"]["frfs"] = [{"id": frf["id"], "records": frf["records"]} for frf in done["frfs"]]
         if output.identified is not None:
             found = document["identification"]
-            kept = keep_identified(
-                session, row.campaign_id, "identified by an update", output.identified, found, job_id=row.id
-            )
+            settings = {part: row.recipe.get(part) for part in ("identification", "band_hz")}
+            how: dict[str, Any] = {"job_id": row.id, "settings": settings}
+            kept = keep_identified(session, row.campaign_id, "identified by an update", output.identified, found, **how)
             document["provenance"]["mode_set"] = str(kept.id)
         size = len(output.prediction) + len(json.dumps(document))
         book(session, campaign_for, campaign_of(session, row.campaign_id), "results", size)
@@ -100,34 +97,24 @@ def start_update(
     user: User,
     campaign_id: UUID,
     recipe: RecipeIn,
-    idempotency_key: str | None = None,
     priority: int = 0,
 ) -> UpdateJob:
-    """Queue an update, in the caller's transaction. The same key and recipe again give the job that is there.
+    """Queue an update, in the caller's transaction.
 
     Args:
         session: the request's transaction.
         user: who asks; an editor of the project at least.
         campaign_id: the campaign whose FRFs are fitted.
         recipe: all choices; `RecipeIn()` will do.
-        idempotency_key: a name of this request, so that a repetition makes no second job.
         priority: −100 to 100, among the waiting jobs of the project.
 
     Raises:
-        Invalid: the recipe contradicts itself or names what is not this campaign's, or the key came with another
-            recipe.
+        Invalid: the recipe contradicts itself or names what is not this campaign's.
         InputError: the core does not take the recipe's parameters or band.
         QuotaExceeded: the project has no room for a result.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     project_id = campaign_for.project_of(session, campaign)
-    sent = recipe.model_dump(mode="json")
-    if (known := repeated(session, UpdateJob, project_id, idempotency_key)) is not None:
-        # An earlier version knew fewer fields.
-        before = RecipeIn.model_validate(known.recipe).model_dump(mode="json")
-        if before != sent or known.campaign_id != campaign.id:
-            raise Invalid("Idempotency-Key", "was used for another request; use a new key for a new job")
-        return known
     version, structure = present_structure(session, campaign.structure_id)
     _check(session, user, campaign, recipe)
     _check_parameters(session, recipe, structure, campaign)
@@ -137,19 +124,9 @@ def start_update(
         project_id=project_id,
         campaign_id=campaign.id,
         structure_version_id=version.id,
-        recipe=sent,
-        idempotency_key=idempotency_key,
+        recipe=recipe.model_dump(mode="json"),
     )
     return UPDATES.start(session, user, row, priority=priority)
-
-
-def repeated(session: Session, table: type[Row], project_id: UUID, key: str | None) -> Row | None:
-    """The job that came with the same key before; other transactions with this key wait until this one ends."""
-    if key is None:
-        return None
-    one_at_a_time(session, f"{project_id} {table.__tablename__} {key}")
-    query = select(table).where(table.project_id == project_id, table.idempotency_key == key)
-    return session.scalars(query).one_or_none()
 
 
 def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -> None:

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import Header, Query, Request, Response
+from fastapi import Query, Request, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -19,7 +19,8 @@ from service.store.structures.operations import structure_for, structures_in
 from service.store.updating import operations
 from service.store.updating.batches import start_batch, start_joint
 from service.store.updating.document import LARGE_PARTS, slim
-from service.store.updating.result_schemas import JointResultOut, ResultOut
+from service.store.updating.outdated import ResultNowOut, outdated
+from service.store.updating.result_schemas import JointResultOut
 from service.store.updating.schemas import JointUpdateOut, RecipeIn, UpdateBatchIn, UpdateBatchOut, UpdateJobOut
 from service.store.updating.tables import UpdateJob
 from service.web import (
@@ -28,7 +29,6 @@ from service.web import (
     Cursor,
     Limit,
     Page,
-    Text,
     api_router,
     etag_of,
     paged,
@@ -48,9 +48,6 @@ def _with_campaigns(session: Session, rows: Sequence[UpdateJob]) -> list[dict[st
 single = JobRoutes(router, operations.UPDATES, UpdateJobOut, "job_id", _with_campaigns)
 joint = JobRoutes(router, operations.JOINT_UPDATES, JointUpdateOut, "joint_id", lambda _, rows: [{} for _ in rows])
 
-IdempotencyKey = Annotated[
-    Text | None, Header(max_length=255, description="one of your own: the same again gives the same, no second one")
-]
 Priority = Annotated[int, Query(ge=-100, le=100, description="of the project's waiting jobs the highest runs first")]
 
 Include = Annotated[
@@ -65,16 +62,12 @@ def start_update(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
     confirm: Confirm = False,
 ) -> UpdateJobOut:
-    """Queue an update of the campaign's structure. `{}` is a recipe.
-
-    With an `Idempotency-Key`, sending the same again gives the same job and not a second one.
-    """
+    """Queue an update of the campaign's structure. `{}` is a recipe."""
     require_usual(recipe, confirm)
-    row = operations.start_update(session, user, campaign_id, recipe, idempotency_key, priority)
+    row = operations.start_update(session, user, campaign_id, recipe, priority)
     return single.made(session, row, response)
 
 
@@ -84,7 +77,6 @@ def start_updates(
     session: SessionDep,
     user: CurrentUser,
     response: Response,
-    idempotency_key: IdempotencyKey = None,
     priority: Priority = 0,
     confirm: Confirm = False,
 ) -> UpdateBatchOut:
@@ -94,9 +86,9 @@ def start_updates(
     """
     require_usual(batch, confirm)
     if batch.joint:
-        row = start_joint(session, user, batch, idempotency_key, priority)
+        row = start_joint(session, user, batch, priority)
         return UpdateBatchOut(items=[], joint=joint.made(session, row, response))
-    rows = start_batch(session, user, batch, idempotency_key, priority)
+    rows = start_batch(session, user, batch, priority)
     return UpdateBatchOut(items=single.all_shown(session, rows))
 
 
@@ -136,7 +128,7 @@ single.watching(
 )
 
 
-@router.get("/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultOut}})
+@router.get("/update-jobs/{job_id}/result", response_model=None, responses={200: {"model": ResultNowOut}})
 def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: Include = None) -> dict[str, Any]:
     """Verdict and warnings first, then parameters, modes, correlation, and where all of it came from.
 
@@ -145,8 +137,11 @@ def get_result(job_id: UUID, session: SessionDep, user: CurrentUser, include: In
     named = set(filter(None, (include or "").split(",")))
     if unknown := named - set(LARGE_PARTS):
         raise Invalid("include", f"names {', '.join(sorted(unknown))}; there are {', '.join(LARGE_PARTS)}")
-    document = operations.result_document(session, operations.update_job_for(session, user, job_id))
-    return slim(document, leave_out=set(LARGE_PARTS) - named)
+    job = operations.update_job_for(session, user, job_id)
+    document = operations.result_document(session, job)
+    changed = outdated(session, job, document)
+    shown = slim(document, leave_out=set(LARGE_PARTS) - named)
+    return {**shown, "outdated": None if changed is None else changed.model_dump(mode="json")}
 
 
 @router.get("/update-jobs/{job_id}/labels")

@@ -22,7 +22,7 @@ class UpdateJob(Base):
     campaign_id: Mapped[UUID] = mapped_column(ForeignKey("campaigns.id", ondelete="CASCADE"))
     structure_version_id: Mapped[UUID] = mapped_column(ForeignKey("structure_versions.id", deferrable=True))
     recipe: Mapped[dict[str, Any]]
-    idempotency_key: Mapped[str | None]
+    idempotency_key: Mapped[str | None]  # of versions before `idempotency_keys`, which has it too
 
 
 class JointUpdate(Base):
@@ -35,7 +35,7 @@ class JointUpdate(Base):
     project_id: Mapped[UUID] = mapped_column(ForeignKey("projects.id", ondelete="CASCADE"))
     request: Mapped[dict[str, Any]]
     campaigns: Mapped[list[Any]]
-    idempotency_key: Mapped[str | None]
+    idempotency_key: Mapped[str | None]  # as above
     document: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
 
 
