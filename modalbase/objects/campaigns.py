@@ -239,7 +239,7 @@ class Campaign(Editable):
         return self._judged(answer)
 
     def propose_mapping(self, file: str | Path) -> dict[str, Any]:
-        """What a file of time blocks holds, and a mapping to look through; nothing is stored."""
+        """What a file of time blocks holds, and a mapping in its own words; None where it says nothing. Nothing is stored."""
         found: dict[str, Any] = self.import_file(file, kind="hits", dry_run=True).fields["found"]
         return found
 

@@ -223,7 +223,7 @@ function renewed(last = null) {
   return !kept;
 }
 document.addEventListener("htmx:beforeSwap", ({ detail }) => {
-  if (!detail.isError && !detail.serverResponse.includes(" hx-get=") && renewed(detail.target)) detail.shouldSwap = false;
+  if (leaving || (!detail.isError && !detail.serverResponse.includes(" hx-get=") && renewed(detail.target))) detail.shouldSwap = false;
 });
 document.addEventListener("htmx:afterSettle", begin);
 
@@ -303,7 +303,7 @@ function begin() {
   }
   for (const kind of document.querySelectorAll("select[data-kind]:not([data-begun])")) { kind.dataset.begun = ""; followKind(kind); }
   for (const form of document.querySelectorAll("form[data-arrays]")) {
-    require(form);
+    requireMissing(form);
     const label = form.querySelector("label:has([data-alike])"), others = alike(form).map((other) => other.dataset.name);
     label.hidden = !others.length;
     label.querySelector("span").textContent = `Read ${others.join(", ")} so, too`;
@@ -311,7 +311,7 @@ function begin() {
   if (!sending) for (const form of document.querySelectorAll("form[data-at-once]")) { delete form.dataset.atOnce; submitted(form, () => readSo(form)); }
 }
 /* What a mapping still lacks: where the hits are in turn, the force needs no place; samples in a unit of their own no sensitivity. */
-function require(form) {
+function requireMissing(form) {
   const inTurn = form.querySelector("[data-kind]:not([hidden])")?.value, listed = form.querySelector("[name^='recording/order/']");
   for (const row of form.querySelectorAll("[data-rows=channels] .one")) {
     const at = (name) => row.querySelector(`[data-field=${name}]`), isForce = at("quantity").value === "force";
@@ -320,7 +320,7 @@ function require(form) {
     at("sensitivity").required = /^(m?v)?$/i.test(at("unit").value.trim());
   }
 }
-for (const name of ["input", "change", "click"]) document.addEventListener(name, ({ target }) => { const form = target.closest?.("form[data-arrays]"); if (form) require(form); });
+for (const name of ["input", "change", "click"]) document.addEventListener(name, ({ target }) => { const form = target.closest?.("form[data-arrays]"); if (form) requireMissing(form); });
 /* Of a form the parts that a choice leaves out are neither seen nor sent nor asked for. */
 function leaveOut(part, out) {
   part.hidden = out;
