@@ -260,3 +260,16 @@ def test_the_librarys_create_makes_one_of_eight_at_once(place: Place) -> None:
 
     with ThreadPoolExecutor(8) as pool:
         assert len(set(pool.map(make, range(8)))) == 1
+
+
+def test_one_file_of_eight_clients_at_once_is_imported_once(place: Place) -> None:
+    made = ok(place.api.post(f"structures/{place.ids['structure_id']}/campaigns", json=paper.CAMPAIGN), 201)["id"]
+    content = paper.uff_file()
+
+    def send(_: int) -> httpx.Response:
+        return place.api.post(f"campaigns/{made}/imports", content=content, headers=RAW, params={"filename": "a.uff"})
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(send, range(8)))
+    assert sorted(answer.status_code for answer in answers) == 7 * [200] + [202]
+    assert len({ok(answer)["id"] for answer in answers}) == 1
