@@ -22,6 +22,7 @@ from tests.integration.test_db import fill
 from tests.support.access import operations
 from tests.support.furnished import BODIES, HOOK, furnish, record
 from tests.support.rest import ASKED_FREELY, RAW, client_of, ok
+from tests.support.waiting import PATIENCE
 
 
 @dataclass
@@ -45,7 +46,7 @@ class Place:
 def place(new_service: Callable[..., LocalService]) -> Iterator[Place]:
     with new_service(worker=False, import_wait_seconds=0.2, **ASKED_FREELY) as service:
         engine = make_engine(service.settings.database_url, pool_size=2)
-        document = httpx.get(f"{service.url}/openapi.json", trust_env=False).json()
+        document = httpx.get(f"{service.url}/openapi.json", timeout=PATIENCE, trust_env=False).json()
         with client_of(service, "owner") as api, client_of(service, "owner") as other:
             yield Place(api, engine, furnish(api, make_sessions(engine), "once"), document, other)
         engine.dispose()
