@@ -1,13 +1,13 @@
 """Users: found by name or key, entered under a name before they have a key, disabled; and the audit trail of what they do."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from datetime import datetime
 from typing import Any
 from uuid import UUID
 
 from sqlalchemy import ColumnElement, func, or_, select, text
-from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy.dialects.postgresql import array, insert
 from sqlalchemy.orm import Session
 
 from service.access.tables import ApiKey, AuditEvent, User
@@ -50,10 +50,19 @@ def audit(
 
 
 def first_event(
-    session: Session, action: str, subjects: Collection[UUID], after: datetime, project_id: UUID
+    session: Session,
+    action: str,
+    subjects: Collection[UUID],
+    after: datetime,
+    project_id: UUID,
+    members: Sequence[str] = (),
 ) -> datetime | None:
-    """When an act was first done with one of some things of a project after a moment; None where it was not."""
-    acts = AuditEvent.project_id == project_id, AuditEvent.action == action, AuditEvent.subject_id.in_(subjects)
+    """When an act was first done with one of some things of a project after a moment, or changed one of these members of it;
+    None where it was not.
+    """
+    acts = [AuditEvent.project_id == project_id, AuditEvent.action == action, AuditEvent.subject_id.in_(subjects)]
+    if members:
+        acts.append(AuditEvent.detail["now"].has_any(array(members)))
     found: datetime | None = session.scalar(
         select(func.min(AuditEvent.created_at)).where(*acts, AuditEvent.created_at > after)
     )

@@ -3,6 +3,7 @@
 import io
 import json
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from shutil import which
 from typing import Any
 
@@ -325,3 +326,20 @@ def test_the_open_decks_are_read_as_they_are(api: httpx.Client, bare: str) -> No
         assert model["status"] == "succeeded", model["message"]
         assert {each["name"] for each in model["found"]["sets"]} == {"flange", "web"}
         assert model["found"]["junctions"]
+
+
+def test_the_same_deck_of_several_clients_at_once_is_read_once(api: httpx.Client, bare: str) -> None:
+    headers, path = {"Content-Type": "application/octet-stream"}, f"structures/{bare}/model"
+    query = {"filename": "beam.inp", "units": "m-N-kg"}
+
+    def send(_: int = 0) -> httpx.Response:
+        return api.post(path, content=deck(), params=query, headers=headers)
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(send, range(8)))
+    assert sorted(answer.status_code for answer in answers) == 7 * [200] + [202]
+    (model,) = {ok(answer)["id"] for answer in answers}
+    assert finished(api, f"/api/v1/models/{model}")["status"] == "succeeded"
+    again = send()  # the structure is this model now
+    assert (again.status_code, ok(again)["id"]) == (200, model)
+    assert [one["id"] for one in ok(api.get(f"structures/{bare}/models"), 200)["items"]] == [model]

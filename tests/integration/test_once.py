@@ -22,6 +22,7 @@ from tests.integration.test_db import fill
 from tests.support.access import operations
 from tests.support.furnished import BODIES, HOOK, furnish, record
 from tests.support.rest import ASKED_FREELY, RAW, client_of, ok
+from tests.support.waiting import PATIENCE
 
 
 @dataclass
@@ -45,7 +46,7 @@ class Place:
 def place(new_service: Callable[..., LocalService]) -> Iterator[Place]:
     with new_service(worker=False, import_wait_seconds=0.2, **ASKED_FREELY) as service:
         engine = make_engine(service.settings.database_url, pool_size=2)
-        document = httpx.get(f"{service.url}/openapi.json", trust_env=False).json()
+        document = httpx.get(f"{service.url}/openapi.json", timeout=PATIENCE, trust_env=False).json()
         with client_of(service, "owner") as api, client_of(service, "owner") as other:
             yield Place(api, engine, furnish(api, make_sessions(engine), "once"), document, other)
         engine.dispose()
@@ -260,3 +261,16 @@ def test_the_librarys_create_makes_one_of_eight_at_once(place: Place) -> None:
 
     with ThreadPoolExecutor(8) as pool:
         assert len(set(pool.map(make, range(8)))) == 1
+
+
+def test_one_file_of_eight_clients_at_once_is_imported_once(place: Place) -> None:
+    made = ok(place.api.post(f"structures/{place.ids['structure_id']}/campaigns", json=paper.CAMPAIGN), 201)["id"]
+    content = paper.uff_file()
+
+    def send(_: int) -> httpx.Response:
+        return place.api.post(f"campaigns/{made}/imports", content=content, headers=RAW, params={"filename": "a.uff"})
+
+    with ThreadPoolExecutor(8) as pool:
+        answers = list(pool.map(send, range(8)))
+    assert sorted(answer.status_code for answer in answers) == 7 * [200] + [202]
+    assert len({ok(answer)["id"] for answer in answers}) == 1

@@ -1,17 +1,26 @@
 """What is made anew replaces what was made before of the same records, wherever it is listed or computed with."""
 
 import io
+import json
+from collections.abc import Callable
 from typing import Any
 from zipfile import ZipFile
 
 import httpx
 import numpy as np
+import psycopg
 import pytest
 
+from service.app.demo import paper
+from service.app.supervisor import LocalService
+from service.db.engine import psycopg_url
+from service.store.updating.document import VERSION
 from tests.integration.test_records import npz, post, processed
+from tests.support.backups import RECIPE, small_file
+from tests.support.furnished import frfs
 from tests.support.hammer import Simulated
 from tests.support.hammer import campaign as simulated_campaign
-from tests.support.rest import finished, ok
+from tests.support.rest import finished, ok, session_client
 
 
 @pytest.fixture(scope="module")
@@ -109,3 +118,78 @@ def test_a_mode_set_of_the_same_settings_takes_the_place_of_the_first(
 
 def _of(mode_set: dict[str, Any]) -> dict[str, Any]:
     return {"frequency_hz": mode_set["modes"][0]["frequency_hz"]}
+
+
+def test_a_result_says_what_changed_since(
+    api: httpx.Client,
+    structure: str,
+    campaign: str,
+    imported: Callable[..., dict[str, Any]],
+    service: LocalService,
+) -> None:
+    assert imported(campaign, small_file())["status"] == "succeeded"
+    modes = ok(api.post(f"campaigns/{campaign}/mode-sets", json={"name": "published", "modes": paper.MODES}), 201)["id"]
+    begun = api.post(f"campaigns/{campaign}/update-jobs", json={**RECIPE, "mode_set": modes})
+    assert finished(api, begun.headers["Location"])["status"] == "succeeded"
+    job = ok(begun)["id"]
+
+    def outdated() -> dict[str, Any] | None:
+        found: dict[str, Any] | None = ok(api.get(f"update-jobs/{job}/result"), 200)["outdated"]
+        return found
+
+    def page() -> str:
+        with session_client(api, base=service.url) as browser:
+            return str(browser.get(f"/ui/update-jobs/{job}").raise_for_status().text)
+
+    assert outdated() is None
+    assert "Compute again" not in page()
+    points = ok(api.get(f"campaigns/{campaign}/grid-points"), 200)["items"]
+    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}), 200)
+    assert outdated() is None  # they are the same
+    points[0]["x_m"] += 0.001
+    tag = api.get(f"campaigns/{campaign}/grid-points").headers["etag"]
+    ok(api.put(f"campaigns/{campaign}/grid-points", json={"items": points}, headers={"If-Match": tag}), 200)
+    found = outdated()
+    assert found is not None
+    assert found["what"] == ["points"]
+    ok(api.post(f"campaigns/{campaign}/frfs", json=frfs(1)), 201)
+    tag = api.get(f"structures/{structure}").headers["etag"]
+    ok(api.patch(f"structures/{structure}", json={"density_kg_m3": 1999.0}, headers={"If-Match": tag}), 200)
+    for changes in ({"notes": "nothing that an update reads"}, {"boundary": "free"}):
+        tag = api.get(f"campaigns/{campaign}").headers["etag"]
+        ok(api.patch(f"campaigns/{campaign}", json=changes, headers={"If-Match": tag}), 200)
+        after = outdated()
+        what = ["structure", *(["campaign"] if "boundary" in changes else []), "points", "frfs"]
+        assert after == {"since": found["since"], "what": what}
+    text = page()
+    assert "structure, campaign, points, FRFs of this result changed" in text
+    assert f"ui/campaigns/{campaign}/update?like={job}" in text
+
+
+def test_a_result_of_hits_says_that_a_hit_was_judged_since(
+    api: httpx.Client, campaign: str, hits: list[Simulated], service: LocalService
+) -> None:
+    """The update itself is beside the point: its result is put in place."""
+    stored = ok(post(api, campaign, npz(hits)), 201)["items"]
+    made = processed(api, campaign, {})["result"]["frfs"]
+    begun = api.post(f"campaigns/{campaign}/update-jobs", json={})
+    job = finished(api, begun.headers["Location"])["id"]
+    document = {"provenance": {"frfs": [{"id": one["id"]} for one in made]}, "parameters": [], "version": VERSION}
+    row = "INSERT INTO update_results (id, campaign_id, document, prediction) VALUES (%s, %s, %s, '')"
+    with psycopg.connect(psycopg_url(service.settings.database_url)) as connection:
+        connection.execute("DELETE FROM update_results WHERE id = %s", [job])
+        connection.execute(row, [job, campaign, json.dumps(document)])
+
+    def what() -> list[str]:
+        found = ok(api.get(f"update-jobs/{job}/result"), 200)["outdated"]
+        return [] if found is None else list(found["what"])
+
+    assert what() == []
+    good = next(s for s in hits if s.fault is None)
+    named = {"point": good.hit.force.dof.point, "hit": good.hit.number}
+    ok(api.post(f"campaigns/{campaign}/hit-decisions", json={**named, "good": False, "why": "a cable"}), 201)
+    assert what() == ["hits"]
+    ok(api.post(f"campaigns/{campaign}/hit-decisions", json={**named, "good": None, "why": "not it"}), 201)
+    ok(api.delete(f"records/{stored[0]['id']}"), 204)
+    processed(api, campaign, {})
+    assert what() == ["hits", "frfs"]

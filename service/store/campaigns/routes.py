@@ -93,12 +93,12 @@ def put_grid_points(
     points = _points_of(upload.file.path.read_bytes(), upload.content_type)
     campaign = operations.campaign_for(session, user, campaign_id, "editor", lock=True)
     before = operations.list_points(session, campaign.id)
-    if before.items or "if-match" in request.headers:
-        after = GridPoints(items=sorted(points.items, key=lambda point: point.label))
-        if "if-match" in request.headers or before != after:
-            require_match(request, etag_of(before))
-    operations.replace_points(session, campaign.id, points)
-    operations.campaign_for.note(session, user, campaign, "grid_points.put", count=len(points.items))
+    changed = before != GridPoints(items=sorted(points.items, key=lambda point: point.label))
+    if "if-match" in request.headers or (before.items and changed):
+        require_match(request, etag_of(before))
+    if changed:  # else the results of the campaign would be outdated by nothing
+        operations.replace_points(session, campaign.id, points)
+        operations.campaign_for.note(session, user, campaign, "grid_points.put", count=len(points.items))
     stored = operations.list_points(session, campaign.id)
     response.headers["ETag"] = etag_of(stored)
     return stored

@@ -246,7 +246,12 @@ def _require_usual(sections: Mapping[str, Section], accept: Sequence[str], confi
 of_jobs = JobRoutes(router, models.MODELS, ModelOut, "model_id", _with_files)
 
 
-@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=reads(UPLOAD))
+THERE: dict[int | str, dict[str, Any]] = {
+    200: {"model": ModelOut, "description": "The structure is this model already"}
+}
+
+
+@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=reads(UPLOAD), responses=THERE)
 def send_model(
     structure_id: UUID,
     upload: UploadDep,
@@ -286,7 +291,8 @@ def send_model(
         accepted=accept or [],
         sections=stated and {name: each.model_dump(exclude_none=True) for name, each in stated.items()},
     )
-    row = models.start_model(session, user, structure_id, upload.file, wanted)
+    row, new = models.start_model(session, user, structure_id, upload.file, wanted)
+    response.status_code = 202 if new else 200
     return of_jobs.made(session, row, response)
 
 

@@ -33,6 +33,7 @@ from service.compute.models.reading import DeckInputs, DeckOutput, faults_of, re
 from service.errors import Conflict, Damaged, Invalid
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
+from service.jobs.tables import Job
 from service.store.storage import book
 from service.store.storage.originals import copy_original, keep_original, write_original
 from service.store.structures.drawn import DrawnMesh, Held
@@ -75,8 +76,13 @@ MODELS = JobNoun("models", model_for, _load, read_deck, _store, libraries=CORE_L
 
 def start_model(
     session: Session, user: User, structure_id: UUID, file: Spooled, wanted: StructureModel
-) -> StructureModel:
+) -> tuple[StructureModel, bool]:
     """Keep a deck and queue its reading, in one transaction.
+
+    Where the structure is this model already, or is about to be, it is not read again.
+
+    Returns:
+        The model, and whether it is a new one.
 
     Raises:
         Invalid: there is no file, it has no name or one whose end says no deck, or its units are none.
@@ -91,9 +97,26 @@ def start_model(
     if (units := wanted.units) is not None:
         faults_of(lambda: units_of(units))
     wanted.structure_id, wanted.sha256 = structure.id, file.sha256
+    if (known := _same_model(session, structure, wanted)) is not None:
+        return known, False
     book(session, structure_for, structure, "files", file.size)
     keep_original(session, file)
-    return MODELS.start(session, user, wanted, sha256=file.sha256.hex())
+    return MODELS.start(session, user, wanted, sha256=file.sha256.hex()), True
+
+
+def _same_model(session: Session, structure: Structure, wanted: StructureModel) -> StructureModel | None:
+    """The newest model of a structure, where it has these bytes, read alike, and waits, is read, or is the present version."""
+    query = select(StructureModel, Job.state).join(Job, Job.id == StructureModel.id)
+    newest = query.where(StructureModel.structure_id == structure.id).order_by(StructureModel.id.desc()).limit(1)
+    found = session.execute(newest).one_or_none()
+    if found is None:
+        return None
+    row, state = found
+    same = all(
+        getattr(row, part) == getattr(wanted, part) for part in ("sha256", "filename", "units", "accepted", "sections")
+    )
+    there = state in ("queued", "running") or row.id == current_version(session, structure).model
+    return row if same and there else None
 
 
 def model_of_structure(session: Session, structure: Structure) -> StructureModel:

@@ -22,11 +22,15 @@ if TYPE_CHECKING:
     from service.store.updating.tables import UpdateJob
 
 
+OF_THE_TEST = ("boundary", "frame", "instruments", "inputs", "temperature_c")
+"""Members of a campaign that an update reads."""
+
+
 class OutdatedOut(StrictModel):
     """What changed since a result was computed."""
 
     since: datetime = Field(description="the first change")
-    what: list[str] = Field(description="structure, points, hits, frfs: what changed")
+    what: list[str] = Field(description="structure, campaign, points, hits, frfs: what changed")
 
 
 class ResultNowOut(ResultOut):
@@ -53,6 +57,7 @@ def outdated(session: Session, job: UpdateJob, document: dict[str, Any]) -> Outd
     used = [UUID(frf["id"]) for frf in document["provenance"]["frfs"]]
     changes = {
         "structure": version.created_at if version.id != job.structure_version_id else None,
+        "campaign": first_event(session, "campaign.change", [campaign.id], began, job.project_id, OF_THE_TEST),
         "points": first_event(session, "grid_points.put", [campaign.id], began, job.project_id),
         "hits": hits_changed(session, job.campaign_id, used, began),
         "frfs": frfs_changed(session, job.campaign_id, used, began),
