@@ -22,7 +22,7 @@ def largest(shares: Mapping[str, FloatArray]) -> tuple[str, ...]:
 
 
 def motion_shares(model: Model, shapes: FloatArray) -> dict[str, FloatArray]:
-    """(n,) shares, by kind, of the squared motion over the nodes in (dofs, n) elastic shapes; their sum is 1.
+    """(n,) shares, by kind, of the squared motion over the nodes in (dofs, n) elastic shapes; their sum is 1, or 0 at rest.
 
     Of a flat body or a beam along x: in-plane (u, v) against w, and of w the part odd in y (torsion) against the even part
     (bending). A beam's torsion moves its axis nowhere. Of a body in space: its sections along x shift along y or z (bending),
@@ -42,7 +42,7 @@ def motion_shares(model: Model, shapes: FloatArray) -> dict[str, FloatArray]:
             odd = np.sum(motion[:, 3] ** 2, axis=0) * (1e-3 * model.mesh.size) ** 2
         found = {"bending": even, "torsion": odd, "in-plane": flat}
     whole = np.sum(list(found.values()), axis=0)
-    return {name: share / whole for name, share in found.items()}
+    return {name: share / np.where(whole, whole, 1.0) for name, share in found.items()}
 
 
 def energy_shares(model: Model, energies: FloatArray) -> dict[str, FloatArray]:
@@ -63,12 +63,12 @@ def _owner(coefficient: str, sets: Sequence[str]) -> str:
 def _of_sections(nodes: FloatArray, motion: FloatArray) -> dict[str, FloatArray]:
     """By the rigid motion across x, and the mean along it, that fit each slice of the body best."""
     x, count = nodes[:, 0], motion.shape[2]
-    number = np.minimum(((x - x.min()) / np.ptp(x) * _SLICES).astype(np.int64), _SLICES - 1)
+    number = np.minimum(((x - x.min()) / (np.ptp(x) or 1.0) * _SLICES).astype(np.int64), _SLICES - 1)
     shares = np.zeros((5, count))  # along y, along z, turns, the rest, along x
     for k in range(_SLICES):
         own = number == k
         size = int(own.sum())
-        if size < 2:
+        if not size:
             continue
         y, z = (nodes[own, axis] - nodes[own, axis].mean() for axis in (1, 2))
         u, v, w = (motion[own, axis] for axis in range(3))
@@ -84,7 +84,8 @@ def _of_sections(nodes: FloatArray, motion: FloatArray) -> dict[str, FloatArray]
 def _mirror(nodes: FloatArray) -> IntArray:
     """(n,) number of the node at (x, -y) of each node."""
     x, y = nodes.T
-    grid = np.rint(np.column_stack([x, y]) / (np.ptp(nodes, axis=0) * 1e-9)).astype(np.int64)
+    extent = np.ptp(nodes, axis=0)
+    grid = np.rint(np.column_stack([x, y]) / (np.where(extent, extent, 1.0) * 1e-9)).astype(np.int64)
     here, there = np.lexsort((grid[:, 1], grid[:, 0])), np.lexsort((-grid[:, 1], grid[:, 0]))
     mirror = np.empty_like(here)
     mirror[here] = there

@@ -28,6 +28,8 @@ UNSCALED = "0"
 """Name of the matrix that no factor scales."""
 
 _STIFF = 1e-8  # of the forces that cancel: below it a motion is one that nothing resists
+_TILTED = 1e-6  # share of a shift that is none of the motions that nothing resists
+_SHOWN = 1e-9  # of the most that a rigid motion moves rows: below it they do not show it
 _DOFS = 6  # of a node at most
 
 
@@ -126,7 +128,7 @@ class MatrixBody:
             self._sum(own, carried) for own, carried in zip((self.stiffness, self.mass), self._carried, strict=True)
         )
         whole = np.concatenate([np.ones(len(self.stiffness)), [spring.stiffness for spring in self.springs]])
-        rigid = _unresisted(stiffness.at(whole), rigid_motions(self.nodes)[:, self._used][self._free])
+        rigid = _unresisted(stiffness.at(whole), self.shown_motions)
         surfaces = self.surfaces
         return Model(
             surfaces.mesh,
@@ -137,6 +139,28 @@ class MatrixBody:
             mass=mass,
             rigid_modes=rigid,
         )
+
+    @cached_property
+    def shown_motions(self) -> FloatArray:
+        """(d, r) orthonormal rigid motions that the rows show, as if nothing held the body: of displacements along z alone a
+        shift and two turns, fewer on a line.
+        """
+        motions = rigid_motions(self.nodes)
+        reach = float(np.abs(motions[:, :3, 3:]).max(initial=0.0)) or 1.0
+        motions[..., 3:] /= reach  # so that turns are no smaller than shifts
+        shown, singular, _ = np.linalg.svd(motions[:, self._used][self._free], full_matrices=False)
+        return np.asarray(shown[:, singular > _SHOWN * singular.max(initial=0.0)])
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the matrices resist no motion of the whole that the rows show; of one kind of dof alone, no shift or turn of
+        all rows, as chains resist their tilt.
+        """
+        rigid = self.model.rigid_modes
+        if len(self._used) > 1:
+            return bool(rigid.shape[1] == self.shown_motions.shape[1])
+        along = np.ones(len(self.dofs)) / np.sqrt(len(self.dofs))
+        return bool(np.linalg.norm(along - rigid @ (rigid.T @ along)) < _TILTED)
 
     @property
     def _used(self) -> list[int]:
@@ -189,9 +213,8 @@ class MatrixBody:
 
 
 def _unresisted(stiffness: scipy.sparse.csc_array, motions: FloatArray) -> FloatArray:
-    """(d, r) combinations of (d, 6) rigid motions that the matrix answers with no force, but for rounding."""
-    motions = motions / np.abs(motions).max(axis=0, initial=1e-300)
-    scale = (abs(stiffness) @ np.abs(motions)).max(axis=1)
+    """(d, r) combinations of (d, m) rigid motions that the matrix answers with no force, but for rounding."""
+    scale = (abs(stiffness) @ np.abs(motions)).max(axis=1, initial=0.0)
     forces = (stiffness @ motions) / np.maximum(scale, 1e-300)[:, None]
     _, singular, turn = np.linalg.svd(np.linalg.qr(forces, mode="r"), full_matrices=True)
     return np.asarray(motions @ turn[singular <= _STIFF * np.sqrt(len(forces))].T)

@@ -33,7 +33,7 @@ _ABOVE_ROUND_OFF = (
 _NEAR = 0.01  # share of the first elastic eigenvalue's scale that is as good a shift
 _NO_ENERGY = 1e-15  # share of what a motion's terms would have if none cancelled: its energy is their round-off alone
 _CAUSE = {"stiffness": "support", "mass": "density"}
-_FEW = 300  # rows with mass, up to which the others are condensed where there are some
+_FEW = 300  # rows with mass, up to which a dense problem stands in: where others have none, or the iteration fails
 _MASS_INDEFINITE = "the mass matrix is not positive definite: some motion has a mass below 0"
 _DEPENDENT = 1e-12  # a direction that shrank so much in orthogonalisation is round-off
 
@@ -58,11 +58,9 @@ class FewModesError(InputError):
     """
 
     def __init__(self, count: int, rigid: int, available: int, dofs: int) -> None:
-        super().__init__(
-            "count",
-            f"is {count}, expected at least {rigid + 1} and at most {rigid + available}: the model has {dofs} dofs, "
-            f"{rigid} rigid-body modes and {available} others",
-        )
+        there = f"the model has {dofs} dofs, {rigid} rigid-body modes and {max(available, 0)} others"
+        expected = f"expected at least {rigid + 1} and at most {rigid + available}: {there}"
+        super().__init__("count", f"is {count}, {expected if available > 0 else f'and nothing vibrates: {there}'}")
         self.arguments, self.available = (count, rigid, available, dofs), available
 
     def __reduce__(self) -> tuple[type[FewModesError], tuple[int, int, int, int]]:
@@ -122,28 +120,41 @@ def normal_modes(
     rigid = mass_orthonormal(rigid_modes, mass)
     free = rigid.shape[1]
     wanted = count - free
-    if wanted < 1 or wanted > stiffness.shape[0] - free:
-        raise FewModesError(count, free, stiffness.shape[0] - free, stiffness.shape[0])
+    heavy = np.flatnonzero(mass.diagonal())
+    if wanted < 1 or wanted > len(heavy) - free:
+        raise FewModesError(count, free, len(heavy) - free, stiffness.shape[0])
     _check_diagonal(stiffness, mass)
     shift, factor = _near_first(stiffness, mass, rigid, like) if free else (0.0, factorise(stiffness, like))
-    heavy = np.flatnonzero(mass.diagonal())
-    if len(heavy) < mass.shape[0] and len(heavy) <= _FEW:
-        value, vectors = _condensed(factor, mass, rigid, heavy)
-        if wanted > len(value):
-            raise FewModesError(count, free, len(value), stiffness.shape[0])
-        eigenvalue = shift + 1 / value[:wanted]
-        shapes = np.hstack([rigid, vectors[:, :wanted]])
-        return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
     first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)  # symmetry repeats a root no more than twice
-    for width in (*first, wanted + 2):  # and so many hold any
-        value, vectors = _lanczos(factor, mass, rigid, wanted, width)
+    few = len(heavy) <= _FEW
+    missing = 0
+    for width in () if few and len(heavy) < mass.shape[0] else (*first, wanted + 2):  # and so many hold any
+        found = _lanczos(factor, mass, rigid, wanted, width)
+        if found is None:
+            break
+        value, vectors = found
         eigenvalue = shift + 1 / value
         missing = _missing(stiffness, mass, eigenvalue, free, factor)
         if not missing:
             _require_energy(stiffness, vectors)
-            shapes = np.hstack([rigid, vectors])
-            return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
+            return _joined(rigid, eigenvalue, vectors, shift, factor)
+    if few:
+        value, vectors = _condensed(factor, mass, rigid, heavy)
+        if wanted > len(value):
+            raise FewModesError(count, free, len(value), stiffness.shape[0])
+        _require_energy(stiffness, vectors[:, :wanted])
+        return _joined(rigid, shift + 1 / value[:wanted], vectors[:, :wanted], shift, factor)
+    if not missing:
+        raise ModelError(f"block Lanczos did not find {wanted} modes in {_MOST} vectors for each")
     raise ModelError(f"{missing} of the {count} lowest modes were not found, though the iteration converged")
+
+
+def _joined(
+    rigid: FloatArray, eigenvalue: FloatArray, vectors: FloatArray, shift: float, factor: Factor
+) -> NormalModes:
+    free = rigid.shape[1]
+    every = np.concatenate([np.zeros(free), eigenvalue])
+    return NormalModes(every, np.hstack([rigid, vectors]), free, shift, factor)
 
 
 def _require_energy(stiffness: scipy.sparse.csc_array, vectors: FloatArray) -> None:
@@ -239,8 +250,10 @@ def _condensed(
 
 def _lanczos(
     factor: Factor, mass: scipy.sparse.csc_array, rigid: FloatArray, wanted: int, width: int
-) -> tuple[FloatArray, FloatArray]:
-    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal."""
+) -> tuple[FloatArray, FloatArray] | None:
+    """The `wanted` largest eigenpairs of (K - σM)⁻¹M outside the rigid modes, descending, M-orthonormal; None where the
+    iteration does not find them.
+    """
     dofs, free = rigid.shape
     basis = _Basis(rigid, mass, 4 * wanted + 2 * width)
     random, light = np.random.default_rng(0), not mass.diagonal().all()
@@ -272,7 +285,7 @@ def _lanczos(
         if exhausted:  # the space is invariant, and what is missing lies outside it
             block = basis.orthonormalise(start(min(width, dofs - free - size)))
         basis.append(block)
-    raise ModelError(f"block Lanczos did not find {wanted} modes in a basis of {len(projected)} vectors")
+    return None
 
 
 def _bordered(matrix: FloatArray, rows: FloatArray) -> FloatArray:

@@ -28,7 +28,7 @@ from fecore.body.mesh import Mesh
 from fecore.body.model import observed_at
 from fecore.correlation import auto_mac
 from fecore.dynamics.bodies import body_modes
-from fecore.dynamics.eigen import NormalModes, modes_below
+from fecore.dynamics.eigen import FewModesError, NormalModes, modes_below
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
 from fecore.updating.discretisation import meshed, nominal_matrices
@@ -39,6 +39,7 @@ CANDIDATES = 200
 
 MOST_MODES, MOST_LINES = 300, 20_000
 
+_USUAL_MODES = 10  # where neither a number nor a band is stated
 _COVERED = 1.5  # times the highest frequency: modes up to there are summed, those beyond are in the residual's series
 _LITTLE = 1e-3  # of a lively point's information, known beforehand so that the determinant is never 0
 
@@ -47,7 +48,7 @@ _LITTLE = 1e-3  # of a lively point's information, known beforehand so that the 
 class ForecastOrder:
     """What is asked of a model."""
 
-    modes: int = 10  # how many of the lowest, where no band is stated
+    modes: int | None = None  # how many of the lowest, where no band is stated; None: 10, or all where there are fewer
     highest_hz: float | None = None  # of the band; None: by the number of modes
     places: FloatArray | None = None  # (p, 3) points among which to choose, m; None: nodes of the mesh
     labels: Sequence[int] | None = None  # of these, for errors
@@ -88,6 +89,8 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
         InputError: no mode lies in the band, the model has fewer modes, or a point lies off the body.
         ModelError: the eigenproblem cannot be solved.
     """
+    if min(body.model.dofs) > 2:
+        raise InputError("points", "show nothing: this model has turns alone, and no displacements")
     fine, nominal, modes, count = _solved(body, order)
     highest = order.highest_hz or float(modes.frequency_hz[modes.rigid + count - 1])
     elastic = slice(modes.rigid, modes.rigid + count)
@@ -126,12 +129,12 @@ def _solved(body: Body, order: ForecastOrder) -> tuple[Body, _Nominal, NormalMod
         nominal = _Nominal(fine)
         return fine, nominal, *nominal.up_to(order.highest_hz)
     nominal = _Nominal(body)
-    modes = nominal.lowest(order.modes)
-    fine, _ = meshed(body, float(modes.frequency_hz[modes.rigid + order.modes - 1]))
+    modes, count = nominal.lowest(order.modes)
+    fine, _ = meshed(body, float(modes.frequency_hz[modes.rigid + count - 1]))
     if fine is not body:
         nominal = _Nominal(fine)
-        modes = nominal.lowest(order.modes)
-    return fine, nominal, modes, order.modes
+        modes, count = nominal.lowest(order.modes)
+    return fine, nominal, modes, count
 
 
 class _Nominal:
@@ -140,10 +143,17 @@ class _Nominal:
     def __init__(self, body: Body) -> None:
         self.body, (self.stiffness, self.mass) = body, nominal_matrices(body)
 
-    def lowest(self, count: int) -> NormalModes:
-        """So many elastic modes, and half as many more that FRFs are summed of."""
-        most = self.stiffness.shape[0] - self.body.model.rigid_modes.shape[1]
-        return self._modes(max(count, min(count + count // 2 + 1, most)))
+    def lowest(self, wanted: int | None) -> tuple[NormalModes, int]:
+        """So many elastic modes, half as many more that FRFs are summed of where there are any, and how many are wanted."""
+        count = wanted or _USUAL_MODES
+        asked = count + count // 2 + 1
+        while True:
+            try:
+                return self._modes(asked), min(count, asked)
+            except FewModesError as error:
+                asked = error.available
+                if asked < (wanted or 1):
+                    raise InputError("modes", f"is {count}, and the model has {asked} besides rigid motions") from None
 
     def up_to(self, highest_hz: float) -> tuple[NormalModes, int]:
         """The modes that FRFs up to a frequency are summed of, and how many elastic ones are in the band."""

@@ -268,7 +268,8 @@ def model(
         str | None, typer.Option(help="That its numbers are in: m-N-kg, mm-N-t, in-lbf-slinch and the like")
     ] = None,
     accept: Annotated[
-        list[str] | None, typer.Option(help="Name of a card that may be left out although modes change by that")
+        list[str] | None,
+        typer.Option(help="A card that may be left out, or an unusual value that is meant so: density:GAUGE"),
     ] = None,
     sections: Annotated[
         Path | None, typer.Option(help="JSON of what each set of a mesh is", exists=True, dir_okay=False)

@@ -160,7 +160,8 @@ class Structure(Editable):
                 matrices of any solver (.zip, .npz); or a mesh of gmsh (.msh), VTK (.vtu, .vtk) or UFF (.unv, .uff).
             units: that its numbers are in, length-force-mass: `m-N-kg`, `mm-N-t`, `in-lbf-slinch` and the like. A deck has
                 none; without them the error says which fit.
-            accept: names of cards that may be left out although modes change by that.
+            accept: answers to what is asked of it, each as the error prints it: cards that may be left out although modes
+                change by that, and unusual values that are meant so, such as `density:GAUGE`.
             sections: of a mesh, by set: `{"skin": {"thickness_m": …, "material": {"E1_Pa": …}}}` with `isotropic` or `plies`
                 as well, SI.
             confirm: take sections that are unusual in SI, such as a thickness of 4 m, as they are.

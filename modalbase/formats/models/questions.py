@@ -75,7 +75,7 @@ def of_size(model: FiniteElementModel, length: float = 1.0) -> Iterator[Question
     """Of a structure that is unusually small or large, in a unit of so many metres."""
     size = extent(model) * length
     if not within(size, SIZES):
-        what = f"the structure is {size:.3g} m large, usual is {_range(SIZES)}; are the units right?"
+        what = f"the structure is {size:.3g} m large, usual is {_range(SIZES)} (are the units right?)"
         yield Question("units", what, ("size",))
 
 

@@ -53,7 +53,7 @@ def body_of_matrices(model: MatrixModel, boundary: str) -> MatrixBody:
             "boundary", f"is {boundary}, but this structure is matrices: as_modelled with what they hold, or free"
         )
     body = MatrixBody(model.nodes, model.dofs, model.stiffness, model.mass)
-    if boundary == "free" and body.model.rigid_modes.shape[1] < body.model.motions.any(axis=0).sum():
+    if boundary == "free" and not body.is_free:
         raise InputError("boundary", "is free, but the matrices hold the body: say as_modelled")
     return body
 
@@ -68,14 +68,14 @@ def describe_matrices(model: MatrixModel) -> dict[str, Any]:
     ones = np.ones(len(body.nominal))
     K, M = body.model.stiffness.at(body.stiffness_coefficients(ones)), body.model.mass.at(body.mass_coefficients(ones))
     body_modes(body.model, K, M, 1)  # so that what has no mass or stiffness is refused at once
-    shift = body.model.motions[:, 0]
+    shifts = body.model.motions[:, :3]
     none = dict.fromkeys(("elements", "masses", "springs", "links", "supports"), 0)
     return {
         "format": MATRICES,
         "title": "",
         "counts": {"nodes": len(model.nodes), **none},
         "size_m": np.ptp(model.nodes, axis=0).tolist(),
-        "mass_kg": float(shift @ (M @ shift)),
+        "mass_kg": float(np.einsum("di,di->i", shifts, M @ shifts).max()),  # along the axis of which rows show most
         **{name: [] for name in ("sets", "materials", "masses", "supports", "ignored", "junctions")},
         "factors": list(body.nominal),
         "rows": len(model.dofs),

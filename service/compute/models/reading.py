@@ -37,7 +37,7 @@ ZIP, NPZ = ".zip", ".npz"
 
 MOST_FILES, MOST_BYTES = 1000, 500_000_000  # of an archive, unpacked
 
-_INCLUDE = re.compile(rb"(?im)^\s*\*?INCLUDE\s*(?:,\s*INPUT\s*=)?\s*['\"]?([^'\"\r\n,]+)")
+_INCLUDE = re.compile(rb"(?im)^[ \t]*\*?[ \t]*INCLUDE[ \t]*(?:,[ \t]*INPUT[ \t]*=[ \t]*)?['\"]?([^'\"\r\n,]+)")
 
 READERS: Mapping[str, Callable[[bytes, dict[str, bytes]], FiniteElementModel]] = {
     ".inp": read_inp,

@@ -47,7 +47,12 @@ class ForecastIn(StrictModel):
     boundary: Boundary | None = Field(
         None, description="default: cantilever; of a model that was sent free, and as_modelled with its own supports"
     )
-    modes: int = Field(10, ge=1, le=MOST_MODES, description="how many of the lowest, where no band is stated")
+    modes: int | None = Field(
+        None,
+        ge=1,
+        le=MOST_MODES,
+        description="how many of the lowest, where no band is stated; default: 10, or all where there are fewer",
+    )
     highest_hz: Hertz | None = Field(None, description="of the band; all modes in it are solved for")
     points: Annotated[list[ForecastPointIn], AfterValidator(labels_once)] | None = Field(
         None,

@@ -12,6 +12,8 @@ from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines
 from modalbase.formats.models.model import Place, Where
 
 MOST_LINES = 2_000_000
+MOST_READINGS = 20
+"""Lines that are read, in all and by those that were sent: what files include again and again is no work without end."""
 LARGEST = 1e25
 """No number of a deck in any units reaches it, and products of several stay finite."""
 
@@ -162,7 +164,7 @@ def read_cards(content: bytes, included: Mapping[str, bytes]) -> list[Card]:
         raise FormatError(
             "", "the file is binary, expected a deck of Abaqus or CalculiX: text with cards such as *NODE"
         )
-    found = list(_cards(_Files(included).lines(content)))
+    found = list(_cards(_Files(content, included).lines(content)))
     if not found:
         raise FormatError("", "the file has no card such as *NODE or *ELEMENT; it is no deck of Abaqus or CalculiX")
     for card in found:
@@ -181,17 +183,23 @@ class _Line(NamedTuple):
 class _Files:
     """A deck and the files that it includes, which may be read several times, so that their lines are counted."""
 
-    def __init__(self, included: Mapping[str, bytes]) -> None:
+    def __init__(self, content: bytes, included: Mapping[str, bytes]) -> None:
         self._included = included
         self._lines = 0
+        sent = sum(text.count(b"\n") + 1 for text in (content, *included.values()))
+        self._most = min(MOST_LINES, MOST_READINGS * sent)
 
     def lines(self, content: bytes, within: tuple[str, ...] = ()) -> Iterator[_Line]:
         """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
         file = within[-1] if within else ""
         text = lines_of(content)
         self._lines += len(text)
-        if self._lines > MOST_LINES:
-            raise FormatError(file, f"the deck has more than {MOST_LINES} lines, which is the most that is read")
+        if self._lines > self._most:
+            raise FormatError(
+                file,
+                f"the deck has more than {self._most} lines with what it includes: at most {MOST_LINES} are read, and "
+                f"{MOST_READINGS} times what was sent",
+            )
         for line in _continued(text, file):
             if _INCLUDE.match(line.text):
                 name = self._named(_card(line), within)

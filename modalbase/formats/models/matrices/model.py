@@ -58,8 +58,7 @@ def built(name: str, entries: Entries, dofs: Integers) -> scipy.sparse.csc_array
     for one in (rows, columns):
         if one.size and (one.min() < 0 or one.max() >= size):
             raise FormatError(name, f"has an entry in row {int(one.max()) + 1}, and there are {size} dofs")
-    if not np.all(np.isfinite(entries.values)):
-        raise FormatError(name, "has an entry that is not a finite number")
+    require_range(name, entries.values)
     values, off = entries.values, rows != columns
     has_both = np.isin(rows[off] * size + columns[off], columns[off] * size + rows[off]).any()
     if entries.is_half and has_both:
@@ -72,6 +71,25 @@ def built(name: str, entries: Entries, dofs: Integers) -> scipy.sparse.csc_array
     if abs(matrix - matrix.T).max() > _ASYMMETRY * scale:
         raise FormatError(name, "is not symmetric; updating needs symmetric matrices")
     return scipy.sparse.csc_array((matrix + matrix.T) / 2)
+
+
+LARGEST = 1e100
+"""A number above it, or a matrix of numbers below its inverse, has no square."""
+
+
+def require_range(name: str, values: Floats) -> None:
+    """Refuse numbers that cannot be squared.
+
+    Raises:
+        FormatError: one is not finite or too large, or all are too small.
+    """
+    if not np.all(np.isfinite(values)):
+        raise FormatError(name, "has an entry that is not a finite number")
+    most = float(np.abs(values).max(initial=0.0))
+    if most > LARGEST or 0 < most < 1 / LARGEST:
+        raise FormatError(
+            name, f"has {most:.3g} as its largest number, expected {1 / LARGEST:g} to {LARGEST:g}: check it"
+        )
 
 
 def _found(name: str, codes: Integers, dofs: Integers, order: Integers) -> Integers:
@@ -147,8 +165,9 @@ def _model(
     found: Mapping[str, Entries], nodes: tuple[Integers, Floats], dofs: Integers | None, roles: Mapping[str, str]
 ) -> MatrixModel:
     numbers, places = nodes
-    if len(np.unique(numbers)) < len(numbers) or not np.all(np.isfinite(places)):
-        raise FormatError("nodes", "has a number twice, or a coordinate that is not finite")
+    require_range("nodes", places)
+    if len(np.unique(numbers)) < len(numbers):
+        raise FormatError("nodes", "has a number twice")
     codes = _codes(found, numbers) if dofs is None else dofs
     if len(np.unique(codes)) < len(codes):
         raise FormatError("dofs", "names a dof twice")

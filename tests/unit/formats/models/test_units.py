@@ -181,7 +181,7 @@ def test_units_are_guessed_by_most_elements() -> None:
 def test_a_structure_as_large_as_a_town_is_asked() -> None:
     model = read_inp(deck("mm-N-t", size=300.0).encode())
     (question,) = of_size(model)
-    assert question.what == "the structure is 4.24e+05 m large, usual is 0.001 to 10000; are the units right?"
+    assert question.what == "the structure is 4.24e+05 m large, usual is 0.001 to 10000 (are the units right?)"
     assert not [*of_size(model, 1e-3)]
     require_answers([question], ["size"])
 

@@ -1,0 +1,150 @@
+"""Nastran decks as laboratories send them: text, dummy materials, massless sticks, cards that are not read."""
+
+import re
+
+import numpy as np
+import pytest
+
+from service.errors import Invalid
+from tests.support.imported import imported
+from tests.support.places import shared_file
+
+FIRST_HZ = 5.6143  # of the beam with a tip mass; sqrt(3 EI / L³ / (m + 0.2357 mb)) / 2π = 5.61
+
+
+def reality(name: str) -> str:
+    return shared_file("REALITY", "reality", name).read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "noted"),
+    [
+        ("deck_continuation_plain.bdf", None),
+        ("deck_continuation_letter.bdf", None),
+        ("deck_deqatn_commas.bdf", ("DEQATN", [32])),
+        ("deck_no_enddata.bdf", ("ENDDATA", [31])),
+    ],
+)
+def test_text_of_nastran(name: str, noted: tuple[str, list[int]] | None) -> None:
+    model = imported(name, reality(name))
+    np.testing.assert_allclose(model.frequencies(3)[:2], FIRST_HZ, rtol=1e-4)
+    if noted:
+        assert model.notes()[noted[0]] == (noted[1], False)
+
+
+def stick(*, pbar: str = "", more: str = "", control: str = "", end: str = "ENDDATA\n", rho: str = "2.7-9") -> str:
+    """A beam of ten elements with a mass of 2 kg at its tip, mm-N-t."""
+    grids = "".join(f"GRID,{k + 1},,{100.0 * k},0.,0.\n" for k in range(11))
+    bars = "".join(f"CBAR,{k},1,{k},{k + 1},0.,1.,0.\n" for k in range(1, 11))
+    plain = "PBAR           1       1    400. 13333.3 13333.3  22500.\n"
+    return (
+        f"SOL 103\nCEND\nSPC = 1\n{control}METHOD = 1\nBEGIN BULK\nEIGRL,1,,,6\n{grids}{bars}{pbar or plain}"
+        f"MAT1,1,70000.,,.33,{rho}\nCONM2,101,11,,2.0-3\nSPC1,1,123456,1\n{more}{end}"
+    )
+
+
+PBAR = "PBAR           1       1    400. 13333.3 13333.3  22500.                {:8}\n{:8}     10.     10.\n"
+
+
+@pytest.mark.parametrize(
+    ("mark", "own"),
+    [("+BA1", "+BA1"), ("*BA1", "+BA1"), (" BA1", "+BA1"), ("QBA1", "+BA1"), ("QBA1", "*BA1"), ("BA1", "+BA1"),
+     ("+", "+"), ("", "+"), ("", ""), ("QXXXXXXX", "+XXXXXXX"), ("+", "+A")],
+)  # fmt: skip
+def test_names_of_continuations(mark: str, own: str) -> None:
+    model = imported("a.bdf", stick(pbar=PBAR.format(mark, own)))
+    np.testing.assert_allclose(model.frequencies(3)[0], FIRST_HZ, rtol=1e-4)
+
+
+def test_a_continuation_far_from_its_card_has_its_name() -> None:
+    card, rest = PBAR.format("QBA1", "+BA1").splitlines(keepends=True)
+    model = imported("a.bdf", stick(pbar=card, more=rest))
+    np.testing.assert_allclose(model.frequencies(3)[0], FIRST_HZ, rtol=1e-4)
+    large = (
+        "PBAR*                  1               1            400.         13333.3QB1\n"
+        "*B1              13333.3          22500.\n"
+    )
+    np.testing.assert_allclose(imported("a.bdf", stick(pbar=large)).frequencies(3)[0], FIRST_HZ, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "DEQATN  8       F(A,B,C)=A+B;\n        G=A**2,\n+       H=1,2,3,4,5,6,7,8,9,10,11,12\nGRID,60,,0.,0.,0.\n",
+        "DEQATN,8,F(A,B,C,D,E,F,G,H,I,J,K)=A\n",
+        "DEQATN  9       f(a,b)=a+b,\n",
+    ],
+)
+def test_equations_are_no_fields(text: str) -> None:
+    model = imported("a.bdf", stick(more=text))
+    assert model.notes()["DEQATN"][1] is False
+    assert model.frequencies(3)[0] == pytest.approx(FIRST_HZ, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "held", ["SPC1           1  12 456       1\nSPC1,1,3,1\n", "SPC1,1,1 2 3 4 5 6,1\n", "SPC,1,1,12 3456\n"]
+)
+def test_components_with_blanks(held: str) -> None:
+    model = imported("a.bdf", stick().replace("SPC1,1,123456,1\n", held))
+    assert model.frequencies(3)[0] == pytest.approx(FIRST_HZ, rel=1e-4)
+
+
+def test_a_grid_that_repeats_another() -> None:
+    model = imported("a.bdf", stick(more="GRID           3           200.0      0.      0.\n"))
+    assert model.notes()["GRID twice"][1] is False
+    with pytest.raises(Invalid, match="GRID 3: the grid is there twice"):
+        imported("a.bdf", stick(more="GRID,3,,201.,0.,0.\n"))
+
+
+def test_a_deck_that_ends_within_a_line_may_be_cut() -> None:
+    with pytest.raises(Invalid, match=r"within a line and without ENDDATA; it seems to be cut\. Add the line ENDDATA"):
+        imported("a.bdf", stick(end="").rstrip())
+
+
+def test_a_dummy_material_is_asked_about() -> None:
+    deck = reality("deck_dummy_density.bdf")
+    with pytest.raises(Invalid, match=r"set pbarl_2 .*density 0.1 kg/m³, usual is 10 to 25000; accept=") as caught:
+        imported("a.bdf", deck)
+    (answer,) = re.findall(r"accept=(\S+)", str(caught.value))
+    assert answer == "density:pbarl_2"
+    for name in (answer, "density:2", "DENSITY:PBARL_2"):
+        assert imported("a.bdf", deck, accept=[name]).frequencies(3)[0] == pytest.approx(15.42, rel=0.015)
+    with pytest.raises(Invalid, match="accept: 'density:pshell_1' answers nothing"):
+        imported("a.bdf", deck, accept=[answer, "density:pshell_1"])
+
+
+def test_a_massless_stick() -> None:
+    model = imported("a.bdf", reality("deck_massless_stick.bdf"))
+    np.testing.assert_allclose(model.frequencies()[:2], 5.9550, rtol=2e-3)  # its ten elements are 0.13 % stiff
+    assert model.notes()["density"] == ([29], False)
+    assert model.document["mass_kg"] == pytest.approx(2.0)
+    for rho in ("", "0.", "0.0"):
+        np.testing.assert_allclose(imported("a.bdf", stick(rho=rho)).frequencies()[:2], 5.9550, rtol=2e-3)
+    with pytest.raises(Invalid, match="no density, and nothing else has a mass"):
+        imported("a.bdf", stick(rho="").replace("CONM2,101,11,,2.0-3\n", ""))
+
+
+def test_sticks_of_soft_and_stiff_material_are_asked_about() -> None:
+    for modulus, said in (("7.+12", "7e+18 Pa"), ("0.5", "5e+05 Pa")):
+        deck = stick().replace("70000.", modulus)
+        with pytest.raises(Invalid, match=re.escape(f"has the modulus {said}, usual is 1e+06 to 2e+12")):
+            imported("a.bdf", deck)
+        assert imported("a.bdf", deck, accept=["modulus:pbar_1"]).frequencies(3)[0] > 0
+
+
+def test_what_was_not_read_is_told_first() -> None:
+    deck = reality("deck_mpc_mass.bdf")
+    with pytest.raises(Invalid) as caught:
+        imported("a.bdf", deck)
+    first, second = caught.value.faults
+    assert first.detail.startswith("line 35: MPC: not used: constraint equations between grids")
+    assert second.detail.startswith("line 34: a mass is on node 50")
+    scalar = stick(more="SPOINT,99\nCELAS2,98,1.,11,1,99,0\n")
+    with pytest.raises(Invalid, match=r"SPOINT: not used: scalar points; .*there is no GRID 99"):
+        imported("a.bdf", scalar)
+    apart = stick(more="CFAST,88,1,PROP,1,2,3\nGRID,70,,0.,5.,0.\nGRID,71,,9.,5.,0.\nCBAR,70,1,70,71,0.,0.,1.\n")
+    with pytest.raises(Invalid, match=r"CFAST: not used: fasteners.*the model falls into 2 parts"):
+        imported("a.bdf", apart)
+    with pytest.raises(Invalid) as plain:
+        imported("a.bdf", stick(more="SPOINT,99\nPBAR,1,1,1.\n"))
+    assert "SPOINT" not in str(plain.value)
