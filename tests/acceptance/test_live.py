@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from service.app.supervisor import LocalService
 from tests.acceptance.test_browser import more_pages, signed_in
 from tests.acceptance.test_correcting import MATERIAL, PLATE
-from tests.integration.test_monitoring import WATCH, worker_stopped
+from tests.integration.test_monitoring import Lab, worker_stopped
 from tests.support.browser import watched_page
 from tests.support.rest import client_at, ok, posted
 
@@ -33,8 +33,8 @@ def begun(page: Page, path: str) -> None:
 
 def renewed(page: Page, selector: str) -> None:
     """Wait until the page was loaded anew by itself, and shows this."""
-    page.wait_for_selector(f"body:not([data-before]) {selector}", state="attached")
-    assert page.locator("[data-job]").count() == 0
+    ended = "body:not([data-before]):not(:has([data-job]))"
+    page.wait_for_selector(", ".join(f"{ended} {one}" for one in selector.split(", ")), state="attached")
 
 
 def test_processing_and_identification_show_themselves(running: Browser, service: LocalService) -> None:
@@ -79,7 +79,6 @@ def test_updates_show_themselves_on_every_page_that_lists_them(running: Browser,
             for each, path in zip(pages, paths, strict=True):
                 each.bring_to_front()
                 begun(each, path)
-                each.wait_for_function("stream?.readyState === EventSource.OPEN")
         for each in pages:
             each.bring_to_front()
             renewed(each, ".state.succeeded, .state.failed, .verdict")
@@ -105,17 +104,15 @@ def test_an_end_does_not_take_away_what_is_typed(running: Browser, service: Loca
 def test_runs_of_a_monitor_show_themselves(running: Browser, service: LocalService) -> None:
     key = service.new_key("watcher of runs")
     with client_at(service.url, key) as api, watched_page(running, service.url) as seen:
-        structure = specimen(api)
-        monitor = posted(api, f"structures/{structure}/monitors", WATCH)["id"]
-        for day in (1, 2):
-            body = {"name": f"day {day}", "boundary": "cantilever", "performed_at": f"2026-03-0{day}T09:30:00Z"}
-            test = posted(api, f"structures/{structure}/campaigns", body)["id"]
-            posted(api, f"campaigns/{test}/mode-sets", {"name": "typed", "modes": TWO})
+        lab = Lab(api, runs_on="hand")
+        for number in (0, 1):
+            lab.campaign(number)
         page = signed_in(seen, key, "/ui/")
         with worker_stopped(service):
-            ok(api.post(f"monitors/{monitor}/runs", json={}), 202)
-            begun(page, f"/ui/monitors/{monitor}")
-            assert page.inner_text("#runs ~ div tbody .state >> nth=0") == "running"
-        renewed(page, "#runs ~ div tbody .state.succeeded, #runs ~ div tbody .state.failed")
+            assert len(ok(api.post(f"monitors/{lab.monitor}/runs", json={}), 202)["items"]) == 2
+            begun(page, f"/ui/monitors/{lab.monitor}")
+            assert page.locator("#runs ~ div tbody .state.running").count() == 2
+        renewed(page, "#runs ~ div tbody tr:nth-child(2) .state.succeeded")
         assert page.locator("#runs ~ div tbody .state.running").count() == 0
+        assert len(lab.series()["parameters"][0]["points"]) == 2  # judged
         assert (seen.complaints, seen.strangers) == ([], [])

@@ -71,9 +71,9 @@ def form_of(page: Page, name: str) -> Locator:
 
 
 def read_so(page: Page, api: httpx.Client, name: str) -> None:
-    """Press the button, wait until what was sent is read, and look again."""
+    """Press the button, and wait until what was sent is read and the page shows it, by itself."""
     press_so(page, api, name)
-    page.reload()
+    page.wait_for_selector("html:not([data-leaving]):not(:has([data-job], #uploaded [hx-get]))", state="attached")
 
 
 def press_so(page: Page, api: httpx.Client, name: str) -> None:

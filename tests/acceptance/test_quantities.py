@@ -11,7 +11,7 @@ from tests.support.browser import hindrances, watched_page
 from tests.support.rest import client_at, ok, posted
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Dialog, Page
 
 TYPED = {
     "structure/density_kg_m3": ("1850 kg/m3", "= 1850 kg/m³"),
@@ -82,7 +82,12 @@ def test_an_unusual_number_is_asked_about_by_its_label(running: Browser, service
         page.wait_for_selector("button:has-text('Save what was changed'):enabled")
         typed(page, "material/Ex_Pa", "3300", "= 3300 GPa")
         asked: list[str] = []
-        page.once("dialog", lambda dialog: (asked.append(dialog.message), dialog.dismiss()))
+
+        def refused(dialog: Dialog) -> None:
+            asked.append(dialog.message)
+            dialog.dismiss()
+
+        page.once("dialog", refused)
         page.click("button:has-text('Save what was changed')")
         page.wait_for_selector(".faults:has-text('Ex [GPa]')")
         assert asked[0].startswith("Ex [GPa]: is 3.3e12 Pa")

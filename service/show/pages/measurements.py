@@ -300,10 +300,10 @@ def get_monitor(
 ) -> HTMLResponse:
     """A monitor: a figure of each watched parameter with its limits, what they say, alarms, runs."""
     monitor = monitoring.nouns.one(visit.session, visit.user, monitor_id)
-    under_way = look_at_monitors(visit.session, {monitor_id})
+    now = look_at_monitors(visit.session, {monitor_id}).get(monitor_id)
     return visit.show(
         "monitor.html",
-        watched=monitor_id in under_way and not under_way[monitor_id].ended,
+        under_way=None if now is None or now.ended else now,
         **visit.in_structure(monitor.structure_id),
         monitor=monitor,
         series=monitoring.get_series(monitor_id, visit.session, visit.user, series),

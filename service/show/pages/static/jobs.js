@@ -18,6 +18,7 @@ function watch() {
 function update(job) {
   const shown = liveOnes().filter((one) => one.dataset.job === job.id), ended = !["queued", "running"].includes(job.status);
   for (const one of shown) {
+    if (one.dataset.version && one.dataset.version !== String(job.version)) return renew(); // of a monitor, another run has ended
     const state = one.matches(".state") ? one : one.querySelector(".state"), bar = one.querySelector("progress");
     if (job.progress !== undefined && state) Object.assign(state, { className: `state ${job.status}`, textContent: job.status });
     const write = (selector, text) => { const place = one.querySelector(selector); if (place) place.textContent = text; };
@@ -26,11 +27,11 @@ function update(job) {
     write("[data-percent]", `${Math.round(100 * job.progress)} %`);
     if (ended) delete one.dataset.job;
   }
-  if (!ended) return;
+  if (!ended) return undefined;
   const reports = shown.filter((one) => one.hasAttribute("hx-get"));
   for (const report of reports) htmx.trigger(report, "ended");
   if (shown.length && !reports.length) renew();
-  watch();
+  return watch();
 }
 function renew() {
   if (leaving || sending) return;

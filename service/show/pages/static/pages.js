@@ -74,6 +74,7 @@ function showFaults(form, problem) {
 let leaving = false;
 function leave(to = null) {
   leaving = true;
+  page.leaving = "";
   if (to === null) location.reload(); else location.assign(at(to));
 }
 const goOn = (then, value) => leave(then === "reload" ? null : then.replace("{id}", (value?.joint ?? value)?.id ?? ""));
@@ -83,7 +84,7 @@ async function submitted(form, work) {
   button.disabled = true;
   speaking = form;
   try { await understand(form); await work(); } catch (problem) { showFaults(form, problem); }
-  const again = () => { leaving = button.disabled = false; };
+  const again = () => { leaving = button.disabled = false; delete page.leaving; };
   if (leaving) addEventListener("pagehide", again, { once: true }); else again(); // a browser may bring the page back as it was
 }
 
