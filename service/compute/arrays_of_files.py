@@ -18,9 +18,10 @@ from fecore.errors import InputError
 from fecore.frf import Quantity
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs import Frfs, read_csv, read_npz
-from modalbase.formats.frfs.mat import frfs_of, propose_frfs
+from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.frfs.npz import REQUIRED
-from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.frfs.proposal import doubts, propose_frfs
+from modalbase.formats.frfs.table import DOFS, without_gap
 from modalbase.formats.recognise import Format
 from modalbase.formats.records import (
     TimeBlock,
@@ -30,11 +31,11 @@ from modalbase.formats.records import (
     propose,
     propose_recording,
     read_mapping,
-    read_variables,
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE
 from modalbase.formats.records.recording import Arrays
 from modalbase.formats.records.tdms import read_tdms_head
+from modalbase.formats.records.variables import read_named
 from service.compute.frf_rows import EncodedFrf, encoded
 from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
 from service.errors import Fault, Invalid, pointer
@@ -49,6 +50,7 @@ FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
 """A file may unpack to `FREE_BYTES`, or to `RATIO` times its own size, at most to `MOST_BYTES` or its own size: what is
 measured does not compress better."""
 
+_TEXT = 80  # characters of a text that is listed
 MOST_VARIABLES = 1000  # arrays of a file that are listed
 
 
@@ -95,12 +97,14 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
             yield from _own_frfs(inputs, form)
             return
         limit = limit_of(inputs.path)
-        variables = _faults_as(_dotted, lambda: read_variables(inputs.path, f".{form}", limit))
+        variables, texts = _faults_as(_dotted, lambda: read_named(inputs.path, f".{form}", limit))
     notes = [str(warning.message) for warning in noticed]
     if kind is None:
         kind = "frfs" if any(array.dtype.kind == "c" for array in variables.values()) else "hits"
-    read = _mapped_frfs if kind == "frfs" else _hits
-    yield from read(inputs, form, variables, notes)
+    if kind == "frfs":
+        yield from _mapped_frfs(inputs, form, variables, texts, notes)
+    else:
+        yield from _hits(inputs, form, variables, notes)
 
 
 def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
@@ -162,22 +166,31 @@ def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFr
     else:
         frfs = _faults_as(str, lambda: read_csv(inputs.path, _quantity(inputs, form)))
     shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}
+    frfs, notes = _faults_as(_named, lambda: without_gap(frfs))
     rows = encoded(frfs)
-    yield Found(form, "frfs", _shapes({name: array for name, array in shapes.items() if array is not None}))
+    yield Found(
+        form, "frfs", _shapes({name: array for name, array in shapes.items() if array is not None}), notes=notes
+    )
     yield from rows
 
 
 def _mapped_frfs(
-    inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]
+    inputs: ReadingInputs, form: Format, variables: Variables, texts: dict[str, str], notes: list[str]
 ) -> Iterator[Found | EncodedFrf]:
-    found = Found(form, "frfs", _shapes(variables), propose_frfs(variables), notes=notes)
+    shapes = _shapes(variables) | {
+        name: f"text {text[:_TEXT]!r}" for name, text in list(texts.items())[:MOST_VARIABLES]
+    }
+    proposed = propose_frfs(variables, texts)
+    notes = [*notes, *doubts(inputs.mapping or proposed)]
+    found = Found(form, "frfs", shapes, proposed, notes=notes)
     if inputs.mapping is None and inputs.dry_run:
         yield found
         return
-    quantity = _quantity(inputs, form)
-    frfs: Frfs = _faults_as(_dotted, lambda: frfs_of(variables, inputs.mapping, quantity))
+    otherwise: Quantity | None = "accelerance" if inputs.dry_run else None
+    mapped: Frfs = _faults_as(_dotted, lambda: frfs_of(variables, inputs.mapping, inputs.quantity, texts, otherwise))
+    frfs, gap = _faults_as(_dotted, lambda: without_gap(mapped))
     rows = encoded(frfs)
-    yield found
+    yield replace(found, notes=[*notes, *gap])
     yield from rows
 
 

@@ -1,95 +1,179 @@
 """FRFs and coherences of a .mat file, as analysers export them, by a mapping that says which variable is what.
 
-    {"frequency_hz": {"variable": "f"},
+    {"frequency_hz": {"variable": "f"},              or {"start": 0, "step": 0.5}, each a number or {"variable": name};
+                                                     "unit": "rad/s" where it is not in Hz
      "frf": {"variable": "H"},                        complex, or {"real": "Hr", "imaginary": "Hi"}
      "coherence": {"variable": "coh"},                may be left out
      "response_point": 33, "response_direction": 3,
      "reference_point": {"variable": "points"},       one for each FRF, or one for all
      "reference_direction": 3,
-     "factor": 9.80665}                               multiplies the values for SI; 1 by default
+     "unit": "g/N"}                                   or "factor": 9.80665, which multiplies the values for SI
 
-The FRFs lie in a vector or a table one of whose sides is as long as the frequencies.
+The FRFs lie in a vector or a table one of whose sides is as long as the frequencies. A unit that the file itself states, in
+a text beside the array or in its name, is used, or refused where the mapping contradicts it. Without any the values are in SI.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.frfs.proposal import is_empty, propose_frfs, unit_beside
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.arrays import Variables, is_named, variable
-from modalbase.formats.records.variables import read_variables
+from modalbase.formats.records.variables import read_named
 from modalbase.formats.types import FloatArray, Quantity
+from modalbase.formats.units import FORCE, RESPONSE, factor_of, read_unit
 
-_SPECTRA = ("cross", "spec", "psd", "csd")
-"""Parts of the names of complex spectra that are no FRFs."""
-_KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "factor")
+_KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "unit", "factor")
+_SAME = 0.01  # by which a stated factor may differ from that of the unit
+Texts = Mapping[str, str]
 
 
-def read_mat(path: Path, document: Any, quantity: Quantity, limit_bytes: int | None = None) -> Frfs:
+def read_mat(path: Path, document: Any, quantity: Quantity | None, limit_bytes: int | None = None) -> Frfs:
     """The FRFs of a .mat file.
 
     Args:
         path: of the file.
         document: the mapping; see the module.
-        quantity: what the FRFs are.
+        quantity: what the FRFs are; None where their unit says it.
         limit_bytes: the most that the file's arrays may take.
 
     Raises:
         FormatError: the file or the mapping cannot be read, or they do not fit together; it names the variable or the field.
     """
-    return frfs_of(read_variables(path, ".mat", limit_bytes), document, quantity)
+    variables, texts = read_named(path, ".mat", limit_bytes)
+    return frfs_of(variables, document, quantity, texts)
 
 
-def frfs_of(variables: Variables, document: Any, quantity: Quantity) -> Frfs:
-    """The same of named arrays.
+def frfs_of(
+    variables: Variables,
+    document: Any,
+    quantity: Quantity | None,
+    texts: Texts | None = None,
+    otherwise: Quantity | None = None,
+) -> Frfs:
+    """The same of named arrays and the texts beside them; `otherwise` is what FRFs are of which nothing says it.
 
     Raises:
         FormatError: as of `read_mat`; without a mapping it says which one the names and shapes suggest.
     """
+    texts = texts or {}
     if document is None:
-        raise FormatError("mapping", f"is missing; the file suggests {propose_frfs(variables)}; complete it")
+        raise FormatError("mapping", f"is missing; the file suggests {propose_frfs(variables, texts)}; complete it")
     if not isinstance(document, dict) or document.keys() - set(_KEYS):
         raise FormatError("mapping", f"is not an object of {', '.join(_KEYS)}")
     missing = [name for name in ("frequency_hz", "frf", "response_point", "reference_point") if name not in document]
-    if missing:
-        raise FormatError([(f"mapping.{name}", "is missing") for name in missing])
-    frequency = np.ravel(_named(variables, document, "frequency_hz")).astype(float)
-    values = _frf(variables, document["frf"], frequency.size)
+    empty = [name for name in ("frequency_hz", "frf", *DOFS) if is_empty(document.get(name, 3))]
+    if missing or empty:
+        faults = [(f"mapping.{name}", "is missing") for name in missing]
+        raise FormatError(faults + [(f"mapping.{name}", f"is empty: {_EMPTY[name]}") for name in empty])
+    values, frequency = _spectra(variables, document, texts)
     coherence: FloatArray | None = None
     if document.get("coherence") is not None:
         table = _rows(np.asarray(_named(variables, document, "coherence"), dtype=float), frequency.size, "coherence")
         if table.shape != values.shape:
             raise FormatError("mapping.coherence", f"has {len(table)} functions, frf {len(values)}")
         coherence = table
-    factor = document.get("factor", 1.0)
-    if isinstance(factor, bool) or not isinstance(factor, int | float) or not (np.isfinite(factor) and factor != 0):
-        raise FormatError("mapping.factor", f"is {factor!r}, expected a number other than 0")
+    what, factor = _scale(document, texts, quantity, otherwise)
     dofs = [_integers(variables, document.get(name, 3), len(values), name) for name in DOFS]
+    if len(values) > 1 and all(len(each) == 1 for each in dofs):
+        raise FormatError(
+            "mapping.response_point",
+            f"and the rest state one degree of freedom for {len(values)} FRFs; state a list of their {len(values)} points",
+        )
+    dofs = [each * len(values) if len(each) == 1 else each for each in dofs]
     rows = tuple(FrfRow.between(each) for each in zip(*dofs, strict=True))
-    return Frfs(frequency, values * factor if factor != 1 else values, rows, quantity, coherence)
+    return Frfs(frequency, values * factor if factor != 1 else values, rows, what, coherence)
 
 
-def propose_frfs(variables: Variables) -> dict[str, Any]:
-    """A mapping that names, types and shapes suggest; points and directions are the user's."""
-    lines = [name for name, array in variables.items() if name.lower().rpartition(".")[2][:1] in "fx" and _rises(array)]
-    found: dict[str, Any] = {"frequency_hz": {"variable": [*lines, "?"][0]}, "response_point": 1, "reference_point": 1}
-    complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
-    frf = min(complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None)
-    found["frf"] = {"variable": frf or "?"}
-    alike = [n for n, a in variables.items() if frf and a.shape == variables[frf].shape and a.dtype.kind == "f"]
-    shares = [n for n in alike if variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6]
-    if coherence := [n for n in alike if "coh" in n.lower()] or shares:
-        found["coherence"] = {"variable": coherence[0]}
-    return found
+_EMPTY = {
+    "frequency_hz": 'state {"variable": name}, or {"start": …, "step": …}',
+    "frf": 'state {"variable": name}',
+    **{name: "state a point for each FRF, or one for all" for name in DOFS if name.endswith("point")},
+    **{name: "state ±1 to ±3 along x, y, z, ±4 to ±6 about them" for name in DOFS if name.endswith("direction")},
+}
 
 
-def _rises(array: np.ndarray[Any, Any]) -> bool:
-    """Whether an array is a vector of real numbers that rise from 0 or more."""
-    values = np.ravel(array)
-    is_vector = array.dtype.kind in "fiu" and array.size == max(array.shape or (0,)) > 1
-    return is_vector and bool(np.all(np.diff(values) > 0) and values[0] >= 0)
+def _scale(
+    document: dict[str, Any], texts: Texts, quantity: Quantity | None, otherwise: Quantity | None
+) -> tuple[Quantity, float]:
+    """What the FRFs are, and their factor to SI: by the unit that the mapping or the file states, or as stated.
+
+    Raises:
+        FormatError: two statements contradict each other, or there is none.
+    """
+    factor = document.get("factor")
+    if factor is not None and (
+        isinstance(factor, bool) or not isinstance(factor, int | float) or not (np.isfinite(factor) and factor != 0)
+    ):
+        raise FormatError("mapping.factor", f"is {factor!r}, expected a number other than 0")
+    given: dict[str, str] = document["frf"]  # of which the values were read
+    in_file = unit_beside(given.get("variable") or given["real"], texts)
+    stated = document.get("unit") or ""
+    if not isinstance(stated, str):
+        raise FormatError("mapping.unit", f"is {stated!r}, expected the text of a unit, such as g/N")
+    if stated and in_file and read_unit(in_file) and read_unit(stated) != read_unit(in_file):
+        raise FormatError("mapping.unit", f"is {stated!r}, and the file says {in_file!r}; which is right?")
+    text = stated or in_file
+    unit = read_unit(text)
+    own = {unit_of.times(FORCE, -1): name for name, unit_of in RESPONSE.items()}
+    if unit is None or unit.dimension not in own:
+        if stated or (text and factor is None):
+            why = "which is no response over a force that is known here; state `unit`, such as g/N, or `factor`"
+            raise FormatError("mapping.unit", f"is {text!r}, {why}")
+        if (known := quantity or otherwise) is None:
+            raise FormatError("quantity", "is missing: neither the request nor a unit says what the FRFs are")
+        return known, 1.0 if factor is None else float(factor)
+    what = own[unit.dimension]
+    if quantity not in (None, what):
+        raise FormatError("quantity", f"is {quantity}, and the unit {text!r} is that of {what}; which is right?")
+    if factor is not None and abs(factor / unit.factor - 1) > _SAME:
+        raise FormatError("mapping.factor", f"is {factor:g}, and the unit {text!r} makes it {unit.factor:g}; state one")
+    return what, unit.factor
+
+
+def _spectra(
+    variables: Variables, document: dict[str, Any], texts: Texts
+) -> tuple[np.ndarray[Any, np.dtype[np.complexfloating]], FloatArray]:
+    """(N, L) values and the (L,) frequencies in Hz."""
+    axis = document["frequency_hz"]
+    named = {name: axis[name] for name in axis.keys() - {"unit"}} if isinstance(axis, dict) else axis
+    if is_named(named):
+        name = str(named["variable"])
+        frequency = np.ravel(_real(variables, name, "frequency_hz")).astype(float)
+        values = _frf(variables, document["frf"], frequency.size)
+    elif isinstance(named, dict) and {"start", "step"} <= named.keys() <= {"start", "step", "count"}:
+        name = next((str(given["variable"]) for given in named.values() if is_named(given)), "")
+        numbers = {key: _number(variables, given, f"frequency_hz.{key}") for key, given in named.items()}
+        values = _frf(variables, document["frf"], None)
+        count = values.shape[1]
+        if numbers.get("count", count) != count:
+            raise FormatError("mapping.frequency_hz.count", f"is {numbers['count']:g}, and frf has {count} lines")
+        if not (numbers["step"] > 0 and numbers["start"] >= 0):
+            raise FormatError("mapping.frequency_hz", "has no step above 0 from a start of 0 or more")
+        frequency = numbers["start"] + numbers["step"] * np.arange(count)
+    else:
+        raise FormatError(
+            "mapping.frequency_hz", f'is {axis!r}, expected {{"variable": name}} or {{"start": …, "step": …}}'
+        )
+    in_file = unit_beside(name, texts, "frequency")
+    stated = axis.get("unit", in_file) or ("Hz" if "unit" not in axis else "")
+    factor = factor_of("frequency", stated) if isinstance(stated, str) else None
+    if factor is None:
+        raise FormatError("mapping.frequency_hz.unit", f"is {stated!r}, expected a frequency's, such as Hz or rad/s")
+    if in_file and factor_of("frequency", in_file) not in (None, factor):
+        raise FormatError("mapping.frequency_hz.unit", f"is {stated!r}, and the file says {in_file!r}; which is right?")
+    return values, frequency * factor
+
+
+def _number(variables: Variables, given: Any, field: str) -> float:
+    values = np.ravel(_real(variables, given["variable"], field)) if is_named(given) else np.array([given])
+    if values.size != 1 or values.dtype.kind not in "fiu" or not np.isfinite(values[0]):
+        raise FormatError(f"mapping.{field}", f'is {given!r}, expected a number or {{"variable": name}} of one')
+    return float(values[0])
 
 
 def _named(variables: Variables, document: dict[str, Any], field: str) -> np.ndarray[Any, Any]:
@@ -106,7 +190,7 @@ def _real(variables: Variables, name: str, field: str) -> np.ndarray[Any, Any]:
     return found
 
 
-def _frf(variables: Variables, given: Any, lines: int) -> np.ndarray[Any, np.dtype[np.complexfloating]]:
+def _frf(variables: Variables, given: Any, lines: int | None) -> np.ndarray[Any, np.dtype[np.complexfloating]]:
     if (
         isinstance(given, dict)
         and set(given) == {"real", "imaginary"}
@@ -129,9 +213,12 @@ def _frf(variables: Variables, given: Any, lines: int) -> np.ndarray[Any, np.dty
     return table if table.dtype == np.complex64 else table.astype(np.complex128)
 
 
-def _rows(array: np.ndarray[Any, Any], lines: int, field: str) -> np.ndarray[Any, Any]:
-    """(N, lines); the side that is as long as the frequencies is the lines, the last such side where two are."""
+def _rows(array: np.ndarray[Any, Any], lines: int | None, field: str) -> np.ndarray[Any, Any]:
+    """(N, lines); the side that is as long as the frequencies is the lines, the last such side where two are. Without
+    a number of lines they are the longest side.
+    """
     array = np.squeeze(array)
+    lines = max(array.shape, default=1) if lines is None else lines
     if array.ndim not in (1, 2, 3) or lines not in array.shape:
         raise FormatError(f"mapping.{field}", f"has shape {list(array.shape)}, none of it the {lines} frequencies")
     axis = max(i for i, size in enumerate(array.shape) if size == lines)
@@ -139,6 +226,7 @@ def _rows(array: np.ndarray[Any, Any], lines: int, field: str) -> np.ndarray[Any
 
 
 def _integers(variables: Variables, given: Any, count: int, field: str) -> list[int]:
+    """One for each FRF, or one alone."""
     if isinstance(given, dict) and set(given) == {"variable"}:
         values = np.ravel(variable(variables, str(given["variable"])))
     else:
@@ -146,10 +234,8 @@ def _integers(variables: Variables, given: Any, count: int, field: str) -> list[
             values = np.ravel(np.array(given, dtype=float))
         except (TypeError, ValueError):  # texts, objects, lists of unequal length
             values = np.array([np.nan])
-    if values.size == 1:
-        values = np.repeat(values, count)
     if (
-        values.size != count
+        values.size not in (1, count)
         or values.dtype.kind == "c"
         or not np.all(np.isfinite(values) & (values == np.round(values)))
     ):

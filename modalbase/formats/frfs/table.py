@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from modalbase.formats.errors import FormatError
 from modalbase.formats.types import FloatArray, Quantity
 
 DOFS = ("response_point", "response_direction", "reference_point", "reference_direction")
@@ -82,6 +83,28 @@ class FrfTable(Protocol):
 
     def coherences(self) -> Iterator[tuple[Any, FloatArray | None]]:
         """Each row with its (L,) coherence γ², None where it has none."""
+
+
+def without_gap(frfs: Frfs) -> tuple[Frfs, list[str]]:
+    """The FRFs without their line at 0 Hz where some are no number there, as double integration leaves 0/0; and a note.
+
+    Raises:
+        FormatError: a value at another line is NaN or infinite; names FRF and line.
+    """
+    bad = ~np.isfinite(frfs.values)
+    if not bad.any() or not np.isfinite(frfs.frequency_hz).all():
+        return frfs, []
+    first = 1 if frfs.frequency_hz[:1] == 0 and frfs.frequency_hz.size > 1 else 0
+    if len(others := np.argwhere(bad[:, first:])):
+        row, line = int(others[0][0]), int(others[0][1]) + first
+        raise FormatError(
+            "values",
+            f"holds {len(others)} that are NaN or infinite, first of FRF {row + 1} at line {line + 1} "
+            f"({frfs.frequency_hz[line]:g} Hz); only a line at 0 Hz can be left out",
+        )
+    kept = None if frfs.coherence is None else frfs.coherence[:, 1:]
+    note = f"{int(bad.sum())} of {len(frfs.frfs)} FRFs are NaN or infinite at 0 Hz: this line is left out"
+    return replace(frfs, frequency_hz=frfs.frequency_hz[1:], values=frfs.values[:, 1:], coherence=kept), [note]
 
 
 @dataclass(frozen=True, eq=False)

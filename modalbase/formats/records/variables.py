@@ -22,6 +22,7 @@ from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.wav import read_wav_head
 
 _DEEPEST = 8
+_LONGEST_TEXT = 1000
 _COMPRESSED = 15  # type of a compressed element of a .mat of version 7
 _BLOCK_BYTES = 1 << 20
 
@@ -40,6 +41,17 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     Raises:
         FormatError: the file is of another kind, damaged, empty or larger.
     """
+    return read_named(path, suffix, limit_bytes)[0]
+
+
+def read_named(
+    path: Path, suffix: str | None = None, limit_bytes: int | None = None
+) -> tuple[Variables, dict[str, str]]:
+    """The numeric arrays of a file by name, and its texts, by which analysers name units and points.
+
+    Raises:
+        FormatError: as of `read_variables`.
+    """
     kind = (suffix or path.suffix).lower()
     if kind not in SUFFIXES:
         raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(SUFFIXES)}")
@@ -55,7 +67,10 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size}
     if not numbers:
         raise FormatError("", "holds no numeric array")
-    return numbers
+    texts = {
+        name: str(array.item()).strip() for name, array in found.items() if array.dtype.kind == "U" and array.size == 1
+    }
+    return numbers, texts
 
 
 def _within(declared: int, limit_bytes: int | None, name: str) -> None:
@@ -142,6 +157,9 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
         def take(name: str, item: object) -> None:
             nonlocal declared
             if not isinstance(item, h5py.Dataset) or name.startswith("#"):
+                return
+            if item.attrs.get("MATLAB_class") == b"char" and item.dtype.kind == "u" and item.size < _LONGEST_TEXT:
+                arrays[name.replace("/", ".")] = np.array("".join(map(chr, np.ravel(item[()].T))))
                 return
             whole = item.dtype.names == ("real", "imag")  # as MATLAB stores complex numbers
             if item.dtype.kind in "fiu" or whole:

@@ -276,7 +276,9 @@ def test_a_structure_of_frfs_and_coherences(tmp_path: Path, write: Any) -> None:
     dofs = [(r.response_point, r.response_direction, r.reference_point, r.reference_direction) for r in found.frfs]
     assert dofs == [(33, 3, 4, 3), (33, 3, 5, 3), (33, 3, 7, 3)]
     bare = {k: v for k, v in MAPPING.items() if k not in ("coherence", "reference_point", "factor")}
-    parts = read_mat(path, {**bare, "reference_point": 4, "frf": {"real": "m.coh", "imaginary": "m.coh"}}, "mobility")
+    parts = read_mat(
+        path, {**bare, "reference_point": [4] * 3, "frf": {"real": "m.coh", "imaginary": "m.coh"}}, "mobility"
+    )
     np.testing.assert_array_equal(parts.values, (1 + 1j) * COHERENCE)
     assert (parts.coherence, {row.reference_point for row in parts.frfs}) == (None, {4})
     with pytest.raises(FormatError, match=r"mapping\.reference_point: is missing"):

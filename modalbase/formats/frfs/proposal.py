@@ -1,0 +1,128 @@
+"""Mappings of FRFs that suggest themselves: what a file says, in its own words; what it does not say is empty (null)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from modalbase.formats.dof_names import dof_in_name
+from modalbase.formats.frfs.table import DOFS
+from modalbase.formats.records.arrays import Variables
+from modalbase.formats.units import Measured, unit_in_name
+
+_SPECTRA = ("cross", "spec", "psd", "csd")
+"""Parts of the names of complex spectra that are no FRFs."""
+_MOST_EMPTY = 200  # points that are asked for one by one
+_ANGULAR = ("w", "om", "omega")
+_AXIS = {
+    "start": ("start_value", "start", "xstart", "x0", "f0", "fstart", "f_start", "start_hz"),
+    "step": ("increment", "step", "delta", "dx", "df", "xinc", "delta_f", "deltaf", "step_hz"),
+    "count": ("number_of_values", "count", "n"),
+}
+"""Last parts of names of an even axis, in small letters."""
+_UNIT = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")
+_SIDES = {"response": ("primary", "response", "output"), "reference": ("reference", "input", "excit")}
+
+
+def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -> dict[str, Any]:
+    """The mapping that names, types, shapes and texts suggest.
+
+    Args:
+        variables: arrays of the file.
+        texts: texts of the file by name.
+    """
+    texts = texts or {}
+    found: dict[str, Any] = {"frequency_hz": _axis(variables, texts)}
+    complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
+    frf = min(complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None)
+    found["frf"] = None if frf is None else {"variable": frf}
+    if frf is not None and (unit := unit_beside(frf, texts)):
+        found["unit"] = unit
+    alike = [n for n, a in variables.items() if frf and a.shape == variables[frf].shape and a.dtype.kind == "f"]
+    shares = [n for n in alike if variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6]
+    if coherence := [n for n in alike if "coh" in n.lower()] or shares:
+        found["coherence"] = {"variable": coherence[0]}
+    count = 1 if frf is None else variables[frf].size // max(variables[frf].shape)
+    return found | _dofs(texts, count)
+
+
+def doubts(mapping: Any) -> list[str]:
+    """What a mapping leaves to be looked at: frequencies whose name is that of angular ones, without a unit."""
+    axis = mapping.get("frequency_hz") if isinstance(mapping, dict) else None
+    name = axis.get("variable") if isinstance(axis, dict) and not axis.get("unit") else None
+    if not isinstance(name, str) or name.rpartition(".")[2].lower() not in _ANGULAR:
+        return []
+    return [f'the frequencies {name} are taken in Hz; state "unit": "rad/s" beside the variable where they are angular']
+
+
+def is_empty(given: Any) -> bool:
+    """Whether a member of a mapping, or a part of it, is null."""
+    parts = given if isinstance(given, list) else given.values() if isinstance(given, dict) else []
+    return given is None or any(part is None for part in parts)
+
+
+def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
+    """The unit that a file states of an array, in a text beside it or in the array's name; "" where it states none.
+
+    >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
+    ('g/N', 'm/N')
+    """
+    parent, _, own = name.rpartition(".")
+    beside = [f"{parent}.{end}" if parent else end for end in (*_UNIT, f"{own}_unit", f"{own}_units")]
+    named = unit_in_name(own, quantity)[1]
+    stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
+    return stated or named
+
+
+def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | None:
+    """A rising vector, or an even axis as start and step, with the unit that the file states."""
+    lines = [
+        name for name, array in variables.items() if name.lower().rpartition(".")[2][:1] in "fxw" and _rises(array)
+    ]
+    lines += [name for name, array in variables.items() if "omega" in name.lower() and _rises(array)]
+    if lines:
+        found: dict[str, Any] = {"variable": lines[0]}
+    else:
+        ends = {
+            part: {
+                name.rpartition(".")[0]: name
+                for name, array in variables.items()
+                if array.size == 1 and _ends(name, words)
+            }
+            for part, words in _AXIS.items()
+        }
+        parent = next((parent for parent in ends["start"] if parent in ends["step"]), None)
+        if parent is None:
+            return None
+        found = {part: {"variable": names[parent]} for part, names in ends.items() if parent in names}
+    name = found.get("variable") or found["start"]["variable"]
+    if unit := unit_beside(name, texts, "frequency"):
+        found["unit"] = unit
+    return found
+
+
+def _ends(name: str, words: tuple[str, ...]) -> bool:
+    return name.rpartition(".")[2].lower() in words
+
+
+def _dofs(texts: Mapping[str, str], count: int) -> dict[str, Any]:
+    """Points and directions of one FRF whose names the file states; else they are empty, the responses one by one."""
+    found: dict[str, Any] = dict.fromkeys(DOFS)
+    for side, words in _SIDES.items():
+        named = {
+            dof
+            for name, text in texts.items()
+            if any(word in name.lower() for word in words) and (dof := dof_in_name(text)) is not None
+        }
+        if count == 1 and len(named) == 1:
+            found[f"{side}_point"], found[f"{side}_direction"] = named.pop()
+    if 1 < count <= _MOST_EMPTY:
+        found["response_point"] = [None] * count
+    return found
+
+
+def _rises(array: np.ndarray[Any, Any]) -> bool:
+    """Whether an array is a vector of real numbers that rise from 0 or more."""
+    values = np.ravel(array)
+    is_vector = array.dtype.kind in "fiu" and array.size == max(array.shape or (0,)) > 1
+    return is_vector and bool(np.all(np.diff(values) > 0) and values[0] >= 0)
