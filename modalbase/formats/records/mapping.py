@@ -187,8 +187,13 @@ def _taken(document: dict[str, Any]) -> dict[str, Any]:
     return {name: taken(given) for name, given in document.items() if given is not None}
 
 
-def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
+def blocks_of(variables: Variables, mapping: Mapping, units: dict[str, str] | None = None) -> list[TimeBlock]:
     """The time blocks of all channels, hit by hit: the force first.
+
+    Args:
+        variables: the arrays.
+        mapping: what they are.
+        units: that the file's properties state, by variable; that of the time axis counts here.
 
     Raises:
         FormatError: a variable is missing, lengths differ, values are not finite, a channel is constant, or a rate,
@@ -204,7 +209,7 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
         listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
         raise FormatError("mapping.channels", f"are not alike: {listed}")
     count, samples = next(iter(shapes.values()))
-    rate = sampling_rate(variables, mapping.sample_rate_hz, samples)
+    rate = sampling_rate(variables, mapping.sample_rate_hz, samples, units)
     force = next(c for c in mapping.channels if c.quantity == "force")
     ordered = [force, *(c for c in mapping.channels if c is not force)]
     points = {c.variable: _integers(variables, c.point, count, "point", 1) for c in ordered}

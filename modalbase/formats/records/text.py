@@ -37,6 +37,11 @@ class TextRecording:
         return self.table.units
 
     @property
+    def has_rate(self) -> bool:
+        """Whether a preamble states the sampling rate."""
+        return self.rate_hz is not None
+
+    @property
     def rate_hz(self) -> float | None:
         """The sampling rate that a preamble states of a table without a time axis."""
         has_axis = any(column.is_time or is_time(column.name) for column in self.table.layout.columns)

@@ -27,6 +27,7 @@ SEPARATORS = {"tab": "\t", "semicolon": ";", "blank": " ", "comma": ","}
 
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp850")
 _COMMENTS = "#%"
+_MOST_WORDS = 200  # of a preamble that are looked at
 _DATA: tuple[Kind, ...] = ("number", "time", "date")
 _LABEL = re.compile(r"unit|einheit|unité|unidad", re.IGNORECASE)
 _RATE = re.compile(
@@ -112,6 +113,7 @@ class Layout:
     heading_lines: tuple[int, ...]  # numbers of lines, from 1
     units_line: int | None
     first_line: int  # of the data
+    preamble: tuple[str, ...] = ()  # its cells, and those of headings
     sample_rate_hz: float | None = None  # that the preamble states
     notes: tuple[str, ...] = field(default=())
 
@@ -198,7 +200,7 @@ class _Split:
                 candidates.append(kinds)
         if not candidates:
             return None
-        width = max(Counter(map(len, candidates)).items(), key=lambda item: (item[1], item[0]))[0]
+        ((width, _),) = Counter(map(len, candidates)).most_common(1)
         columns = list(zip(*(kinds for kinds in candidates if len(kinds) == width), strict=True))
         most = [Counter(kind for kind in column if kind != "empty").most_common(1) for column in columns]
         kinds = [found[0][0] if found else "empty" for found in most]
@@ -250,6 +252,7 @@ class _Split:
             tuple(sorted(used)),
             None if units_row is None else units_row.line,
             data[0].line,
+            tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[:_MOST_WORDS],
             self._rate(preamble),
             tuple(left_out),
         )

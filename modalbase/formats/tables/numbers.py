@@ -98,20 +98,30 @@ def number_reader(cells: Sequence[str], decimal: str | None, separator: str) -> 
         FormatError: the sign is ambiguous, or (from the function) a cell does not fit it.
     """
     sign = decimal or _decimal_sign([_ungrouped(cell) for cell in cells], separator)
-    other = _OTHER[sign]
 
     def read(cell: str) -> float:
-        if cell.lower() in _NOTHING:
-            return float("nan")
-        bare = _ungrouped(cell).replace("D", "E").replace("d", "e")
-        mantissa = re.split("[eE]", bare)[0]
-        integer, _, fraction = mantissa.partition(sign)
-        misplaced = other in fraction or sign in fraction or (other in integer and not _GROUPED[other].fullmatch(integer))
-        if misplaced or not is_number(cell):
-            raise FormatError("decimal", f"{cell[:40]!r} is not a number with a decimal {sign!r}; state decimal")
-        return float(bare.replace(other, "").replace(sign, "."))
+        return float("nan") if cell.lower() in _NOTHING else float(number_text(cell, sign))
 
     return sign, read
+
+
+def number_text(cell: str, decimal: str) -> str:
+    """A number with a decimal point and without groups.
+
+    >>> number_text("1'234,5", ",")
+    '1234.5'
+
+    Raises:
+        FormatError: it is none with this decimal sign.
+    """
+    other = _OTHER[decimal]
+    bare = _ungrouped(cell).replace("D", "E").replace("d", "e")
+    mantissa = re.split("[eE]", bare)[0]
+    integer, _, fraction = mantissa.partition(decimal)
+    misplaced = other in fraction or decimal in fraction or (other in integer and not _GROUPED[other].fullmatch(integer))
+    if misplaced or not is_number(cell):
+        raise FormatError("decimal", f"{cell[:40]!r} is not a number with a decimal {decimal!r}; state decimal")
+    return bare.replace(other, "").replace(decimal, ".")
 
 
 def _ungrouped(cell: str) -> str:

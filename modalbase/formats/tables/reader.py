@@ -4,15 +4,15 @@ import codecs
 import io
 import itertools
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO, BinaryIO
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.tables.layout import Layout, Row, Stated, TableColumn, layout_of, row_of
-from modalbase.formats.tables.numbers import Clock, number_reader
+from modalbase.formats.tables.layout import SEPARATORS, Layout, Row, Stated, TableColumn, layout_of, row_of
+from modalbase.formats.tables.numbers import Clock, is_number, number_reader, number_text
 
 _HEAD_LINES = 4000  # that tell the layout
 _PART_BYTES = 1 << 20
@@ -95,18 +95,7 @@ def open_table(source: Path | bytes, stated: Stated = Stated()) -> Table:  # noq
     Raises:
         FormatError: it is no text, or no table; says what was expected.
     """
-    def open_bytes() -> BinaryIO:
-        return io.BytesIO(source) if isinstance(source, bytes) else source.open("rb")
-
-    if stated.encoding is None:
-        with open_bytes() as file:
-            encoding = encoding_of(file)
-    else:
-        encoding = stated.encoding
-
-    def open_text() -> IO[str]:
-        return io.TextIOWrapper(open_bytes(), encoding)
-
+    encoding, open_text = _text(source, stated.encoding)
     try:
         with open_text() as text:
             head = list(itertools.islice(iter(partial(text.readline, _LONGEST_LINE), ""), _HEAD_LINES + 1))
@@ -117,14 +106,63 @@ def open_table(source: Path | bytes, stated: Stated = Stated()) -> Table:  # noq
     return Table(open_text, encoding, layout, list(layout.notes))
 
 
-def read_rows(table: Table) -> Iterator[Row]:
-    """Lines of data as cells, whatever they hold; blank lines and comments are left out."""
-    with table.open_text() as text:
-        for number, line in enumerate(text, 1):
-            if number >= table.layout.first_line and line.strip():
-                row = row_of(line, number, table.layout.separator)
-                if not row.is_comment:
-                    yield row
+def read_rows(source: Path | bytes, required: Collection[str]) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+    r"""The header of a table whose columns have known names, and the lines below it: their numbers and cells.
+
+    Numbers get a decimal point. Blank lines and comments are left out, and so is what stands above the header.
+
+    >>> header, rows = read_rows(b"Points of June\n\nlabel;x_mm\n7;0,5\n", {"label", "x_mm"})
+    >>> header, list(rows)
+    (['label', 'x_mm'], [(4, ['7', '0.5'])])
+
+    Args:
+        source: the file.
+        required: names that the header has, or more.
+
+    Raises:
+        FormatError: it is no text, or no line has these names; the rows raise it where a line has more or fewer cells.
+    """
+    encoding, open_text = _text(source, None)
+    with open_text() as text:
+        head = list(itertools.islice(iter(partial(text.readline, _LONGEST_LINE), ""), _HEAD_LINES))
+    best: tuple[int, int, str, list[str]] = (0, 0, ",", [])
+    for separator in SEPARATORS.values():
+        for number, line in enumerate(head, 1):
+            cells = row_of(line, number, separator).cells if line.strip() else []
+            if (known := len(set(required) & set(cells))) > best[0]:
+                best = known, number, separator, cells
+    known, at, separator, header = best
+    if known < len(set(required)):
+        first = next((line.strip() for line in head if line.strip()), "")
+        wrong = ",".join(header) or first
+        raise FormatError(f"line {at or 1}", f"is {wrong[:200]!r}, expected a header with {','.join(required)}")
+    below = [row_of(line, n, separator) for n, line in enumerate(head[at:], at + 1) if line.strip()]
+    decimal, _ = number_reader([c for row in below for c in row.cells if is_number(c)], None, separator)
+
+    def rows() -> Iterator[tuple[int, list[str]]]:
+        with open_text() as text:
+            for number, line in enumerate(text, 1):
+                row = row_of(line, number, separator)
+                if number <= at or row.is_comment or not any(row.cells):
+                    continue
+                cells = row.cells[: max(len(header), row.width)]
+                if len(cells) != len(header):
+                    raise FormatError(f"line {number}", f"has {len(cells)} cells, the header has {len(header)}")
+                yield number, [number_text(cell, decimal) if is_number(cell) else cell for cell in cells]
+
+    return header, rows()
+
+
+def _text(source: Path | bytes, encoding: str | None) -> tuple[str, Callable[[], IO[str]]]:
+    """The encoding of a text, found out where it is not stated, and a function that opens it."""
+
+    def open_bytes() -> BinaryIO:
+        return io.BytesIO(source) if isinstance(source, bytes) else source.open("rb")
+
+    if encoding is None:
+        with open_bytes() as file:
+            encoding = encoding_of(file)
+    return encoding, lambda: io.TextIOWrapper(open_bytes(), encoding)
 
 
 class _Reader:

@@ -14,7 +14,7 @@ from uuid import UUID
 from anyio import to_thread
 from fastapi import Depends, Query, Request, Response
 
-from modalbase.formats.recognise import FORMATS, Format
+from modalbase.formats.recognise import FORMATS, TEXT_NAMES, Format
 from modalbase.formats.records import Variables
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.access.dependencies import Beforehand
@@ -55,7 +55,9 @@ FRF_FORMATS: dict[str, Format] = {
 }
 """Media types of files with FRFs."""
 SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
-RECORD_SUFFIXES: dict[str, Format] = {f".{form}": form for form in FORMATS if form != "uff"}
+RECORD_SUFFIXES: dict[str, Format] = {f".{form}": form for form in FORMATS if form != "uff"} | dict.fromkeys(
+    TEXT_NAMES, "csv"
+)
 
 
 class Reading:
