@@ -158,6 +158,19 @@ def row_of(line: str, number: int, separator: str) -> Row:
     return Row(number, split(bare, separator, number))
 
 
+def joined_brackets(row: Row, separator: str) -> Row:
+    """A heading of a table parted by blanks, where a unit in brackets belongs to the name before it."""
+    if separator != " " or not row.cells or row.cells[0][:1] in "([":
+        return row
+    cells: list[str] = []
+    for cell in row.cells:
+        if cells and cell[:1] in "([":
+            cells[-1] += f" {cell}"
+        else:
+            cells.append(cell)
+    return Row(row.line, cells, row.is_comment)
+
+
 def layout_of(lines: Sequence[tuple[int, str]], stated: Stated = Stated(), *, is_whole: bool = True) -> Layout:  # noqa: B008 - frozen
     """What lines are.
 
@@ -272,7 +285,7 @@ class _Split:
             below = found[-1].line if found else None
             if below is not None and below - row.line > 1:
                 break
-            fitted = self._fitted(row)
+            fitted = joined_brackets(row, self.separator)
             mixed = any(is_number(c) for c, k in zip(fitted.cells, self.kinds, strict=False) if k in _DATA)
             if mixed or not min(width, max(2, width - 1)) <= fitted.width <= width + 1 or len(found) == 3:
                 break
@@ -280,19 +293,6 @@ class _Split:
         if len(found) > 1 and not _is_units(found[0]) and not _is_units(found[1]):
             return found[: 2 if _is_doubtful(found[0], self.kinds) and found[1].width >= width else 1]
         return found[:3] if len(found) > 2 and _is_doubtful(_names_row(found), self.kinds) else found[:2]
-
-    def _fitted(self, row: Row) -> Row:
-        """A heading of a table parted by blanks: a unit in brackets belongs to the name before it, and names may have
-        blanks where two or more part them."""
-        if self.separator != " ":
-            return row
-        cells: list[str] = []
-        for cell in row.cells:
-            if cells and cell[:1] in "([" and not (len(row.cells) == len(self.kinds)):
-                cells[-1] += f" {cell}"
-            else:
-                cells.append(cell)
-        return Row(row.line, cells, row.is_comment)
 
     def _names(self, headings: Sequence[Row]) -> tuple[list[str], list[str], Row | None]:
         """Names and units of all columns, and the line of units."""
