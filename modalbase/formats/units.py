@@ -174,6 +174,7 @@ def known_units(quantity: Measured) -> str:
 
 
 _IN_BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)*)[\])}>]")
+_NAMED_UNIT = re.compile(r"[^\W\d_]+(?: \w+)*\s*\([^()]*\)")
 _AT_THE_END = re.compile(r"(?=(?:\s*/\s*|\s*[_,;:]\s*|\s+in\s+|\s+)(\S+)$)")
 
 
@@ -189,10 +190,11 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
     (('time', 'ms'), ('time_s', ''))
     """
     for match in reversed(list(_IN_BRACKETS.finditer(name))):
+        inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""  # "Strain 1 (Strain (%))"
+        if inner:
+            return " ".join(name[: match.start()].split()), inner
         if match[1].strip() != "1" and read_unit(match[1]) is not None:
             return " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()), match[1].strip()
-        if inner := unit_in_name(match[1])[1]:  # "Strain 1 (Strain (%))"
-            return " ".join(name[: match.start()].split()), inner
     for match in _AT_THE_END.finditer(name):
         unit = match[1].replace("_", "/")
         if quantity is not None and factor_of(quantity, unit) is not None:
