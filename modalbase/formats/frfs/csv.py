@@ -11,7 +11,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
-from modalbase.formats.tables import read_rows, real, whole
+from modalbase.formats.tables import read_rows, real, whole, whole_rows
 from modalbase.formats.types import Quantity
 
 NUMBERS = ("frequency_hz", "real", "imag")
@@ -91,7 +91,7 @@ def _records(path: Path) -> Iterator[Record]:
     header, rows = read_rows(path, _REQUIRED)
     if set(header) - set(COLUMNS) or len(set(header)) != len(header):
         raise FormatError("line 1", f"is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}")
-    for line, row in rows:
+    for line, row in whole_rows(header, rows):
         cells = dict(zip(header, row, strict=True))
         dofs = tuple(whole(cells[name], f"line {line}, {name}") for name in DOFS)
         frequency, re, im = (real(cells[name], f"line {line}, {name}") for name in NUMBERS)

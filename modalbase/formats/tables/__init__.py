@@ -9,7 +9,7 @@ Nothing here imports numpy: the command reads points by it.
 
 from modalbase.formats.tables.layout import Layout, Stated, layout_of
 from modalbase.formats.tables.numbers import is_number, number_reader, real, whole
-from modalbase.formats.tables.reader import Table, open_table, read_rows
+from modalbase.formats.tables.reader import Table, open_table, read_rows, whole_rows
 
 __all__ = [
     "Layout",
@@ -22,4 +22,5 @@ __all__ = [
     "read_rows",
     "real",
     "whole",
+    "whole_rows",
 ]

@@ -4,14 +4,14 @@ import codecs
 import io
 import itertools
 from array import array
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO, BinaryIO
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.tables.layout import SEPARATORS, Layout, Row, Stated, TableColumn, layout_of, row_of
+from modalbase.formats.tables.layout import SEPARATORS, Layout, Row, Stated, TableColumn, joined_brackets, layout_of, row_of
 from modalbase.formats.tables.numbers import Clock, is_number, number_reader, number_text
 
 _HEAD_LINES = 4000  # that tell the layout
@@ -106,7 +106,9 @@ def open_table(source: Path | bytes, stated: Stated = Stated()) -> Table:  # noq
     return Table(open_text, encoding, layout, list(layout.notes))
 
 
-def read_rows(source: Path | bytes, required: Collection[str]) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
+def read_rows(
+    source: Path | bytes, required: Collection[str], name_of: Callable[[str], str] = str, expected: str = ""
+) -> tuple[list[str], Iterator[tuple[int, list[str]]]]:
     r"""The header of a table whose columns have known names, and the lines below it: their numbers and cells.
 
     Numbers get a decimal point. Blank lines and comments are left out, and so is what stands above the header.
@@ -118,9 +120,11 @@ def read_rows(source: Path | bytes, required: Collection[str]) -> tuple[list[str
     Args:
         source: the file.
         required: names that the header has, or more.
+        name_of: the name that a cell of the header means.
+        expected: the header in words.
 
     Raises:
-        FormatError: it is no text, or no line has these names; the rows raise it where a line has more or fewer cells.
+        FormatError: it is no text, or no line has these names.
     """
     encoding, open_text = _text(source, None)
     with open_text() as text:
@@ -128,14 +132,14 @@ def read_rows(source: Path | bytes, required: Collection[str]) -> tuple[list[str
     best: tuple[int, int, str, list[str]] = (0, 0, ",", [])
     for separator in SEPARATORS.values():
         for number, line in enumerate(head, 1):
-            cells = row_of(line, number, separator).cells if line.strip() else []
-            if (known := len(set(required) & set(cells))) > best[0]:
+            cells = joined_brackets(row_of(line, number, separator), separator).cells if line.strip() else []
+            if (known := len(set(required) & set(map(name_of, cells)))) > best[0]:
                 best = known, number, separator, cells
     known, at, separator, header = best
     if known < len(set(required)):
         first = next((line.strip() for line in head if line.strip()), "")
         wrong = ",".join(header) or first
-        raise FormatError(f"line {at or 1}", f"is {wrong[:200]!r}, expected a header with {','.join(required)}")
+        raise FormatError(f"line {at or 1}", f"is {wrong[:200]!r}, expected {expected or ','.join(required)}")
     below = [row_of(line, n, separator) for n, line in enumerate(head[at:], at + 1) if line.strip()]
     decimal, _ = number_reader([c for row in below for c in row.cells if is_number(c)], None, separator)
 
@@ -146,11 +150,21 @@ def read_rows(source: Path | bytes, required: Collection[str]) -> tuple[list[str
                 if number <= at or row.is_comment or not any(row.cells):
                     continue
                 cells = row.cells[: max(len(header), row.width)]
-                if len(cells) != len(header):
-                    raise FormatError(f"line {number}", f"has {len(cells)} cells, the header has {len(header)}")
                 yield number, [number_text(cell, decimal) if is_number(cell) else cell for cell in cells]
 
     return header, rows()
+
+
+def whole_rows(header: Sequence[str], rows: Iterable[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
+    """Rows that have as many cells as the header.
+
+    Raises:
+        FormatError: one has more or fewer; names its line.
+    """
+    for line, cells in rows:
+        if len(cells) != len(header):
+            raise FormatError(f"line {line}", f"has {len(cells)} cells, the header has {len(header)}")
+        yield line, cells
 
 
 def _text(source: Path | bytes, encoding: str | None) -> tuple[str, Callable[[], IO[str]]]:
