@@ -22,6 +22,7 @@ _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
     "displacement": ("disp",),
 }
 _TIMES = (".t", "time", "zeit", "temps", "x_value")  # LabVIEW calls the axis X_Value
+_UNNAMED = re.compile(r"column \d+")  # of a table without headings, whose first column may be the time axis
 _OTHERS = ("resp",)  # names a channel, and not what it measures
 
 
@@ -39,7 +40,8 @@ def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dic
     rate = next(
         (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
     )
-    time = next((name for name, array in long.items() if is_time(name) and _ascends(array)), None)
+    times = [name for name in long if is_time(name)] or [name for name in long if _UNNAMED.fullmatch(name)][:1]
+    time = next((name for name in times if _ascends(long[name])), None)
     point: Any = {"variable": "point"} if "point" in variables else None
     channels = []
     for name in _channels(long, time, units or {}):

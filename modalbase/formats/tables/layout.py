@@ -215,8 +215,7 @@ class _Split:
             return None
         ((width, _),) = Counter(map(len, candidates)).most_common(1)
         columns = list(zip(*(kinds for kinds in candidates if len(kinds) == width), strict=True))
-        most = [Counter(kind for kind in column if kind != "empty").most_common(1) for column in columns]
-        kinds = [found[0][0] if found else "empty" for found in most]
+        kinds = list(map(_kind_of_column, columns))
         blank = {number for number, line in lines if not line.strip()}
         split_ = cls(separator, [row for row in rows if any(row.cells)], blank, kinds)
         return split_ if any(map(split_.is_data, rows)) else None
@@ -235,7 +234,7 @@ class _Split:
         known = False
         for cell, kind in zip(row.cells, self.kinds, strict=False):
             own = kind_of(cell)
-            if kind in _DATA and own not in (kind, "empty"):
+            if kind != "text" and own not in (kind, "empty"):
                 return False
             known |= kind in ("number", "time") and own == kind
         return known
@@ -333,12 +332,21 @@ class _Split:
             is_step = _STEP.fullmatch(bare)
             if match is None or not is_number(match[1]) or not (is_step or _RATE.fullmatch(bare)):
                 continue
-            unit = unit or match[2] or " ".join(cells[2:3]).strip()
+            unit = unit or match[2] or " ".join(cell for cell in cells[2:3] if not is_number(cell))
             factor = factor_of("time" if is_step else "frequency", unit) if unit else 1.0
             value = number_reader([match[1]], "," if "," in match[1] else ".", self.separator)[1](match[1])
             if factor and value > 0:
                 rates.add(float(f"{1 / (value * factor) if is_step else value * factor:.9g}"))
         return rates.pop() if len(rates) == 1 else None
+
+
+def _kind_of_column(kinds: Sequence[Kind]) -> Kind:
+    """What most cells of a column hold; words only where they are in most lines, since some are of the preamble."""
+    counts = Counter(kinds)
+    filled: list[Kind] = [kind for kind, _ in counts.most_common() if kind != "empty"]
+    if 2 * counts["text"] < len(kinds):
+        filled = [kind for kind in filled if kind != "text"]
+    return filled[0] if filled else "empty"
 
 
 def _padded(row: Row | None, width: int) -> list[str]:
