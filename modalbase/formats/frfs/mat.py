@@ -113,7 +113,8 @@ def _scale(
     ):
         raise FormatError("mapping.factor", f"is {factor!r}, expected a number other than 0")
     given: dict[str, str] = document["frf"]  # of which the values were read
-    in_file = unit_of_values(unit_beside(names_of(given)[0], texts))
+    valued = names_of(given)[0]
+    in_file = unit_of_values(unit_beside(valued, texts), valued)
     stated = document.get("unit") or ""
     if not isinstance(stated, str):
         raise FormatError("mapping.unit", f"is {stated!r}, expected the text of a unit, such as g/N")

@@ -86,13 +86,15 @@ def names_of(given: Mapping[str, Any]) -> list[str]:
     return [str(name) for name in (listed if isinstance(listed, list) else [listed])]
 
 
-def unit_of_values(text: str) -> str:
-    """The unit of amplitudes without its decibels.
+def unit_of_values(text: str, name: str = "") -> str:
+    """The unit of amplitudes without its decibels, by the text beside a column or in brackets of its name.
 
     >>> unit_of_values("dB re 1 g/N"), unit_of_values("dB (m/s²/N)"), unit_of_values("g/N"), unit_of_values("dB")
     ('g/N', 'm/s²/N', 'g/N', '')
+    >>> unit_of_values("", "H1 [dB re 1 g/N]")
+    'g/N'
     """
-    match = _DECIBEL.search(text)
+    match = _DECIBEL.search(text or _brackets_with_decibels(name))
     return match[1].strip() if match else text
 
 
@@ -131,7 +133,12 @@ def combined(one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mappin
 
 
 def _text_beside(name: str, texts: Texts) -> str:
-    return texts.get(f"{name}_unit", "")
+    return texts.get(f"{name}_unit", "") or _brackets_with_decibels(name)
+
+
+def _brackets_with_decibels(name: str) -> str:
+    match = re.search(r"[(\[](\s*dB\b.*)[)\]]", name, re.IGNORECASE)
+    return match[1] if match else ""
 
 
 def _stated_scale(name: str, texts: Texts) -> str | None:
@@ -148,10 +155,12 @@ def _stated_angle(name: str, texts: Texts) -> str | None:
 
 
 def _part_of(name: str, texts: Texts) -> Part | None:
-    words = re.findall(r"[^\W\d_]+", unit_in_name(name)[0].lower())
     if _text_beside(name, texts).lower() in _ANGLES:
         return "phase"
+    if re.search(r"\bdB\b", _text_beside(name, texts), re.IGNORECASE):
+        return "magnitude"
+    words = re.findall(r"[^\W\d_]+", unit_in_name(name)[0].lower())
     for part, starts in _WORDS.items():
         if any(word == start if len(start) == 2 else word.startswith(start) for word in words for start in starts):
             return part
-    return "magnitude" if "dB" in _text_beside(name, texts) else None
+    return None

@@ -39,7 +39,7 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
     columns = [name for name, array in variables.items() if array.ndim == 1 and array.size > 1]
     found["frf"] = propose_parts(columns, texts) if frf is None else {"variable": frf}
     valued = names_of(found["frf"] or {})
-    if valued and (unit := unit_of_values(unit_beside(valued[0], texts))):
+    if valued and (unit := unit_of_values(unit_beside(valued[0], texts), valued[0])):
         found["unit"] = unit
     of = frf or (valued[0] if valued else None)
     alike = [n for n, a in variables.items() if of and a.shape == variables[of].shape and a.dtype.kind == "f"]

@@ -14,6 +14,7 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.npy import members_of, read_array
+from modalbase.formats.recognise import TEXT_NAMES
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.text import open_recording
 from modalbase.formats.records.wav import read_wav_head
@@ -50,6 +51,7 @@ def read_named(
         FormatError: as of `read_variables`.
     """
     kind = (suffix or path.suffix).lower()
+    kind = ".csv" if kind in TEXT_NAMES else kind
     if kind not in SUFFIXES:
         raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(SUFFIXES)}")
     try:
