@@ -57,8 +57,8 @@ def read_points(file: Path) -> list[dict[str, Any]]:
     Raises:
         ClientError: the file is no such table; names the line.
     """
-    from modalbase.formats import points
     from modalbase.formats.errors import FormatError
+    from modalbase.formats.points import read_points as rows_of
     from modalbase.formats.tables import real, whole
 
     try:
@@ -67,7 +67,7 @@ def read_points(file: Path) -> list[dict[str, Any]]:
                 name: whole(cell, f"line {line}, label") if name == "label" else real(cell, f"line {line}, {name[0]}")
                 for name, cell in point.items()
             }
-            for line, point in points.read_points(file)
+            for line, point in rows_of(file)
         ]
     except OSError as error:
         raise ClientError(f"{file} cannot be read: {error}", Exit.USAGE) from None

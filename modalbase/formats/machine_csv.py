@@ -160,7 +160,10 @@ def _numbers(block: _Block, parse: Callable[[str], float]) -> FloatArray:
     clocks = [Clock() for _ in block.cells[0]]
     return np.array(
         [
-            [clock.seconds(cell) if kind_of(cell) == "time" else parse(cell) for clock, cell in zip(clocks, row, strict=True)]
+            [
+                clock.seconds(cell) if kind_of(cell) == "time" else parse(cell)
+                for clock, cell in zip(clocks, row, strict=True)
+            ]
             for row in block.cells
         ]
     )

@@ -14,9 +14,9 @@ _LABELS = ("label", "point")
 
 
 def read_points(source: Path | bytes) -> Iterator[tuple[int, dict[str, str]]]:
-    """Lines of a table of points, and the texts of their members `label`, `x_m`, `y_m` and `z_m`, in metres.
+    r"""Lines of a table of points, and the texts of their members `label`, `x_m`, `y_m` and `z_m`, in metres.
 
-    >>> list(read_points(b"point;x_mm;y_m\\n7;112,5;-0,02\\n"))
+    >>> list(read_points(b"point;x_mm;y_m\n7;112,5;-0,02\n"))
     [(2, {'label': '7', 'x_m': '0.1125', 'y_m': '-0.02', 'z_m': '0'})]
 
     Args:
@@ -41,11 +41,12 @@ def read_points(source: Path | bytes) -> Iterator[tuple[int, dict[str, str]]]:
         point = {"z_m": "0"}
         for name, factor, cell in zip(names, factors, cells, strict=True):
             scaled = factor not in (None, 1.0) and is_number(cell)
-            point["label" if name == "label" else f"{name}_m"] = f"{float(cell) * (factor or 1.0):.15g}" if scaled else cell
+            point["label" if name == "label" else f"{name}_m"] = (
+                f"{float(cell) * (factor or 1.0):.15g}" if scaled else cell
+            )
         yield line, {name: point[name] for name in ("label", "x_m", "y_m", "z_m")}
 
 
 def _name(cell: str) -> str:
     bare = unit_in_name(cell, "length")[0].strip().lower()
     return "label" if bare in _LABELS else bare if bare in AXES else ""
-

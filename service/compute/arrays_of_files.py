@@ -17,9 +17,9 @@ from fecore.errors import InputError
 from fecore.frf import Quantity
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs import Frfs, read_csv, read_npz
+from modalbase.formats.frfs.csv import is_own_table
 from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.frfs.npz import REQUIRED
-from modalbase.formats.frfs.csv import is_own_table
 from modalbase.formats.frfs.parts import is_frequency, texts_of
 from modalbase.formats.frfs.proposal import doubts, propose_frfs
 from modalbase.formats.frfs.table import without_gap
@@ -148,7 +148,9 @@ def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
     notes = file.table.notes
     units = file.units
     if kind == "frfs":
-        read: Iterator[Found | TimeBlock | EncodedFrf] = _mapped_frfs(inputs, "csv", variables, texts_of(file.table), notes)
+        read: Iterator[Found | TimeBlock | EncodedFrf] = _mapped_frfs(
+            inputs, "csv", variables, texts_of(file.table), notes
+        )
     else:
         read = _hits(inputs, "csv", variables, notes, units)
     for item in read:

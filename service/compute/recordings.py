@@ -218,9 +218,7 @@ def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes
     return Channels(file, file.rate_of([c.variable for c in mapped], mapping.sample_rate_hz), mapped, stated)
 
 
-def recording_of(
-    path: Path, filename: str = "", limit_bytes: int | None = None, table: Any = None
-) -> AnyRecording:
+def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None, table: Any = None) -> AnyRecording:
     """What a recording says of itself, by its first bytes or its name; `table` is what a mapping says of one of text.
 
     Raises:

@@ -114,13 +114,15 @@ def test_a_name_in_brackets_is_no_unit(heading: str, below: str, unit: str) -> N
 def test_an_extension_beside_a_name_in_brackets_is_asked_for_its_unit() -> None:
     text = "Load (N);Extension (Crosshead)\n1;0.1\n2;0.2\n"
     columns = {"force": Column("Load", "force"), "x": Column("Extension", "length")}
-    with pytest.raises(FormatError, match="columns.x.unit: is stated neither by you nor in the file"):
+    with pytest.raises(FormatError, match=r"columns.x.unit: is stated neither by you nor in the file"):
         read_machine_csv(text.encode(), columns)
 
 
 def test_times_of_day_are_seconds_over_midnight() -> None:
     text = "Time,Load (N),Strain (%)\n23:59:59.5,1,0.1\n00:00:00.5,2,0.2\n00:00:01.5,3,0.3\n"
-    columns = {n: Column(h, q) for n, h, q in (("time", "Time", "time"), ("f", "Load", "force"), ("s", "Strain", "strain"))}  # type: ignore[arg-type]
+    columns = {
+        n: Column(h, q) for n, h, q in (("time", "Time", "time"), ("f", "Load", "force"), ("s", "Strain", "strain"))
+    }  # type: ignore[arg-type]
     found = read_machine_csv(text.encode(), columns)
     assert found.runs[0].columns["time"].tolist() == [0.0, 1.0, 2.0]
 

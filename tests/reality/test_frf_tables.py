@@ -22,7 +22,9 @@ DOFS = {"response_point": 2, "response_direction": 3, "reference_point": 1, "ref
 
 def read(path: Path, mapping: Any = None, *, dry_run: bool = True, quantity: Any = None) -> list[Any]:
     mapping = json.loads(json.dumps(mapping))
-    return list(read_upload(ReadingInputs(path, quantity, path.name, mapping=mapping, dry_run=dry_run), lambda *_: None))
+    return list(
+        read_upload(ReadingInputs(path, quantity, path.name, mapping=mapping, dry_run=dry_run), lambda *_: None)
+    )
 
 
 def imported(path: Path, **changes: Any) -> list[EncodedFrf]:
@@ -46,7 +48,10 @@ def test_magnitude_in_g_and_phase_in_degrees_behind_a_preamble() -> None:
     assert (frf.quantity, frf.response_point, frf.reference_point) == ("accelerance", 2, 1)
     assert abs(values[61]) == pytest.approx(2.5007, rel=1e-4)
     hz = 0.5 * np.arange(1, 401)
-    peaks = [hz[(hz > f - 10) & (hz < f + 10)][np.argmax(np.abs(values[(hz > f - 10) & (hz < f + 10)]))] for f in (31, 87, 142)]
+    peaks = [
+        hz[(hz > f - 10) & (hz < f + 10)][np.argmax(np.abs(values[(hz > f - 10) & (hz < f + 10)]))]
+        for f in (31, 87, 142)
+    ]
     assert peaks == pytest.approx([31, 87, 142], abs=0.5)
 
 
@@ -54,7 +59,11 @@ def columns(kind: str) -> tuple[list[str], list[str], list[np.ndarray]]:
     """Names, units and columns of H in the writing of an analyser."""
     magnitude, phase = np.abs(H), np.angle(H)
     written: dict[str, tuple[list[str], list[str], list[np.ndarray]]] = {
-        "dB": (["Frequency", "Magnitude", "Phase"], ["Hz", "dB", "deg"], [HZ, 20 * np.log10(magnitude), np.degrees(phase)]),
+        "dB": (
+            ["Frequency", "Magnitude", "Phase"],
+            ["Hz", "dB", "deg"],
+            [HZ, 20 * np.log10(magnitude), np.degrees(phase)],
+        ),
         "dB re g": (
             ["Freq.", "H1", "Phase"],
             ["Hz", "dB re 1 g/N", "rad"],
@@ -112,7 +121,8 @@ REFUSED = [
     ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "gon"}}, "expected deg or rad"),
     ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "deg", "scale": "log"}}, "expected linear or dB"),
     ({"frf": {"magnitude": "L", "phase": "P", "phase_unit": "deg"}}, "state .scale.: .dB."),
-    ({"frf": {"magnitude": "M (g/N)", "phase": "P", "phase_unit": "deg", "scale": "dB"}}, "scale: is dB, and the file says linear"),
+    ({"frf": {"magnitude": "M (g/N)", "phase": "P", "phase_unit": "deg", "scale": "dB"}},
+     "scale: is dB, and the file says linear"),
     ({"frf": {"magnitude": "M", "phase": "A (rad)", "phase_unit": "deg"}}, "phase_unit: is deg, and the file says rad"),
     ({"frf": {"magnitude": "M"}}, "expected .*magnitude"),
     ({"frf": {"variable": "M"}}, "without phase is of no use"),

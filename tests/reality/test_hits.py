@@ -62,7 +62,10 @@ def check_hit(items: list[Any]) -> None:
     hz = np.fft.rfftfreq(4096, 1 / 2048)
     accelerance = np.abs(np.fft.rfft(response.samples) / np.fft.rfft(force.samples))
     assert accelerance[round(31 / hz[1])] == pytest.approx(2.5, rel=0.05)
-    peaks = [float(hz[(hz > f - 10) & (hz < f + 10)][np.argmax(accelerance[(hz > f - 10) & (hz < f + 10)])]) for f in (31, 87, 142)]
+    peaks = [
+        float(hz[(hz > f - 10) & (hz < f + 10)][np.argmax(accelerance[(hz > f - 10) & (hz < f + 10)])])
+        for f in (31, 87, 142)
+    ]
     assert peaks == pytest.approx([31, 87, 142], abs=1)
 
 
@@ -79,7 +82,9 @@ def table(columns: list[np.ndarray], separator: str, decimal: str = ".", form: s
     return [separator.join(form % value for value in row).replace(".", decimal) for row in zip(*columns, strict=True)]
 
 
-def read(tmp_path: Path, lines: list[str], encoding: str = "utf-8", suffix: str = ".csv", **stated: Any) -> tuple[TextRecording, Any]:
+def read(
+    tmp_path: Path, lines: list[str], encoding: str = "utf-8", suffix: str = ".csv", **stated: Any
+) -> tuple[TextRecording, Any]:
     path = tmp_path / f"hit{suffix}"
     path.write_bytes("\r\n".join([*lines, ""]).encode(encoding))
     (found,) = found_in(path, {"table": stated} if stated else None)
@@ -123,7 +128,13 @@ PLAIN = [TIME, FORCE, ACCELERATION]
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "cp1252"])
 def test_encodings(tmp_path: Path, encoding: str) -> None:
-    lines = ["Prüfstand: Müller", "", "Zeit;Kraft;Beschleunigung", "ms;N;m/s²", *table([1e3 * TIME, FORCE, ACCELERATION], ";", ",")]
+    lines = [
+        "Prüfstand: Müller",
+        "",
+        "Zeit;Kraft;Beschleunigung",
+        "ms;N;m/s²",
+        *table([1e3 * TIME, FORCE, ACCELERATION], ";", ","),
+    ]
     file, found = read(tmp_path, lines, encoding)
     require_same(file, found)
     assert found.table["encoding"] in (encoding, "utf-16")
@@ -153,7 +164,11 @@ def test_what_stands_around_the_columns(tmp_path: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("sign", ["#", "%", "# "])
 def test_a_heading_may_be_a_comment(tmp_path: Path, sign: str) -> None:
-    lines = [f"{sign}first run", f"{sign}time_s force_N acc_g", *table([TIME, FORCE, ACCELERATION / GRAVITY], " ", ".", "%.8e")]
+    lines = [
+        f"{sign}first run",
+        f"{sign}time_s force_N acc_g",
+        *table([TIME, FORCE, ACCELERATION / GRAVITY], " ", ".", "%.8e"),
+    ]
     require_same(*read(tmp_path, lines, suffix=".txt"))
 
 
@@ -164,7 +179,9 @@ def stamp(seconds: float, form: str) -> str:
     return form.format(day=3 + int(day), clock=f"{hours:02d}:{minutes:02d}:{rest % 60:09.6f}")
 
 
-@pytest.mark.parametrize("form", ["{clock}", "2024-03-{day:02d} {clock}", "2024-03-{day:02d}T{clock}Z", "{day:02d}.03.2024 {clock}"])
+@pytest.mark.parametrize(
+    "form", ["{clock}", "2024-03-{day:02d} {clock}", "2024-03-{day:02d}T{clock}Z", "{day:02d}.03.2024 {clock}"]
+)
 @pytest.mark.parametrize(("separator", "decimal"), [(";", ","), ("\t", "."), (",", ".")])
 def test_time_stamps_are_a_time_axis(tmp_path: Path, form: str, separator: str, decimal: str) -> None:
     stamps = [stamp(t, form) for t in TIME.tolist()]
@@ -215,7 +232,10 @@ REFUSED = [
     (["Hammer,ACC", *["0,003456,1,234567"] * 70], r"line 2: .*4|decimal commas between comma"),
     (["0,003456,1,234567"] * 70, "line 1: .*may have decimal commas between commas"),
     (["Time;Hammer", *["1.0;2.0"] * 70, "1.0;OVER", "1.0;2.0"], "line 72, Hammer: 'OVER' is no number"),
-    (["Time;Hammer", *["1.0;2.0"] * 70, "pause", *["1.0;2.0"] * 70], "line 72: 'pause' is no row of the table, and data follow"),
+    (
+        ["Time;Hammer", *["1.0;2.0"] * 70, "pause", *["1.0;2.0"] * 70],
+        "line 72: 'pause' is no row of the table, and data follow",
+    ),
     (["Time;Hammer;ACC", *["1.0;2.0;3.0"] * 70, "1.0;2.0"], "line 72: has 2 cells, .*was it cut"),
     (["nothing", "but words"], "no line of it holds numbers in columns"),
     ([], "it is empty|holds no"),
@@ -254,7 +274,9 @@ def test_a_long_recording_is_read_part_by_part(tmp_path: Path) -> None:
     hit = np.tile(FORCE, 20)
     time, response = np.arange(hit.size) / RATE, np.tile(ACCELERATION, 20)
     path = tmp_path / "tour.txt"
-    path.write_text("\n".join(["Time (s);Hammer (N);ACC (g)", *table([time, hit, response / GRAVITY], ";", ",", "%.6f")]))
+    path.write_text(
+        "\n".join(["Time (s);Hammer (N);ACC (g)", *table([time, hit, response / GRAVITY], ";", ",", "%.6f")])
+    )
     (found,) = found_in(path)
     assert "recording" in found.mapping
     mapping = completed(found.mapping)

@@ -1,4 +1,4 @@
-"""FRFs and coherences of a .mat file or a table of text, as analysers export them, by a mapping that says which variable is what.
+"""FRFs and coherences of a .mat file or a table of text, as analysers export them, by a mapping that says what is what.
 
     {"frequency_hz": {"variable": "f"},              or {"start": 0, "step": 0.5}, each a number or {"variable": name};
                                                      "unit": "rad/s" where it is not in Hz

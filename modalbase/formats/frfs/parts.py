@@ -82,7 +82,7 @@ def propose_parts(names: list[str], texts: Texts) -> dict[str, Any] | None:
 
 def names_of(given: Mapping[str, Any]) -> list[str]:
     """Columns that hold values of FRFs with their unit: real parts or magnitudes, or complex ones."""
-    listed = next((given[name] for name in ("variable", "real", "magnitude") if name in given), [])
+    listed: Any = next((given[name] for name in ("variable", "real", "magnitude") if name in given), [])
     return [str(name) for name in (listed if isinstance(listed, list) else [listed])]
 
 
@@ -100,7 +100,9 @@ def unit_of_values(text: str, name: str = "") -> str:
 
 def is_parts(given: Any) -> bool:
     """Whether a mapping names parts of FRFs."""
-    return isinstance(given, dict) and any(set(pair) <= given.keys() <= {*pair, *_HOW[: 2 * (pair[1] == "phase")]} for pair in PARTS)
+    return isinstance(given, dict) and any(
+        set(pair) <= given.keys() <= {*pair, *_HOW[: 2 * (pair[1] == "phase")]} for pair in PARTS
+    )
 
 
 def combined(one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mapping[str, Any], texts: Texts) -> Any:
@@ -128,7 +130,9 @@ def combined(one: np.ndarray[Any, Any], two: np.ndarray[Any, Any], given: Mappin
         raise FormatError("mapping.frf.phase_unit", f"is {unit}, and the file says {in_file}; which is right?")
     magnitude = 10 ** (one / 20) if (scale or own) == "dB" else one
     if np.any(magnitude < 0):
-        raise FormatError("mapping.frf.magnitude", f"is below 0 (to {magnitude.min():.3g}); state \"scale\": \"dB\" where it is in dB")
+        raise FormatError(
+            "mapping.frf.magnitude", f'is below 0 (to {magnitude.min():.3g}); state "scale": "dB" where it is in dB'
+        )
     return magnitude * np.exp(1j * factor * two)
 
 
@@ -142,7 +146,7 @@ def _brackets_with_decibels(name: str) -> str:
 
 
 def _stated_scale(name: str, texts: Texts) -> str | None:
-    """dB or linear, as the file states; None where it states neither."""
+    """DB or linear, as the file states; None where it states neither."""
     if re.search(r"(?<![a-z])dB(?![a-z])", f"{name} {_text_beside(name, texts)}", re.IGNORECASE):
         return "dB"
     return "linear" if _text_beside(name, texts) or unit_in_name(name)[1] else None

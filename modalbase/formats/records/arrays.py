@@ -69,7 +69,9 @@ def sampling_rate(
             step = float(values[-1] - values[0]) / (samples - 1)
             uneven = float(np.abs(steps - step).max())
             if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
-                raise FormatError(given, "is not an evenly rising time axis; state the rate as a number where it is rounded")
+                raise FormatError(
+                    given, "is not an evenly rising time axis; state the rate as a number where it is rounded"
+                )
             rate = 1 / step / _factor_of(given, "time", units or {})
         else:
             raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")

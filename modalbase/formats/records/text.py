@@ -49,7 +49,7 @@ class TextRecording:
 
     def shapes(self) -> dict[str, str]:
         """Type of each column."""
-        return {name: "float64" for name in self.names}
+        return dict.fromkeys(self.names, "float64")
 
     def notes(self, _: Sequence[str]) -> list[str]:
         """What was noticed of the table."""

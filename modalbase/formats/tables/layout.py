@@ -33,7 +33,9 @@ _LABEL = re.compile(r"unit|einheit|unité|unidad", re.IGNORECASE)
 _RATE = re.compile(
     r"(?:sampl\w*|scan|abtast\w*|mess)[ _-]*(?:rate|freq\w*)|fr[eé]quence d.[eé]chantillonnage|fs|sr", re.IGNORECASE
 )
-_STEP = re.compile(r"delta[ _]?[xt]|d[xt]|(?:sampl\w*|time)[ _-]*(?:interval|period|step)|abtastintervall", re.IGNORECASE)
+_STEP = re.compile(
+    r"delta[ _]?[xt]|d[xt]|(?:sampl\w*|time)[ _-]*(?:interval|period|step)|abtastintervall", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
@@ -171,7 +173,7 @@ def joined_brackets(row: Row, separator: str) -> Row:
     return Row(row.line, cells, row.is_comment)
 
 
-def layout_of(lines: Sequence[tuple[int, str]], stated: Stated = Stated(), *, is_whole: bool = True) -> Layout:  # noqa: B008 - frozen
+def layout_of(lines: Sequence[tuple[int, str]], stated: Stated = Stated(), *, is_whole: bool = True) -> Layout:
     """What lines are.
 
     Args:
@@ -254,7 +256,11 @@ class _Split:
         preamble = self.rows[: first - len(headings)]
         units = self._labelled(preamble, units)
         columns = tuple(TableColumn(i, names[i], units[i], is_time=self.kinds[i] == "time") for i in places)
-        left_out = [f"column {names[i]!r} holds {k}s, and is left out" for i, k in enumerate(self.kinds) if k in ("text", "date")]
+        left_out = [
+            f"column {names[i]!r} holds {k}s, and is left out"
+            for i, k in enumerate(self.kinds)
+            if k in ("text", "date")
+        ]
         used = tuple(row.line for row in headings if row is not units_row)
         return Layout(
             self.separator,
@@ -300,7 +306,9 @@ class _Split:
         width = len(self.kinds)
         cells = _padded(named[0] if named else units_row, width)
         if len(named) > 1:
-            upper = list(itertools.accumulate(_padded(named[1], width), lambda left, own: own or left))
+            upper: list[str] = []
+            for cell in _padded(named[1], width):  # a name may stand over several columns
+                upper.append(cell or (upper[-1] if upper else ""))
             cells = [" ".join(filter(None, pair)) for pair in zip(upper, cells, strict=True)]
         seen: Counter[str] = Counter()
         names = []
@@ -316,7 +324,10 @@ class _Split:
         for row in preamble:
             cells = _padded(row, len(units))
             if row.cells and _LABEL.search(row.cells[0]) and any(read_unit(cell) for cell in cells[1:]):
-                units = [own or (_bare_unit(cell) if i and read_unit(cell) else "") for i, (own, cell) in enumerate(zip(units, cells, strict=True))]
+                units = [
+                    own or (_bare_unit(cell) if i and read_unit(cell) else "")
+                    for i, (own, cell) in enumerate(zip(units, cells, strict=True))
+                ]
         return units
 
     def _rate(self, preamble: Sequence[Row]) -> float | None:

@@ -118,7 +118,9 @@ def number_text(cell: str, decimal: str) -> str:
     bare = _ungrouped(cell).replace("D", "E").replace("d", "e")
     mantissa = re.split("[eE]", bare)[0]
     integer, _, fraction = mantissa.partition(decimal)
-    misplaced = other in fraction or decimal in fraction or (other in integer and not _GROUPED[other].fullmatch(integer))
+    misplaced = (
+        other in fraction or decimal in fraction or (other in integer and not _GROUPED[other].fullmatch(integer))
+    )
     if misplaced or not is_number(cell):
         raise FormatError("decimal", f"{cell[:40]!r} is not a number with a decimal {decimal!r}; state decimal")
     return bare.replace(other, "").replace(decimal, ".")

@@ -11,7 +11,16 @@ from pathlib import Path
 from typing import IO, BinaryIO
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.tables.layout import SEPARATORS, Layout, Row, Stated, TableColumn, joined_brackets, layout_of, row_of
+from modalbase.formats.tables.layout import (
+    SEPARATORS,
+    Layout,
+    Row,
+    Stated,
+    TableColumn,
+    joined_brackets,
+    layout_of,
+    row_of,
+)
 from modalbase.formats.tables.numbers import Clock, is_number, number_reader, number_text
 
 _HEAD_LINES = 4000  # that tell the layout
@@ -126,7 +135,7 @@ def read_rows(
     Raises:
         FormatError: it is no text, or no line has these names.
     """
-    encoding, open_text = _text(source, None)
+    _, open_text = _text(source, None)
     with open_text() as text:
         head = list(itertools.islice(iter(partial(text.readline, _LONGEST_LINE), ""), _HEAD_LINES))
     best: tuple[int, int, str, list[str]] = (0, 0, ",", [])
@@ -222,7 +231,9 @@ class _Reader:
         if row.is_comment or not first:
             return None
         fits = [column for column in known if self._read(column, row.cells[column.place]) is not None]
-        is_remark = not fits or (known[0] not in fits) or row.cells.index(first) < known[0].place and len(fits) < len(known)
+        is_remark = (
+            not fits or (known[0] not in fits) or (row.cells.index(first) < known[0].place and len(fits) < len(known))
+        )
         if is_remark:
             self._remark = self._remark or (number, " ".join(line.split())[:60])
             self._remarks += 1
@@ -249,7 +260,9 @@ class _Reader:
                 raise FormatError(place, f"{cell[:40]!r} is no {kind}; correct it, or state `decimal` of the table")
         last = max(layout.columns, key=lambda column: column.place)
         if len(row.cells) <= last.place:
-            raise FormatError(f"line {row.line}", f"has {len(row.cells)} cells, {last.name} is number {last.place + 1}; was it cut?")
+            raise FormatError(
+                f"line {row.line}", f"has {len(row.cells)} cells, {last.name} is number {last.place + 1}; was it cut?"
+            )
 
     def _value(self, column: TableColumn, row: Row) -> float:
         cell = row.cells[column.place]

@@ -13,7 +13,7 @@ from fecore.coupons.curves import Curve
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.machine_csv import Column, MachineFile, Quantity, Run, factor, read_machine_csv
-from service.store.coupons.schemas import CouponIn, CurveCouponIn
+from service.store.coupons.schemas import CouponIn, CurveCouponIn, Series
 
 GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}
 """Which gauge length turns the elongation of a series into its strain."""
@@ -50,7 +50,7 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
     except FormatError as error:
         raise InputError(error.place, error.message) from error
     number, run = _chosen(file, request.run)
-    zeros = {name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero}
+    zeros: dict[str, float] = {name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero}
     series = {
         name: (np.asarray(values) - zeros.get(name, 0.0)) / (gauges[name] or 1.0)
         for name, values in run.columns.items()
@@ -75,16 +75,16 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
     return Reduced(coupon, series, reading, reduction, fecore.__version__)
 
 
-def _zero(values: FloatArray, name: str, unit: str, request: CurveCouponIn) -> float:
+def _zero(values: FloatArray, name: Series, unit: str, request: CurveCouponIn) -> float:
     """The reading at zero of a series, in SI of its column."""
-    stated = request.zero[name]  # type: ignore[index]  # a name of the request itself
+    stated = request.zero[name]
     if stated != "first":
         quantity = _quantity(name, _gauge_m(request, name))
         return stated * factor(quantity, unit, f"columns.{name}.unit")
-    first = next((value for value in values.tolist() if np.isfinite(value)), None)
-    if first is None:
+    known = values[np.isfinite(values)]
+    if not known.size:
         raise InputError(f"zero.{name}", "is first, and the series holds no number; leave it out")
-    return first
+    return float(known[0])
 
 
 def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:

@@ -55,9 +55,10 @@ FRF_FORMATS: dict[str, Format] = {
 }
 """Media types of files with FRFs."""
 SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
-RECORD_SUFFIXES: dict[str, Format] = {f".{form}": form for form in FORMATS if form != "uff"} | dict.fromkeys(
-    TEXT_NAMES, "csv"
-)
+RECORD_SUFFIXES: dict[str, Format] = {
+    **{f".{form}": form for form in FORMATS if form != "uff"},
+    **dict.fromkeys(TEXT_NAMES, "csv"),
+}
 
 
 class Reading:
