@@ -257,7 +257,10 @@ def _merge_repeated(arrangement: Arrangement) -> tuple[Arrangement, dict[int, Re
 def _contradiction(first: str, other: str, likeness: float) -> str:
     if likeness < -_SAME:
         return f"{first} and {other} are the same FRF with opposite signs: a wrong direction or polarity in one of them"
-    return f"{first} and {other} should be the same FRF but differ (correlation {likeness:.2f}): measure again"
+    return (
+        f"{first} and {other} are stated as the same FRF and differ (correlation {likeness:.2f}): correct the points and "
+        "directions where one of them is another FRF; else measure it again"
+    )
 
 
 def _correlation(arrangement: Arrangement, a: int, b: int) -> float:

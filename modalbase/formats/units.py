@@ -6,6 +6,7 @@ gravity of accelerometers, never the gram.
 """
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
@@ -200,6 +201,22 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
         if quantity is not None and factor_of(quantity, unit) is not None:
             return name[: match.start()], unit
     return name, ""
+
+
+_BESIDE = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")  # members of the structure of an array
+
+
+def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
+    """The unit that a file states of an array, in a text beside it or in the array's name; "" where it states none.
+
+    >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
+    ('g/N', 'm/N')
+    """
+    parent, _, own = name.rpartition(".")
+    beside = [f"{parent}.{end}" if parent else end for end in (*_BESIDE, f"{own}_unit", f"{own}_units")]
+    named = unit_in_name(own, quantity)[1]
+    stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
+    return stated or named
 
 
 def _product(tokens: list[str]) -> tuple[Unit | None, list[str]]:

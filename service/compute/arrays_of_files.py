@@ -34,13 +34,14 @@ from modalbase.formats.records import (
     read_mapping,
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE
+from modalbase.formats.records.mapping import ONE_FILE
 from modalbase.formats.records.recording import Arrays
 from modalbase.formats.records.tdms import read_tdms_head
 from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.records.variables import read_named
 from modalbase.formats.tables import Stated
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
+from service.compute.recordings import AnyRecording, channels_of, looked_at, proposed_recording, recording_of, units_in
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -91,9 +92,8 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
         if not inputs.dry_run:
             why = f"is missing: a {form} holds a recording of hits, or one hit; the file has {', '.join(file.names)}"
             raise Invalid(_dotted("mapping.recording"), why)
-        yield Found(
-            form, "hits", _faults_as(_dotted, lambda: looked_at(file)), propose_recording(file.names, file.units)
-        )
+        shapes = _faults_as(_dotted, lambda: looked_at(file))
+        yield Found(form, "hits", shapes, propose_recording(file.names, file.units), notes=_starts(file))
         return
     if form == "tdms":
         yield from _single_hits(inputs)
@@ -111,7 +111,7 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     if kind == "frfs":
         yield from _mapped_frfs(inputs, form, variables, texts, notes)
     else:
-        yield from _hits(inputs, form, variables, notes)
+        yield from _hits(inputs, form, variables, units_in(variables, texts), notes)
 
 
 def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
@@ -146,15 +146,22 @@ def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
     variables = _faults_as(_dotted, file.arrays)
     described_ = file.table.layout.described(file.table.encoding)
     notes = file.table.notes
-    units = file.units
     if kind == "frfs":
         read: Iterator[Found | TimeBlock | EncodedFrf] = _mapped_frfs(
             inputs, "csv", variables, texts_of(file.table), notes
         )
     else:
-        read = _hits(inputs, "csv", variables, notes, units)
+        read = _hits(inputs, "csv", variables, file.units, notes)
     for item in read:
-        yield replace(item, table=described_) if isinstance(item, Found) else item
+        yield replace(item, table=described_, notes=item.notes + _lonely(item)) if isinstance(item, Found) else item
+
+
+def _lonely(found: Found) -> list[str]:
+    """That force and response of a hit belong in one file, where a file holds one of them alone."""
+    quantities = [channel["quantity"] for channel in found.mapping.get("channels", [])]
+    if None in quantities or not quantities or 0 < quantities.count("force") < len(quantities):
+        return []
+    return [f"the file holds {' and '.join(quantities)} alone; {ONE_FILE}"]
 
 
 def _holds_frfs(mapping: Any, file: TextRecording) -> bool:
@@ -162,6 +169,14 @@ def _holds_frfs(mapping: Any, file: TextRecording) -> bool:
     if mapping is not None:
         return isinstance(mapping, dict) and "frf" in mapping
     return any(is_frequency(name, file.units) for name in file.names)
+
+
+def _starts(file: AnyRecording) -> list[str]:
+    """Which channels begin later than others, and whether they can be aligned."""
+    try:
+        return file.notes(file.names)
+    except FormatError as error:
+        return [str(error)]
 
 
 def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
@@ -234,14 +249,10 @@ def _mapped_frfs(
 
 
 def _hits(
-    inputs: ReadingInputs,
-    form: Format,
-    variables: Variables,
-    notes: list[str],
-    units: dict[str, str] | None = None,
+    inputs: ReadingInputs, form: Format, variables: Variables, units: dict[str, str], notes: list[str]
 ) -> Iterator[Found | TimeBlock]:
     found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run, units=units)
-    recording = proposed_recording(Arrays(variables, units or {})) if inputs.mapping is None else None
+    recording = proposed_recording(Arrays(variables, units)) if inputs.mapping is None else None
     yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
     yield from blocks
 

@@ -22,7 +22,6 @@ from modalbase.formats.records import (
     propose,
     propose_recording,
     read_mapping,
-    read_variables,
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
 from modalbase.formats.records.mapping import LARGEST, MOST_POINT
@@ -30,9 +29,11 @@ from modalbase.formats.records.recording import Arrays, Recording, read_recordin
 from modalbase.formats.records.scale import SI
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
 from modalbase.formats.records.text import TextRecording, open_recording
+from modalbase.formats.records.variables import read_named
 from modalbase.formats.records.wav import Wav, read_wav_head
 from modalbase.formats.tables import Stated
 from modalbase.formats.uff import Limits, TimeResponse, UffError, read_file
+from modalbase.formats.units import unit_beside
 
 Place = tuple[int, int]
 AnyRecording = Wav | Tdms | TextRecording | Arrays
@@ -233,7 +234,13 @@ def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None,
         return _in_si(_blocks_of_uff(path))
     if form == "csv":
         return open_recording(path, Stated.of(table, "mapping.table"))
-    return Arrays(read_variables(path, f".{form}", limit_bytes))
+    variables, texts = read_named(path, f".{form}", limit_bytes)
+    return Arrays(variables, units_in(variables, texts))
+
+
+def units_in(variables: Variables, texts: dict[str, str]) -> dict[str, str]:
+    """Units that the texts of a file state of its arrays."""
+    return {name: unit for name in variables if (unit := unit_beside(name, texts))}
 
 
 def _in_si(blocks: Variables) -> Arrays:

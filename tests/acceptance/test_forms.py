@@ -68,6 +68,8 @@ def test_raw_hits_become_a_printed_report_in_few_clicks(running: Browser, servic
             {"0/sensitivity": known["force_V_per_N"], "1/sensitivity": known["acceleration_V_per_m_s2"]},
         )
         page.fill("[name='channels/1/point']", str(known["sensor_point"]))
+        for n in (0, 1):
+            page.select_option(f"[name='channels/{n}/direction']", "3")
         assert hindrances(page) == []
         seen.click("button:text('Read the file so')")
         page.wait_for_selector("#hits")

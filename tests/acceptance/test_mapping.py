@@ -114,6 +114,9 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser,
         june.locator("[name='recording/order/0/point']").fill("7")
         june.locator("[name='recording/order/0/hits']").fill("2")
         june.locator("[name='channels/1/point']").fill("33")
+        june.locator("[name='channels/1/direction']").select_option("3")
+        for n in (0, 1):
+            june.locator(f"[name='channels/{n}/sensitivity']").fill("1")
         read_so(page, api, "june.tdms")
         assert "has 2 hits, and 3 were found, at 1.00 s" in page.inner_text("#uploaded .faults >> nth=0")
         assert form_of(page, "june.tdms").locator("[name='channels/1/point']").input_value() == "33"
@@ -125,6 +128,8 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser,
         first.locator("select[data-kind]").select_option("filename")
         for name, value in {"0/quantity": "force", "1/quantity": "acceleration"}.items():
             first.locator(f"[name='channels/{name}']").select_option(value)
+        for n in (0, 1):
+            first.locator(f"[name='channels/{n}/direction']").select_option("3")
         for name in ("0/sensitivity", "1/sensitivity"):
             first.locator(f"[name='channels/{name}']").fill("0.25")
         first.locator("[name='channels/1/point']").fill("33")
@@ -139,6 +144,8 @@ def test_recordings_and_mat_files_are_read_by_choosing_columns(running: Browser,
         page.select_option("[name='frf/real']", "Hr")
         page.select_option("[name='frf/imaginary']", "Hi")
         fill(page, "", {"response_point": 33, "reference_point": "4, 5", "factor": 2})
+        for side in ("response", "reference"):
+            page.select_option(f"[name={side}_direction]:visible", "3")
         assert hindrances(page) == []
         read_so(page, api, "frfs.mat")
         page.wait_for_selector("[data-frf-viewer]")
@@ -221,6 +228,10 @@ def test_arrays_that_go_on_over_many_hits_are_offered_as_a_recording(
         known = asked.locator("[name='channels/1/point']").input_value()
         assert known == ("33" if form == "uff" else "")
         asked.locator("[name='channels/1/point']").fill("33")
+        if form != "uff":  # which states units and directions
+            asked.locator("[name='channels/1/direction']").select_option("3")
+            for n in (0, 1):
+                asked.locator(f"[name='channels/{n}/sensitivity']").fill("1")
         press_so(page, api, name)
         assert (name, "succeeded", 6) in counts(api, campaign)
         rows = ok(api.get(f"campaigns/{campaign}/records"))["items"]

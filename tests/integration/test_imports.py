@@ -14,6 +14,7 @@ import pytest
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
 from tests.support.rest import ok
+from tests.support.uff import set_58
 from tests.support.waiting import PATIENCE
 
 Imported = Callable[..., dict[str, Any]]
@@ -103,6 +104,18 @@ def test_a_laboratorys_file_comes_in_whole(
     assert b"".join(bytes(row["data"]) for row in kept) == content
 
 
+def test_a_coherence_goes_to_an_frf_whose_line_at_0_hz_is_left_out(
+    api: httpx.Client, campaign: str, imported: Imported
+) -> None:
+    """Integration leaves 0/0 there in the FRF alone."""
+    gap = set_58(f"{'NaN':>13}{'NaN':>13}{1.0:13.5e}{2.0:13.5e}", kind=5, points=2)
+    done = imported(campaign, gap + set_58(f"{0.25:13.5e}{0.75:13.5e}", kind=2, points=2, function=6))
+    assert [d["outcome"] for d in done["datasets"]] == ["read", "read"], done["datasets"]
+    (frf,) = ok(api.get(f"campaigns/{campaign}/frfs"))["items"]
+    got = ok(api.get(f"frfs/{frf['id']}/data"))
+    assert (got["frequency_hz"], got["frfs"][0]["coherence"]) == ([1.0], [0.75])
+
+
 def test_a_coherence_goes_to_its_frf(api: httpx.Client, campaign: str, imported: Imported) -> None:
     done = imported(campaign, small_file())
     assert done["status"] == "succeeded", done
@@ -113,6 +126,16 @@ def test_a_coherence_goes_to_its_frf(api: httpx.Client, campaign: str, imported:
     assert data["frfs"][0]["real"] == [1.0, 3.0, 5.0]
     assert data["frfs"][0]["imag"] == [2.0, 4.0, -6.0]
     assert data["frfs"][0]["coherence"] == [0.5, 0.75, 1.0]
+
+
+def test_frfs_without_points_are_noted_and_no_computation_says_that_there_are_none(
+    api: httpx.Client, campaign: str, imported: Imported, finished: Callable[[str], dict[str, Any]]
+) -> None:
+    done = imported(campaign, set_58(f"{1.0:13.5e}{2.0:13.5e}", kind=5, points=1, response=(0, 0)))
+    assert "its response has no point and no direction" in done["datasets"][0]["notes"][0]
+    asked = api.post(f"campaigns/{campaign}/identifications", json={})
+    ended = finished(asked.headers["Location"])
+    assert "has 1 FRF, and none states point and direction" in str(ended["error"])
 
 
 def test_a_coherence_without_its_frf_is_reported(campaign: str, imported: Imported) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from modalbase.formats.errors import FormatError
 from modalbase.formats.records import blocks_of, propose, read_mapping
 from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.tables import Stated
@@ -260,6 +261,17 @@ def test_what_a_table_leaves_open_can_be_stated(tmp_path: Path) -> None:
         read(tmp_path, lines, decimal="'")
     with pytest.raises(Invalid, match="is unknown; it has separator"):
         read(tmp_path, lines, comma=True)
+
+
+@pytest.mark.parametrize(("keep", "has", "lacks"), [(1, "force", "a response"), (2, "acceleration", "a force")])
+def test_force_and_response_in_two_files_belong_in_one(tmp_path: Path, keep: int, has: str, lacks: str) -> None:
+    heading = ["Time (s);Hammer (N)", "", "Time (s);ACC (m/s²)"]
+    lines = [heading[keep * 2 - 2], *table([TIME, PLAIN[keep]], ";")]
+    file, found = read(tmp_path, lines)
+    assert f"the file holds {has} alone; all channels of a hit belong in one file" in found.notes[0]
+    mapping = completed(found.mapping, (has,))
+    with pytest.raises(FormatError, match=f"mapping.channels: lack {lacks}; all channels of a hit belong in one file"):
+        read_mapping(mapping, file.units)
 
 
 def test_a_contradictory_unit_is_refused_with_both(tmp_path: Path) -> None:

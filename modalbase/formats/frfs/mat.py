@@ -22,12 +22,12 @@ import numpy as np
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.parts import PARTS, combined, is_parts, names_of, unit_of_values
-from modalbase.formats.frfs.proposal import is_empty, propose_frfs, unit_beside
+from modalbase.formats.frfs.proposal import is_empty, propose_frfs
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.arrays import Variables, is_named, variable
 from modalbase.formats.records.variables import read_named
 from modalbase.formats.types import FloatArray, Quantity
-from modalbase.formats.units import FORCE, RESPONSE, factor_of, read_unit
+from modalbase.formats.units import FORCE, RESPONSE, factor_of, read_unit, unit_beside
 
 _KEYS = ("frequency_hz", "frf", "coherence", *DOFS, "unit", "factor")
 _SAME = 0.01  # by which a stated factor may differ from that of the unit

@@ -9,7 +9,7 @@ from modalbase.formats.dof_names import dof_in_name
 from modalbase.formats.frfs.parts import is_frequency, names_of, propose_parts, unit_of_values
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.records.arrays import Variables
-from modalbase.formats.units import Measured, unit_in_name
+from modalbase.formats.units import unit_beside
 
 _SPECTRA = ("cross", "spec", "psd", "csd")
 """Parts of the names of complex spectra that are no FRFs."""
@@ -21,7 +21,6 @@ _AXIS = {
     "count": ("number_of_values", "count", "n"),
 }
 """Last parts of names of an even axis, in small letters."""
-_UNIT = ("quantity.label", "quantity.unit", "unit", "units", "unit_string")
 _SIDES = {"response": ("primary", "response", "output"), "reference": ("reference", "input", "excit")}
 
 
@@ -65,19 +64,6 @@ def is_empty(given: Any) -> bool:
     return given is None or any(part is None for part in parts)
 
 
-def unit_beside(name: str, texts: Mapping[str, str], quantity: Measured | None = None) -> str:
-    """The unit that a file states of an array, in a text beside it or in the array's name; "" where it states none.
-
-    >>> unit_beside("FRF.y_values.values", {"FRF.y_values.quantity.label": "g/N"}), unit_beside("H (m/N)", {})
-    ('g/N', 'm/N')
-    """
-    parent, _, own = name.rpartition(".")
-    beside = [f"{parent}.{end}" if parent else end for end in (*_UNIT, f"{own}_unit", f"{own}_units")]
-    named = unit_in_name(own, quantity)[1]
-    stated = next((texts[at].strip() for at in beside if texts.get(at, "").strip()), "")
-    return stated or named
-
-
 def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | None:
     """A rising vector, or an even axis as start and step, with the unit that the file states."""
     lines = [
@@ -113,18 +99,21 @@ def _ends(name: str, words: tuple[str, ...]) -> bool:
 
 
 def _dofs(texts: Mapping[str, str], count: int) -> dict[str, Any]:
-    """Points and directions of one FRF whose names the file states; else they are empty, the responses one by one."""
+    """Points and directions that the file states in names; else they are empty, the responses one by one."""
     found: dict[str, Any] = dict.fromkeys(DOFS)
-    for side, words in _SIDES.items():
-        named = {
-            dof
-            for name, text in texts.items()
-            if any(word in name.lower() for word in words) and (dof := dof_in_name(text)) is not None
-        }
-        if count == 1 and len(named) == 1:
-            found[f"{side}_point"], found[f"{side}_direction"] = named.pop()
     if 1 < count <= _MOST_EMPTY:
         found["response_point"] = [None] * count
+    for side, words in _SIDES.items():
+        named = {
+            tuple(dof_in_name(line) for line in text.split("\n"))
+            for name, text in texts.items()
+            if any(word in name.lower() for word in words)
+        }
+        whole = [dofs for dofs in named if None not in dofs and len(dofs) in (1, count)]
+        if len(whole) == 1:
+            points, directions = ([dof[part] for dof in whole[0] if dof is not None] for part in (0, 1))
+            for what, numbers in (("point", points), ("direction", directions)):
+                found[f"{side}_{what}"] = numbers[0] if len(set(numbers)) == 1 else numbers
     return found
 
 

@@ -72,7 +72,7 @@ def _channel(name: str, units: Mapping[str, str]) -> dict[str, Any]:
     return {
         "variable": name,
         "quantity": None if by_name and by_unit and by_name != by_unit else by_unit or by_name,
-        "unit": " or ".join(texts) or None,
+        "unit": texts[0] if len(texts) == 1 else None,
         **({} if by_unit else {"sensitivity": None}),
         "point": int(place[1]) or None if place else None,
         "direction": int(place[2]) if place else None,

@@ -12,7 +12,8 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.units import DIMENSIONS, VOLTAGE, Unit, known_units, read_unit, unit_in_name
 
 _SAME = 0.01  # by which a stated sensitivity may differ from what the unit says
-_NUMBER_AND_UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(\S.*?)\s*")
+_NUMBER = re.compile(r"(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?")
+_NUMBER_AND_UNIT = re.compile(rf"\s*({_NUMBER.pattern})\s*(\S.*?)\s*")
 SI = {"force": "N", "acceleration": "m/s²", "velocity": "m/s", "displacement": "m"}
 """The unit of each quantity that blocks are stored in."""
 
@@ -47,6 +48,8 @@ def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: st
     """
     text = _unit(channel, in_file, place)
     unit, quantity, given = read_unit(text), channel["quantity"], channel.get("sensitivity")
+    if isinstance(given, str) and _NUMBER.fullmatch(given.strip()):
+        given = float(given.replace(",", "."))
     if unit is not None and unit.dimension == DIMENSIONS[quantity]:
         return _of_si(unit, text, given, place)
     if unit is not None and unit.dimension != VOLTAGE:
@@ -112,4 +115,4 @@ def _read(text: str, quantity: str, place: str) -> float:
         raise FormatError(
             f"{place}.sensitivity", f'is {text!r}, expected a number, or a text such as "2.25 mV/{SI[quantity]}"'
         )
-    return float(match[1]) * unit.factor
+    return float(match[1].replace(",", ".")) * unit.factor

@@ -21,6 +21,7 @@ from modalbase.formats.records.wav import read_wav_head
 
 _DEEPEST = 8
 _LONGEST_TEXT = 1000
+_MOST_ELEMENTS = 10_000  # of a list of structures
 _COMPRESSED = 15  # type of a compressed element of a .mat of version 7
 _BLOCK_BYTES = 1 << 20
 
@@ -45,7 +46,7 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
 def read_named(
     path: Path, suffix: str | None = None, limit_bytes: int | None = None
 ) -> tuple[Variables, dict[str, str]]:
-    """The numeric arrays of a file by name, and its texts, by which analysers name units and points.
+    """The numeric arrays of a file by name, and its texts, by which analysers name units and points; several have a line each.
 
     Raises:
         FormatError: as of `read_variables`.
@@ -66,9 +67,8 @@ def read_named(
     numbers = {name: array for name, array in found.items() if array.dtype.kind in "fiuc" and array.size}
     if not numbers:
         raise FormatError("", "holds no numeric array")
-    texts = {
-        name: str(array.item()).strip() for name, array in found.items() if array.dtype.kind == "U" and array.size == 1
-    }
+    words = {name: array for name, array in found.items() if array.dtype.kind == "U" and array.size < _LONGEST_TEXT}
+    texts = {name: "\n".join(str(one).strip() for one in np.ravel(array)) for name, array in words.items()}
     return numbers, texts
 
 
@@ -134,14 +134,24 @@ def _require_inflated(path: Path, limit_bytes: int | None) -> None:
 
 
 def _flatten(name: str, value: np.ndarray[Any, Any], into: Variables, depth: int = 0) -> None:
-    """The arrays of a structure by their path, `measurement.frf`; of lists of structures, none."""
+    """The arrays of a structure by their path, `measurement.frf`. Those of a list of structures that have one shape lie one
+    behind the other, and what is the same in all of them stands once.
+    """
     if value.dtype.names is None:
         into[name] = value
-    elif value.size == 1 and depth < _DEEPEST:
-        for field in value.dtype.names:
-            inner = value.reshape(-1)[0][field]
-            if isinstance(inner, np.ndarray):
-                _flatten(f"{name}.{field}", inner, into, depth + 1)
+    elif value.size <= _MOST_ELEMENTS and depth < _DEEPEST:
+        elements: list[Variables] = []
+        for each in value.reshape(-1):
+            elements.append({})
+            for field in value.dtype.names:
+                if isinstance(inner := each[field], np.ndarray):
+                    _flatten(f"{name}.{field}", inner, elements[-1], depth + 1)
+        for path, first in elements[0].items() if elements else ():
+            parts = [element[path] for element in elements if path in element]
+            if all(np.array_equal(part, first) for part in parts[1:]) and len(parts) == len(elements):
+                into[path] = first
+            elif len(parts) == len(elements) and {part.shape for part in parts} == {first.shape}:
+                into[path] = np.stack(parts)
 
 
 def _mat73(path: Path, limit_bytes: int | None) -> Variables:

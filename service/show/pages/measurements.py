@@ -28,7 +28,7 @@ from service.store.imports.routes import ImportOut
 from service.store.modes import routes as modes
 from service.store.modes.operations import mode_set_for
 from service.store.records import routes as records
-from service.store.records.schemas import HitDecisionOut, RecordOut
+from service.store.records.schemas import HitDecisionOut, Proposal, RecordOut
 from service.store.structures import model_routes as models
 from service.store.updating import routes as updating
 from service.web.routing import page_router
@@ -169,10 +169,20 @@ def _reports(sent: Sequence[ImportOut]) -> list[ImportOut]:
 def _starts(looked_at: Sequence[ImportOut], sent: Sequence[ImportOut]) -> dict[UUID, Any]:
     """The mapping that the form of each file begins with: as it was last stated of these arrays, else as they suggest it."""
     return {
-        row.id: next((each.mapping for each in sent if _says_of(each, row)), row.found.mapping)
+        row.id: _overruling(next((each.mapping for each in sent if _says_of(each, row)), row.found.mapping), row.found)
         for row in looked_at
         if row.found is not None
     }
+
+
+def _overruling(mapping: dict[str, Any], found: Proposal) -> dict[str, Any]:
+    """A mapping whose units are shown beside those of the file, so that what a person then types in their place counts."""
+    own = {each["variable"]: each["unit"] for each in found.mapping.get("channels", ()) if each.get("unit")}
+    if not own or not isinstance(mapping.get("channels"), list):
+        return mapping
+    beside = [own.get(channel.get("variable")) for channel in mapping["channels"]]
+    channels = [{"unit": unit, **c, "instead_of": unit} for c, unit in zip(mapping["channels"], beside, strict=True)]
+    return {**mapping, "channels": channels}
 
 
 def _says_of(stated: ImportOut, row: ImportOut) -> bool:

@@ -259,7 +259,17 @@ class MeasuredCampaign:
     inputs: CampaignInputs  # how well is known what the test was done with
     points: dict[int, tuple[float, float, float]]  # label to coordinates in the specimen's frame, m
     frf_sets: tuple[MeasuredFrfs, ...]  # one per quantity and frequency axis, the largest first
-    warnings: tuple[str, ...]  # what was left out, and why
+    warnings: tuple[str, ...]  # FRFs that were left out, and why
+
+    def without_frfs(self, none: str) -> str:
+        """Why no FRF can be used: it has `none`, which says what to do, or none of those that it has states its place."""
+        if not self.warnings:
+            return none
+        count = len(self.warnings)
+        return (
+            f"has {count} {'FRF' if count == 1 else 'FRFs'}, and none states point and direction of response and reference "
+            "(0 in the file): state them in the file, delete its import, and import it again"
+        )
 
 
 def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampaign:

@@ -188,9 +188,9 @@ async def _frfs(
             f"the body is {upload.content_type or 'of no stated type'}, "
             "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
         )
-    if form != "npz" and quantity is None:
+    stated = read_mapping(mapping, upload) if form != "npz" else None
+    if form != "npz" and quantity is None and stated is None:
         raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
-    stated = read_mapping(mapping, upload) if form == "mat" else None
     name = upload.filename or f"frfs.{form}"
     wanted = Import(filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated)
     yield await reading.of(campaign_id, upload.file, wanted)

@@ -282,7 +282,7 @@ class IdentificationIn(PolesIn):
 def _load(session: Session, row: Identification, _workspace: Path) -> IdentificationInputs:
     campaign = load_measured_campaign(session, row.campaign_id)
     if not campaign.frf_sets:
-        raise InputError("campaign", "has no FRFs; import some, or process its hits")
+        raise InputError("campaign", campaign.without_frfs("has no FRFs; import some, or process its hits"))
     asked = IdentificationIn.model_validate(row.options)
     frfs = tuple(used.frfs for used in campaign.frf_sets)
     windows = [remark for used in campaign.frf_sets for remark in used.window_remark]

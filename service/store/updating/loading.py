@@ -61,7 +61,9 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
         if records is None:
             raise InputError(
                 "campaign",
-                "has no FRFs and no time blocks; import a UFF file or POST records first, or name a mode set in the recipe",
+                campaign.without_frfs(
+                    "has no FRFs and no time blocks; import a UFF file or POST records first, or name a mode set in the recipe"
+                ),
             )
         campaign = _with_sensor_of(campaign, records)
     used, modes, inputs = _measured(session, campaign, recipe)
@@ -313,7 +315,8 @@ def _campaign(
     """One campaign of a joint update; `names` are its own and its specimen's, `first` the first campaign's structure."""
     recipe = job.recipe or common
     if not campaign.frf_sets and recipe.mode_set is None:
-        raise InputError("campaign_id", "has no FRFs; import some, or name a mode set in this job's recipe")
+        none = "has no FRFs; import some, or name a mode set in this job's recipe"
+        raise InputError("campaign_id", campaign.without_frfs(none))
     if roving_mass(campaign) and recipe.mode_set is None:
         raise InputError(
             "campaign_id", "had a sensor that moved, so its FRFs have no common modes; name a mode set in its recipe"

@@ -29,7 +29,7 @@ function valueOf(input) {
   if (input.type === "checkbox") return input.checked || undefined;
   if ("truth" in input.dataset) return { true: true, false: false, null: null }[input.value];
   const text = input.value.trim();
-  if (text === "") return undefined;
+  if (text === "") return "asked" in input.dataset ? null : undefined;
   if ("pairs" in input.dataset) return Object.fromEntries(text.split("\n").filter((row) => row.trim()).map((row) => { const [key, ...rest] = row.split(":"); return [key.trim(), rest.join(":").trim()]; }));
   if ("table" in input.dataset) return text.split("\n").filter((row) => row.trim()).map(pointOf);
   if ("numbers" in input.dataset && "scale" in input.dataset) return text.split(/[\s,;]+/).map((part) => inSI(input, part));
@@ -323,7 +323,7 @@ function fill(input, value) {
   if (!input) return;
   const shown = (one) => (one?.variable ? one.variable : input.dataset.scale ? Number((one / Number(input.dataset.scale)).toPrecision(12)) : one);
   if (input.type === "checkbox") input.checked = Boolean(value);
-  else input.value = [value].flat().map(shown).join(", ");
+  else input.value = [value].flat().filter((one) => one !== null).map(shown).join(", ");
   const closed = input.closest("details:not([open])");
   if (closed) closed.open = true;
 }
@@ -343,12 +343,24 @@ function begin() {
   }
   for (const kind of document.querySelectorAll("select[data-kind]:not([data-begun])")) { kind.dataset.begun = ""; followKind(kind); }
   for (const form of document.querySelectorAll("form[data-arrays]")) {
+    require(form);
     const label = form.querySelector("label:has([data-alike])"), others = alike(form).map((other) => other.dataset.name);
     label.hidden = !others.length;
     label.querySelector("span").textContent = `Read ${others.join(", ")} so, too`;
   }
   if (!sending) for (const form of document.querySelectorAll("form[data-at-once]")) { delete form.dataset.atOnce; submitted(form, () => readSo(form)); }
 }
+/* What a mapping still lacks: where the hits are in turn, the force needs no place; samples in a unit of their own no sensitivity. */
+function require(form) {
+  const inTurn = form.querySelector("[data-kind]:not([hidden])")?.value, listed = form.querySelector("[name^='recording/order/']");
+  for (const row of form.querySelectorAll("[data-rows=channels] .one")) {
+    const at = (name) => row.querySelector(`[data-field=${name}]`), isForce = at("quantity").value === "force";
+    at("point").required = !(isForce && ((inTurn === "order" && listed) || inTurn === "filename"));
+    at("direction").required = !(isForce && inTurn === "order" && listed);
+    at("sensitivity").required = /^(m?v)?$/i.test(at("unit").value.trim());
+  }
+}
+for (const name of ["input", "change", "click"]) document.addEventListener(name, ({ target }) => { const form = target.closest?.("form[data-arrays]"); if (form) require(form); });
 /* Of a form the parts that a choice leaves out are neither seen nor sent nor asked for. */
 function leaveOut(part, out) {
   part.hidden = out;

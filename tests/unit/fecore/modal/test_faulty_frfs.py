@@ -94,7 +94,7 @@ def test_sets_of_repeats_that_all_contradict_one_another_and_of_two_quantities(g
     with pytest.raises(IdentificationError, match=r"all FRFs contradict their repeats: .*opposite signs"):
         screen([good, replace(good, values=-good.values)])
     with pytest.raises(
-        IdentificationError, match=r"should be the same FRF but differ \(correlation 0\.\d\d\): measure again"
+        IdentificationError, match=r"stated as the same FRF and differ \(correlation 0\.\d\d\): correct the points"
     ):
         screen([good, replace(good, values=good.values[:, ::-1])])
     constant = np.where(np.arange(33)[:, None] == 4, 2 + 1j, good.values)

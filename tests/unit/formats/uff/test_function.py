@@ -73,7 +73,7 @@ def test_uneven_axes(read: Read, kind: int, rows: list[str], expected: list[comp
          "the abscissa does not increase at point 2"),
         ([PLAIN], {"response": (7, 9)}, "the response direction is 9, expected -6 to 6"),
         ([PLAIN], {"reference": (-7, 3)}, "expected positive labels"),
-        ([PLAIN.replace("   2.00000000000e+00", "                 NaN")], {"start": "1.0"}, "number 1 (at 1); only one at 0 Hz"),
+        ([PLAIN.replace("   2.00000000000e+00", "                 NaN")], {"start": "1.0"}, "(at 1); only one at 0 Hz"),
         ([PLAIN.replace("   2.00000000000e+00", "            Infinity")], {"start": "1.0"}, "is number 1 (at 1)"),
         ([PLAIN.replace("   4.00000000000e+00", "                 NaN")], {}, "'NaN' is not a number"),
         ([PLAIN.replace("   2.00000000000e+00", "********************")], {}, "is not a number"),

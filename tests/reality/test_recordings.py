@@ -1,0 +1,258 @@
+"""Recordings as laboratories send them: units, names and start times of the file count, and what it lacks is asked for."""
+
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from modalbase.formats.records import TimeBlock, propose, read_variables
+from service.compute.arrays_of_files import Found, hits_of
+from service.compute.reading import Kept
+from service.errors import Invalid
+from tests.support.reality import kept, reality
+from tests.unit.fecore.signal.test_recording import RATE, recording
+
+nptdms = pytest.importorskip("nptdms", reason="npTDMS is not installed: pip install 'modalbase[tdms]'")
+POUND, GRAVITY = 4.4482216152605, 9.80665
+
+
+def proposed(path: Path) -> dict[str, Any]:
+    (found,) = kept(path, dry_run=True)
+    assert isinstance(found, Found)
+    return found.mapping
+
+
+def placed(mapping: dict[str, Any], **changes: Any) -> dict[str, Any]:
+    """The proposal with what it asks for: hit at point 1, response at 2, along z; and changes of the second channel."""
+    mapping = deepcopy(mapping)
+    for point, channel in enumerate(mapping["channels"], 1):
+        channel.update(point=point, direction=3)
+    mapping["channels"][1].update(changes)
+    return mapping
+
+
+def blocks_in(items: list[Kept]) -> list[TimeBlock]:
+    return [item for item in items if isinstance(item, TimeBlock)]
+
+
+def peaks(items: list[Kept], quantity: str) -> list[float]:
+    return [float(np.abs(b.samples).max()) for b in blocks_in(items) if b.quantity == quantity]
+
+
+def first_frf(items: list[Kept], hz: float) -> float:
+    """|H21| of the first hit at a frequency."""
+    force, response = (np.asarray(block.samples, dtype=float) for block in blocks_in(items)[:2])
+    times = np.arange(force.size) / blocks_in(items)[0].sample_rate_hz
+    at = np.exp(-2j * np.pi * hz * times)
+    return float(abs(at @ (response - response[:200].mean())) / abs(at @ (force - force[:200].mean())))
+
+
+def fault_of(path: Path, mapping: dict[str, Any]) -> str:
+    with pytest.raises(Invalid) as refused:
+        kept(path, mapping)
+    return "; ".join(f"{fault.pointer}: {fault.detail}" for fault in refused.value.faults)
+
+
+def test_g_and_lbf_of_a_tdms_are_used() -> None:
+    path = reality("rec_g_lbf.tdms")
+    mapping = proposed(path)
+    assert [(c["quantity"], c["unit"], "sensitivity" in c) for c in mapping["channels"]] == [
+        ("force", "lbf", False),
+        ("acceleration", "g", False),
+    ]
+    items = kept(path, placed(mapping))
+    assert len(blocks_in(items)) == 8
+    assert all(95 < peak < 113 for peak in peaks(items, "force"))
+    assert 2.0 < first_frf(items, 31.0) < 2.51
+
+
+def test_a_proposal_that_is_sent_as_it_came_is_refused_and_names_what_is_empty() -> None:
+    path = reality("rec_g_lbf.tdms")
+    fault = fault_of(path, proposed(path))
+    for number in (0, 1):
+        for member in ("point", "direction"):
+            assert f"/mapping/channels/{number}/{member}: is empty" in fault
+
+
+def test_a_recording_of_one_hit_says_so_and_is_taken_as_one_hit() -> None:
+    path = reality("rec_one_hit.tdms")
+    mapping = placed(proposed(path))
+    fault = fault_of(path, mapping)
+    assert "holds 1 hit, at 0.02 s (95.4 N)" in fault
+    assert "leave `recording` out" in fault
+    alone = {name: value for name, value in mapping.items() if name != "recording"}
+    (force, response) = blocks_in(kept(path, alone))
+    assert (force.force_point, response.point, force.hit, force.samples.size) == (1, 2, 1, 4096)
+    assert np.abs(force.samples).max() == pytest.approx(95.4, rel=1e-3)
+
+
+def test_channels_that_begin_at_different_times_are_aligned() -> None:
+    path = reality("rec_start_offset.tdms")
+    items = kept(path, placed(proposed(path)))
+    assert isinstance(items[0], Found)
+    assert any("begins 20 samples (9.766 ms) after Log/Hammer" in note for note in items[0].notes)
+    force, response = blocks_in(items)[:2]
+    hit = int(np.argmax(np.abs(force.samples)))
+    moved = int(np.argmax(np.abs(response.samples) > 0.2 * np.abs(response.samples).max()))
+    assert -5 <= moved - hit <= 5  # it was 20 samples before the hit
+    assert 2.0 < first_frf(items, 31.0) < 2.51
+
+
+# --- variants that are made here --------------------------------------------------------------------------------------
+
+
+def made(folder: Path, names: tuple[str, str], *properties: dict[str, Any], late: int = 0) -> Path:
+    """Two hits of 1 N in TDMS; the response begins so many samples late."""
+    path = folder / "made.tdms"
+    force, response = recording([1.0, 4.0], [1.0, 0.6], 7.0)
+    with nptdms.TdmsWriter(path) as file:
+        rows = (force[: force.size - late], response[late:])
+        file.write_segment(
+            [
+                nptdms.ChannelObject("Log", name, row, {"wf_increment": 1 / RATE, **own})
+                for name, row, own in zip(names, rows, properties, strict=True)
+            ]
+        )
+    return path
+
+
+@pytest.mark.parametrize(
+    ("names", "units", "factor"),
+    [
+        (("Hammer", "ACC"), ("N", "m/s^2"), 1.0),
+        (("Hammer", "ACC"), ("kN", "mm/s2"), 1e-6),
+        (("Hammer [lbf]", "ACC (g)"), (None, None), GRAVITY / POUND),
+        (("Hammer [lbf]", "ACC (g)"), ("LBF", "G"), GRAVITY / POUND),
+        (("ch 1", "ch 2"), ("N", "in/s²"), 0.0254),
+        (("force_N", "acc_g"), (None, None), GRAVITY),
+        (("force [N]", "vel. {ips}"), (None, None), 0.0254),
+    ],
+)
+def test_units_of_properties_and_names_are_used(
+    tmp_path: Path, names: tuple[str, str], units: tuple[str | None, str | None], factor: float
+) -> None:
+    path = made(tmp_path, names, *({"unit_string": unit} if unit else {} for unit in units))
+    force, response = blocks_in(kept(path, placed(proposed(path))))[:2]
+    plain = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "N"}, {"unit_string": "m/s^2"})
+    same_force, same = blocks_in(kept(plain, placed(proposed(plain))))[:2]
+    ratio = np.abs(response.samples).max() / np.abs(force.samples).max()
+    expected = factor * np.abs(same.samples).max() / np.abs(same_force.samples).max()
+    assert ratio == pytest.approx(expected, rel=1e-5)
+
+
+def test_volts_ask_for_a_sensitivity_and_take_one_with_its_unit(tmp_path: Path) -> None:
+    path = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "N"}, {"unit_string": "mV"})
+    mapping = proposed(path)
+    assert (mapping["channels"][1]["unit"], mapping["channels"][1]["sensitivity"]) == ("mV", None)
+    assert "/channels/1/sensitivity: is missing: the file is in 'mV', volts" in fault_of(path, placed(mapping))
+    assert 'state "100 mV/m/s²" or "100 V/m/s²"' in fault_of(path, placed(mapping, sensitivity=100))
+    by_text, in_volts = (
+        blocks_in(kept(path, placed(mapping, sensitivity=text)))[1].samples for text in ("100 mV/g", "0.1 V/g")
+    )
+    np.testing.assert_allclose(by_text, in_volts, rtol=1e-12)
+    (raw,) = (
+        b for b in blocks_in(kept(path, placed(mapping, sensitivity="1 mV/(m/s²)"))) if b.hit == 1 and b.point == 2
+    )
+    np.testing.assert_allclose(by_text, raw.samples * GRAVITY / 100, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "changes", "fault"),
+    [
+        ("g", {"sensitivity": 1.0}, "is 1.0, and the unit 'g' says that the samples are no volts"),
+        ("g", {"sensitivity": "100 mV/g"}, "is '100 mV/g', and the unit 'g' says"),
+        ("g", {"unit": "m/s^2"}, "is 'm/s^2', and the file states 'g'"),
+        ("lbf", {"quantity": "acceleration"}, "is 'acceleration', and the unit 'lbf' is a unit of force"),
+        ("g", {"unit": "V", "instead_of": "mV"}, "is 'mV', and the file states 'g'"),
+        ("EU", {}, "the file is in 'EU', no unit that is known here"),
+        ("pC", {}, "the file is in 'pC', no unit that is known here"),
+        ("m/s²", {"unit": "furlong"}, "is 'furlong', which is no unit that is known here"),
+        (None, {}, "is empty: the file states no unit"),
+    ],
+)
+def test_what_contradicts_or_lacks_is_refused_with_both(
+    tmp_path: Path, unit: str | None, changes: dict[str, Any], fault: str
+) -> None:
+    path = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "N"}, {"unit_string": unit} if unit else {})
+    mapping = proposed(path)
+    mapping["channels"][1]["quantity"] = "acceleration"
+    if changes:
+        mapping["channels"][1].pop("unit", None)
+    assert fault in fault_of(path, placed(mapping, **changes))
+
+
+def test_a_wrong_unit_of_a_file_is_overruled_by_naming_it(tmp_path: Path) -> None:
+    path = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "Volts"}, {"unit_string": "g"})
+    mapping = placed(proposed(path))
+    mapping["channels"][0] |= {"unit": "N", "instead_of": "Volts", "sensitivity": None}
+    assert peaks(kept(path, mapping), "force")[0] == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_name_that_contradicts_the_property_is_asked_for(tmp_path: Path) -> None:
+    path = made(tmp_path, ("Hammer", "ACC (g)"), {"unit_string": "N"}, {"unit_string": "m/s^2"})
+    mapping = proposed(path)
+    assert mapping["channels"][1]["unit"] is None
+    assert "is stated in the file as 'm/s^2' and 'g'" in fault_of(path, placed(mapping))
+    assert len(blocks_in(kept(path, placed(mapping, unit="g")))) == 4
+
+
+@pytest.mark.parametrize("which", ["wf_start_offset", "wf_start_time"])
+@pytest.mark.parametrize("late", [1, 37])
+def test_offsets_and_start_times_align(tmp_path: Path, which: str, late: int) -> None:
+    units: tuple[dict[str, Any], ...] = ({"unit_string": "N"}, {"unit_string": "m/s^2"})
+    whole = blocks_in(kept(path := made(tmp_path, ("Hammer", "ACC"), *units), placed(proposed(path))))
+    if which == "wf_start_offset":
+        starts: list[dict[str, Any]] = [{which: 0.0}, {which: late / RATE}]
+    else:
+        first = np.datetime64("2024-03-03T10:00:00.000000", "us")
+        starts = [{which: first}, {which: first + np.timedelta64(round(late / RATE * 1e6), "us")}]
+    both = [{**unit, **start} for unit, start in zip(units, starts, strict=True)]
+    again = blocks_in(kept(path := made(tmp_path, ("Hammer", "ACC"), *both, late=late), placed(proposed(path))))
+    assert len(again) == len(whole)
+    for one, other in zip(again, whole, strict=True):
+        n = min(one.samples.size, other.samples.size)
+        np.testing.assert_allclose(one.samples[:n], other.samples[:n], atol=1e-5)
+
+
+def test_a_start_between_two_samples_is_refused_by_name(tmp_path: Path) -> None:
+    units = ({"unit_string": "N"}, {"unit_string": "m/s^2", "wf_start_offset": 2.5 / RATE})
+    path = made(tmp_path, ("Hammer", "ACC"), *units)
+    assert "2.5 samples: they can be aligned by whole samples alone" in fault_of(path, placed(proposed(path)))
+
+
+def test_names_of_arrays_and_of_their_time_axis_state_units(tmp_path: Path) -> None:
+    force, response = recording([1.0], [1.0], 3.0)
+    path = tmp_path / "hits.npz"
+    np.savez(path, **{"Hammer [lbf]": force, "ACC (g)": response, "time_ms": np.arange(force.size) * 1e3 / RATE})
+    variables = read_variables(path)
+    mapping = propose(variables)
+    assert mapping["sample_rate_hz"] == {"variable": "time_ms"}
+    assert [(c["quantity"], c["unit"]) for c in mapping["channels"]] == [("force", "lbf"), ("acceleration", "g")]
+    _, (hit, moved) = hits_of(variables, placed(mapping), dry_run=False)
+    assert hit.sample_rate_hz == pytest.approx(RATE)
+    np.testing.assert_allclose(hit.samples, force * POUND, rtol=1e-12)
+    np.testing.assert_allclose(moved.samples, response * GRAVITY, rtol=1e-12)
+
+
+def test_a_file_without_units_says_nothing_of_them() -> None:
+    force, response = recording([1.0], [1.0], 3.0)
+    mapping = propose({"force": force, "resp_2": response, "fs": np.array(RATE)})
+    named = {c["variable"]: c for c in mapping["channels"]}
+    empty = {"unit": None, "sensitivity": None, "point": None, "direction": None}
+    assert {k: named["force"][k] for k in empty} == empty
+    assert named["resp_2"]["quantity"] is None
+
+
+def test_a_text_beside_an_array_of_a_mat_states_its_unit(tmp_path: Path) -> None:
+    force, response = recording([1.0], [1.0], 3.0)
+    path = tmp_path / "hit.mat"
+    channel = {"values": response, "quantity": {"label": "g"}}
+    savemat(path, {"fs": RATE, "hammer": {"data": force, "unit": "lbf"}, "acc": channel})
+    mapping = proposed(path)
+    assert {c["variable"]: c["unit"] for c in mapping["channels"]} == {"hammer.data": "lbf", "acc.values": "g"}
+    hit, moved = blocks_in(kept(path, placed(mapping)))
+    np.testing.assert_allclose(hit.samples, force * POUND, rtol=1e-12)
+    np.testing.assert_allclose(moved.samples, response * GRAVITY, rtol=1e-12)
