@@ -58,11 +58,7 @@ class Stated:
             return cls()
         if not isinstance(document, dict):
             raise FormatError(place, "is not an object")
-        expected = {
-            "separator": tuple(SEPARATORS),
-            "decimal": (".", ","),
-            "encoding": ENCODINGS,
-        }
+        expected = {"separator": tuple(SEPARATORS), "decimal": (".", ","), "encoding": ENCODINGS}
         faults = [
             (f"{place}.{name}", f"is unknown; it has {', '.join((*expected, 'first_line'))}")
             for name in sorted(document.keys() - {*expected, "first_line"})
@@ -154,7 +150,7 @@ def row_of(line: str, number: int, separator: str) -> Row:
     bare = line.strip() if separator == " " else line.strip("\r\n")
     lead = bare.lstrip()[:1]
     if lead and lead in _COMMENTS:
-        rest = bare.lstrip()[1:].lstrip(_COMMENTS)
+        rest = bare.lstrip().lstrip(_COMMENTS)
         if rest.strip() and not (separator != " " and rest.lstrip(" ").startswith(separator)):
             return Row(number, split(rest.strip(" "), separator, number), is_comment=True)
     return Row(number, split(bare, separator, number))
@@ -261,13 +257,12 @@ class _Split:
             for i, k in enumerate(self.kinds)
             if k in ("text", "date")
         ]
-        used = tuple(row.line for row in headings if row is not units_row)
         return Layout(
             self.separator,
             decimal,
             max([len(self.kinds), *(row.width for row in headings)]),
             columns,
-            tuple(sorted(used)),
+            tuple(sorted(row.line for row in headings if row is not units_row)),
             None if units_row is None else units_row.line,
             data[0].line,
             tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[:_MOST_WORDS],
