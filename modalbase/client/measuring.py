@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 AXES = ("x", "y", "z")
-METRES = {"m": 1.0, "mm": 1e-3}
 HEADER = "label,x_mm,y_mm,z_mm, or with _m for metres; z may be left out"
 
 
@@ -55,39 +54,25 @@ def points(
 def read_points(file: Path) -> list[dict[str, Any]]:
     """Grid points of a CSV file, in metres as REST has them.
 
-    Cells are parted by commas, semicolons or tabs; a comma inside a number of the latter two is a decimal comma.
-
     Raises:
         ClientError: the file is no such table; names the line.
     """
-    from modalbase.formats.columns import read_columns, real, whole
     from modalbase.formats.errors import FormatError
+    from modalbase.formats.points import read_points as rows_of
+    from modalbase.formats.tables import real, whole
 
     try:
-        with file.open(encoding="utf-8-sig", newline="") as text:
-            head, rows = read_columns(text, decimal_commas=";\t")
-            columns = list(zip(head, _members(file, head), strict=True))
-            found = []
-            for line, row in rows:
-                point: dict[str, Any] = {"z_m": 0.0}
-                for (name, member), cell in zip(columns, row, strict=True):
-                    place = f"line {line}, {name}"
-                    point[member] = whole(cell, place) if member == "label" else real(cell, place) * METRES[name[2:]]
-                found.append(point)
-            return found
-    except (OSError, UnicodeDecodeError) as error:
-        raise ClientError(f"{file} is no text in UTF-8: {error}", Exit.USAGE) from None
+        return [
+            {
+                name: whole(cell, f"line {line}, label") if name == "label" else real(cell, f"line {line}, {name[0]}")
+                for name, cell in point.items()
+            }
+            for line, point in rows_of(file)
+        ]
+    except OSError as error:
+        raise ClientError(f"{file} cannot be read: {error}", Exit.USAGE) from None
     except FormatError as error:
         raise ClientError(f"{file}, {error}", Exit.USAGE) from None
-
-
-def _members(file: Path, head: list[str]) -> list[str]:
-    """Which member of a point each column is."""
-    known = {f"{axis}_{unit}": f"{axis}_m" for axis in AXES for unit in METRES}
-    found = [{**known, "label": "label", "point": "label"}.get(name, "") for name in head]
-    if "" in found or len(set(found)) < len(head) or not {"label", "x_m", "y_m"} <= set(found):
-        raise ClientError(f"{file}, line 1: is {','.join(head)[:200]!r}, expected {HEADER}", Exit.USAGE)
-    return found
 
 
 def import_files(

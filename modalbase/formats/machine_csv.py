@@ -3,14 +3,14 @@
 What machines do and what becomes of it:
 
 - a preamble, blank lines, remarks between or after the data: passed over, remarks are quoted in the notes;
-- BOM, UTF-8, UTF-16, else cp1252; tabs, semicolons or commas; decimal comma: found out, and said in the result;
+- encodings, separators, decimal signs, times of day: as `modalbase.formats.tables` finds them out, and said in the result;
 - a header that comes again, or time that goes back: the machine was restarted, and each run stands alone;
-- units: stated by the caller, in the header (`Load (kN)`) or in a line of units below it. Never guessed; where two of these
-  disagree the file is refused;
+- units: stated by the caller, in the header (`Load (kN)`, `Load_kN`) or in a line of units below or above it. Never guessed;
+  where two of these disagree the file is refused. A name in brackets, `Strain (Strain 1)`, is no unit;
 - an empty cell is NaN; a cell that is no number is refused with its line and column.
 """
 
-import csv
+import io
 import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -20,64 +20,11 @@ from typing import Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.tables.layout import SEPARATORS, Row, joined_brackets, row_of
+from modalbase.formats.tables.numbers import Clock, is_number, kind_of, number_reader
+from modalbase.formats.tables.reader import encoding_of, open_table
 from modalbase.formats.types import FloatArray
-from modalbase.formats.units import factor_of, known_units, plain
-
-_NUMBER = re.compile(r"[+-]?(\d[\d.,]*|[.,]\d+)([eE](-\d{1,3}|\+?0?\d{1,2}))?")
-_GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(\{mark}\d{{3}})+") for mark in ".,"}
-_OTHER = {".": ",", ",": "."}
-
-
-def is_number(cell: str) -> bool:
-    """Whether a cell is written as a number, whatever its decimal sign.
-
-    >>> is_number("1,25e-3"), is_number("2.5E+003"), is_number("12 kN"), is_number("1e999")
-    (True, True, False, False)
-    """
-    return _NUMBER.fullmatch(cell) is not None
-
-
-def number_reader(cells: Sequence[str], decimal: str | None, delimiter: str) -> tuple[str, Callable[[str], float]]:
-    """The decimal sign of a table, and a function that reads its cells; an empty cell is NaN.
-
-    A point alone is a decimal point. Commas are decimal unless all of them could be grouped thousands, as in `1,234`; that
-    a reader cannot know, so it must be stated.
-
-    Raises:
-        FormatError: the sign is ambiguous, or (from the function) a cell does not fit it.
-    """
-    sign = decimal or _decimal_sign(cells, delimiter)
-    other = _OTHER[sign]
-
-    def read(cell: str) -> float:
-        if not cell:
-            return float("nan")
-        mantissa = re.split("[eE]", cell)[0]
-        whole, _, fraction = mantissa.partition(sign)
-        if other in fraction or sign in fraction or (other in whole and not _GROUPED[other].fullmatch(whole)):
-            raise FormatError("decimal", f"{cell!r} is not a number with a decimal {sign!r}; state decimal")
-        return float(cell.replace(other, "").replace(sign, "."))
-
-    return sign, read
-
-
-def _decimal_sign(cells: Sequence[str], delimiter: str) -> str:
-    if delimiter == "," and not any("," in cell for cell in cells):
-        return "."
-    both = {"," if cell.rfind(",") > cell.rfind(".") else "." for cell in cells if "," in cell and "." in cell}
-    if len(both) > 1:
-        raise FormatError("decimal", "some numbers have a decimal point and some a decimal comma; state decimal")
-    if both:
-        return both.pop()
-    commas = [cell for cell in cells if "," in cell]
-    if not commas:
-        return "."
-    if all(_GROUPED[","].fullmatch(cell) for cell in commas):
-        if any("." in cell for cell in cells) or any(cell.count(",") > 1 for cell in commas):
-            return "."
-        raise FormatError("decimal", f"{commas[0]!r} may be a decimal comma or grouped thousands; state decimal")
-    return ","
-
+from modalbase.formats.units import factor_of, known_units, plain, unit_in_name
 
 Quantity = Literal["force", "stress", "strain", "length", "time"]
 
@@ -105,9 +52,8 @@ def factor(quantity: Quantity, unit: str, field: str) -> float:
     return known
 
 
-_DELIMITERS = ("\t", ";", ",")
 _MOST_QUOTED = 20  # remarks that are quoted in the notes
-_UNIT_IN_HEADER = re.compile(r"^(.*?)\s*[\[({]([^\[\](){}]*)[\])}]\s*$")
+_IN_BRACKETS = re.compile(r"^(.*?)\s*[\[({].*[\])}]\s*$")
 
 
 @dataclass(frozen=True)
@@ -147,9 +93,13 @@ class _Layout:
     """Where the wanted columns are in the rows, and what the file says of them."""
 
     delimiter: str
-    rows: list[list[str]]
+    rows: list[Row]  # of all lines, blank ones without cells
     header_row: int  # -1 where there is none
     places: dict[str, int]
+
+    def cells(self, index: int) -> list[str]:
+        """Of a line; none beyond the ends of the file."""
+        return self.rows[index].cells if 0 <= index < len(self.rows) else []
 
 
 @dataclass(frozen=True)
@@ -168,7 +118,7 @@ def read_machine_csv(
     Args:
         data: the file.
         columns: the columns that are wanted, by the caller's names; a column named `time` also shows restarts.
-        delimiter: tab, `;` or `,`; found out where None.
+        delimiter: tab, `;`, `,` or a blank; found out where None.
         decimal: `.` or `,`; found out where None.
 
     Raises:
@@ -179,18 +129,18 @@ def read_machine_csv(
         raise FormatError("columns", "names none, expected at least one")
     if decimal not in (None, ".", ","):
         raise FormatError("decimal", f"is {decimal!r}, expected . or ,")
-    if delimiter not in (None, *_DELIMITERS):
-        raise FormatError("delimiter", f"is {delimiter!r}, expected a tab, ; or ,")
-    text, encoding = _decode(data)
-    lines = re.split("\r\n|\n|\r", text)
-    layout = _layout(lines, columns, _DELIMITERS if delimiter is None else (delimiter,))
+    if delimiter not in (None, *SEPARATORS.values()):
+        raise FormatError("delimiter", f"is {delimiter!r}, expected a tab, ; , or a blank")
+    encoding = encoding_of(io.BytesIO(data))
+    lines = re.split("\r\n|\n|\r", data.decode(encoding))
+    layout = _layout(lines, columns, tuple(SEPARATORS.values()) if delimiter is None else (delimiter,))
     notes: list[str] = []
     blocks = _blocks(layout, columns, notes)
     cells = [cell for block in blocks for row in block.cells for cell in row]
-    symbol, parse = number_reader(cells, decimal, layout.delimiter)
-    units = _units(layout, columns)
+    symbol, parse = number_reader([cell for cell in cells if is_number(cell)], decimal, layout.delimiter)
+    units = _units(layout, columns, blocks)
     factors = [factor(c.quantity, units[name], f"columns.{name}.unit") for name, c in columns.items()]
-    tables = [(np.array([[parse(cell) for cell in row] for row in b.cells]) * factors, b.lines) for b in blocks]
+    tables = [(_numbers(block, parse) * factors, block.lines) for block in blocks]
     names = list(columns)
     runs = [
         Run({name: part[:, i].copy() for i, name in enumerate(names)}, at[0], at[-1])
@@ -205,22 +155,18 @@ def read_machine_csv(
     return MachineFile(tuple(runs), units, encoding, layout.delimiter, symbol, tuple(notes))
 
 
-def _decode(data: bytes) -> tuple[str, str]:
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        candidates: tuple[str, ...] = ("utf-16",)
-    elif data.startswith(b"\xef\xbb\xbf"):
-        candidates = ("utf-8-sig",)
-    else:
-        candidates = ("utf-8", "cp1252")
-    for name in candidates:
-        try:
-            text = data.decode(name)
-        except UnicodeDecodeError:
-            continue
-        if "\0" in text:
-            raise FormatError("file", "holds NUL bytes; it is not text, export it as CSV")
-        return text, name
-    raise FormatError("file", "is neither UTF-8, UTF-16 nor cp1252 text; export it as UTF-8")
+def _numbers(block: _Block, parse: Callable[[str], float]) -> FloatArray:
+    """(rows, columns) of a block; times of day in seconds since its first."""
+    clocks = [Clock() for _ in block.cells[0]]
+    return np.array(
+        [
+            [
+                clock.seconds(cell) if kind_of(cell) == "time" else parse(cell)
+                for clock, cell in zip(clocks, row, strict=True)
+            ]
+            for row in block.cells
+        ]
+    )
 
 
 def _layout(lines: Sequence[str], columns: Mapping[str, Column], delimiters: Sequence[str]) -> _Layout:
@@ -228,56 +174,79 @@ def _layout(lines: Sequence[str], columns: Mapping[str, Column], delimiters: Seq
     best: tuple[int, _Layout] | None = None
     reasons: list[FormatError] = []
     for delimiter in delimiters:
-        rows = [_cells(line, delimiter, i) for i, line in enumerate(lines, 1)]
+        rows = [row_of(line, i, delimiter) if line.strip() else Row(i, []) for i, line in enumerate(lines, 1)]
         try:
             layout = _find_columns(rows, delimiter, columns)
         except FormatError as error:
             reasons.append(error)
             continue
-        places = layout.places.values()
-        full = sum(all(p < len(row) and is_number(row[p]) for p in places) for row in rows[layout.header_row + 1 :])
+        below = rows[layout.header_row + 1 :]
+        full = sum(all(_is_datum(row, p, columns[name]) for name, p in layout.places.items()) for row in below)
         if best is None or full > best[0]:
             best = full, layout
     if best is None:
-        raise next((e for e in reasons if "twice" in e.message), reasons[0])
+        reason = next((e for e in reasons if "twice" in e.message), min(reasons, key=lambda e: len(e.message)))
+        raise FormatError(reason.place, reason.message + _headings("\n".join(lines)))
     if best[0] == 0:
         raise FormatError("file", "has no line with a number in each of the wanted columns")
     return best[1]
 
 
-def _cells(line: str, delimiter: str, number: int) -> list[str]:
+def _headings(text: str) -> str:
+    """The columns that a table has, for a message; nothing where it is none."""
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
-    except csv.Error as error:
-        raise FormatError(f"line {number}", f"cannot be split into cells: {error}") from None
+        return f"; its columns are {', '.join(open_table(text.encode()).names)}"
+    except FormatError:
+        return ""
 
 
-def _find_columns(rows: list[list[str]], delimiter: str, columns: Mapping[str, Column]) -> _Layout:
+def _is_datum(row: Row, place: int, column: Column) -> bool:
+    """Whether a cell is a number, or a time of day where a time is wanted."""
+    cell = row.cells[place] if place < len(row.cells) and not row.is_comment else ""
+    return is_number(cell) or (column.quantity == "time" and kind_of(cell) == "time")
+
+
+def _find_columns(rows: list[Row], delimiter: str, columns: Mapping[str, Column]) -> _Layout:
     numbered = {name: c.header - 1 for name, c in columns.items() if isinstance(c.header, int)}
     if any(place < 0 for place in numbered.values()):
         raise FormatError("columns", "are numbered from 1")
-    wanted = {name: _bare(c.header) for name, c in columns.items() if isinstance(c.header, str)}
+    wanted = {name: c for name, c in columns.items() if isinstance(c.header, str)}
     if not wanted:
         return _Layout(delimiter, rows, -1, {name: numbered[name] for name in columns})
-    nearest: set[str] = set(wanted.values())
+    nearest: set[str] = {str(c.header) for c in wanted.values()}
     for i, row in enumerate(rows):
-        bare = [_bare(cell) for cell in row]
-        absent = {header for header in wanted.values() if header not in bare}
+        cells = joined_brackets(row, delimiter).cells
+        places = {name: _places_of(cells, column) for name, column in wanted.items()}
+        absent = {str(wanted[name].header) for name, at in places.items() if not at}
         if absent:
             nearest = min(nearest, absent, key=len)
             continue
-        for name, header in wanted.items():
-            if bare.count(header) > 1:
+        for name, at in places.items():
+            if len(at) > 1:
+                header = wanted[name].header
                 raise FormatError(f"columns.{name}", f"{header!r} is in line {i + 1} twice; give the column's number")
-        places = {**numbered, **{name: bare.index(header) for name, header in wanted.items()}}
-        return _Layout(delimiter, rows, i, {name: places[name] for name in columns})
+        rows[i] = Row(row.line, cells)
+        found = {**numbered, **{name: at[0] for name, at in places.items()}}
+        return _Layout(delimiter, rows, i, {name: found[name] for name in columns})
     raise FormatError("columns", f"no line has the header {', '.join(sorted(nearest))}")
 
 
-def _bare(header: str) -> str:
-    """A header without its unit, spaces and capitals."""
-    match = _UNIT_IN_HEADER.match(header)
-    return " ".join((match.group(1) if match else header).split()).casefold()
+def _places_of(cells: Sequence[str], column: Column) -> list[int]:
+    """Where a header stands: as it is, or without its unit, or else without its brackets; capitals and blanks apart."""
+    header = _folded(str(column.header))
+    for bare in (_folded, lambda cell: _folded(unit_in_name(cell, column.quantity)[0]), _without_brackets):
+        if at := [i for i, cell in enumerate(cells) if cell and bare(cell) in (header, bare(str(column.header)))]:
+            return at
+    return []
+
+
+def _folded(header: str) -> str:
+    return " ".join(header.split()).casefold()
+
+
+def _without_brackets(header: str) -> str:
+    match = _IN_BRACKETS.match(header)
+    return _folded(match[1] if match else header)
 
 
 def _units_row(layout: _Layout, columns: Mapping[str, Column], index: int) -> dict[str, str] | None:
@@ -286,22 +255,27 @@ def _units_row(layout: _Layout, columns: Mapping[str, Column], index: int) -> di
     It is one where no wanted cell is a number and at least one is a unit of its column's quantity. Every column is read by
     itself: a cell that is no known unit says nothing of its column, and takes nothing from the others.
     """
-    row = layout.rows[index]
+    row = layout.cells(index)
     cells = {name: plain(row[p]) for name, p in layout.places.items() if p < len(row) and row[p]}
     if any(is_number(cell) for cell in cells.values()):
         return None
     return {name: cell for name, cell in cells.items() if factor_of(columns[name].quantity, cell) is not None} or None
 
 
-def _units(layout: _Layout, columns: Mapping[str, Column]) -> dict[str, str]:
-    below = (_units_row(layout, columns, layout.header_row + 1) if layout.header_row >= 0 else None) or {}
+def _units(layout: _Layout, columns: Mapping[str, Column], blocks: Sequence[_Block]) -> dict[str, str]:
+    at = layout.header_row
+    beside: dict[str, str] = {}
+    if at >= 0:
+        beside = _units_row(layout, columns, at + 1) or _units_row(layout, columns, at - 1) or {}
     units = {}
-    for name, column in columns.items():
+    for i, (name, column) in enumerate(columns.items()):
         stated = [] if column.unit is None else [column.unit]
-        if layout.header_row >= 0:
-            match = _UNIT_IN_HEADER.match(layout.rows[layout.header_row][layout.places[name]])
-            stated += [match.group(2)] if match else []
-        stated += [below[name]] if name in below else []
+        own = unit_in_name(layout.cells(at)[layout.places[name]], column.quantity)[1] if at >= 0 else ""
+        if own and not (own.lower() == "strain" and name in beside):  # there a name, as in "Tensile strain (Strain)"
+            stated.append(own)
+        stated += [beside[name]] if name in beside else []
+        if not stated and any(kind_of(row[i]) == "time" for block in blocks for row in block.cells[:1]):
+            stated = ["s"]
         if not stated:
             raise FormatError(
                 f"columns.{name}.unit",
@@ -315,10 +289,16 @@ def _units(layout: _Layout, columns: Mapping[str, Column]) -> dict[str, str]:
 
 
 def _unread(layout: _Layout, name: str) -> str:
-    """What stands below the header of a column whose unit is missing, where that may have been meant as its unit."""
-    index, place = layout.header_row + 1, layout.places[name]
-    cell = layout.rows[index][place] if 0 < index < len(layout.rows) and place < len(layout.rows[index]) else ""
-    return f" (line {index + 1} has {cell[:20]!r} there)" if cell and not is_number(cell) else ""
+    """What stands in or below the header of a column whose unit is missing, where that may have been meant as its unit."""
+    if layout.header_row < 0:
+        return ""
+    row = layout.cells(layout.header_row + 1)
+    cell = row[layout.places[name]] if layout.places[name] < len(row) else ""
+    if cell and not is_number(cell):
+        return f" (line {layout.header_row + 2} has {cell[:20]!r} there)"
+    header = layout.cells(layout.header_row)[layout.places[name]]
+    in_brackets = _IN_BRACKETS.match(header)
+    return f" (the heading is {header[:40]!r}, whose brackets hold no unit that is known here)" if in_brackets else ""
 
 
 def _blocks(layout: _Layout, columns: Mapping[str, Column], notes: list[str]) -> list[_Block]:
@@ -329,37 +309,40 @@ def _blocks(layout: _Layout, columns: Mapping[str, Column], notes: list[str]) ->
     begun = layout.header_row + 1
     for i in range(begun, len(layout.rows)):
         row = layout.rows[i]
-        if not any(row):
+        if not any(row.cells):
             continue
-        if row == header:
+        if header is not None and joined_brackets(row, layout.delimiter).cells == header.cells:
             blocks.append(_Block([], []))
             begun = i + 1
         elif i == begun and header is not None and _units_row(layout, columns, i) is not None:
             continue
-        elif any(p < len(row) and is_number(row[p]) for p in layout.places.values()):
-            if header is not None and len(row) > len(header) and any(row[len(header) :]):
+        elif any(_is_datum(row, p, columns[name]) for name, p in layout.places.items()):
+            if header is not None and row.width > len(header.cells):
                 raise FormatError(
                     f"line {i + 1}",
-                    f"has {len(row)} cells, the header has {len(header)}; decimal commas between comma-separated cells?",
+                    f"has {row.width} cells, the header has {len(header.cells)}; decimal commas between comma-separated cells?",
                 )
             blocks[-1].lines.append(i + 1)
-            blocks[-1].cells.append(_wanted_cells(row, layout.places, i + 1))
+            blocks[-1].cells.append(_wanted_cells(row, layout.places, columns))
         elif begun > 0 or blocks[-1].lines:
-            remarks.append(f"line {i + 1}: {' '.join(filter(None, row))[:80]!r} is no data")
+            remarks.append(f"line {i + 1}: {' '.join(filter(None, row.cells))[:80]!r} is no data")
     notes += remarks[:_MOST_QUOTED]
     if len(remarks) > _MOST_QUOTED:
         notes.append(f"and {len(remarks) - _MOST_QUOTED} more such lines")
     return [block for block in blocks if block.lines]
 
 
-def _wanted_cells(row: list[str], places: Mapping[str, int], line: int) -> list[str]:
+def _wanted_cells(row: Row, places: Mapping[str, int], columns: Mapping[str, Column]) -> list[str]:
     cells = []
     for name, place in places.items():
-        if place >= len(row):
-            raise FormatError(f"line {line}", f"has {len(row)} cells, column {name} is number {place + 1}; was it cut?")
-        if row[place] and not is_number(row[place]):
-            raise FormatError(f"line {line}, column {name}", f"{row[place][:40]!r} is not a number")
-        cells.append(row[place])
+        if place >= len(row.cells):
+            raise FormatError(
+                f"line {row.line}", f"has {len(row.cells)} cells, column {name} is number {place + 1}; was it cut?"
+            )
+        cell = row.cells[place]
+        if kind_of(cell) != "empty" and not _is_datum(row, place, columns[name]):
+            raise FormatError(f"line {row.line}, column {name}", f"{cell[:40]!r} is not a number")
+        cells.append(cell)
     return cells
 
 

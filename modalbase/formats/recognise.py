@@ -4,11 +4,16 @@ import re
 from pathlib import Path, PurePosixPath
 from typing import Literal, get_args
 
+from modalbase.formats.errors import FormatError
+from modalbase.formats.tables import open_table
+
 Format = Literal["uff", "npz", "mat", "csv", "wav", "tdms"]
 
 FORMATS: tuple[Format, ...] = get_args(Format)
 
-_HEAD_BYTES = 4096
+_HEAD_BYTES = 1 << 16
+TEXT_NAMES = (".tsv", ".txt", ".dat", ".asc", ".lvm", ".prn", ".tab", ".tra", ".text")
+"""Suffixes that tables of text have beside .csv."""
 _UFF_NAMES = (".uff", ".unv", ".uf", ".bunv", ".ufb")
 _MAGIC: dict[bytes, Format] = {
     b"PK": "npz",
@@ -19,6 +24,7 @@ _MAGIC: dict[bytes, Format] = {
     b"MATLAB ": "mat",
     b"\x89HDF\r\n\x1a\n": "mat",
 }
+_OPENING = re.compile(rb"^[ \t]*-1[ \t]*\r?\n[ \t]*\d{1,6}[ \t\r\nb]", re.MULTILINE)
 _DELIMITER = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*-1[ \t]*\r?(?:\n|\Z)")
 
 
@@ -40,14 +46,16 @@ def recognise(path: Path, name: str = "") -> Format:
             return found
     if _DELIMITER.match(head) or suffix in _UFF_NAMES:
         return "uff"
-    named: dict[str, Format] = {f".{form}": form for form in FORMATS}
+    named: dict[str, Format] = {f".{form}": form for form in FORMATS} | dict.fromkeys(TEXT_NAMES, "csv")
+    if suffix in TEXT_NAMES and _OPENING.search(head):  # words may stand before the first dataset
+        return "uff"
     return named.get(suffix, "csv" if _is_table(head) else "uff")
 
 
 def _is_table(head: bytes) -> bool:
-    """Whether the first two lines of a text have as many columns, at least two."""
-    if b"\0" in head:
+    """Whether a text has two columns of numbers or more."""
+    whole = head[: head.rfind(b"\n") + 2] if len(head) == _HEAD_BYTES else head
+    try:
+        return len(open_table(whole[: len(whole) // 2 * 2] if b"\0" in head else whole).names) > 1
+    except FormatError:
         return False
-    first, _, rest = head.partition(b"\n")
-    second = rest.partition(b"\n")[0]
-    return any(0 < first.count(sign) == second.count(sign) for sign in (b",", b";", b"\t"))

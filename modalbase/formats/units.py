@@ -175,6 +175,7 @@ def known_units(quantity: Measured) -> str:
 
 
 _IN_BRACKETS = re.compile(r"[\[({<]([^\[\](){}<>]*(?:\([^()]*\)[^\[\](){}<>]*)*)[\])}>]")
+_NAMED_UNIT = re.compile(r"[^\W\d_]+(?: \w+)*\s*\([^()]*\)")
 _AT_THE_END = re.compile(r"(?=(?:\s*/\s*|\s*[_,;:]\s*|\s+in\s+|\s+)(\S+)$)")
 
 
@@ -190,6 +191,9 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
     (('time', 'ms'), ('time_s', ''))
     """
     for match in reversed(list(_IN_BRACKETS.finditer(name))):
+        inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""  # "Strain 1 (Strain (%))"
+        if inner:
+            return " ".join(name[: match.start()].split()), inner
         if match[1].strip() != "1" and read_unit(match[1]) is not None:
             return " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()), match[1].strip()
     for match in _AT_THE_END.finditer(name):
@@ -226,6 +230,8 @@ def _product(tokens: list[str]) -> tuple[Unit | None, list[str]]:
                 return None, tokens
             power, expect, tokens = (-1 if tokens[0] == "/" else 1), True, tokens[1:]
             continue
+        if tokens[0].isdigit() and not expect:  # "Strain 1" is a name
+            return None, tokens
         unit, tokens = _factor(tokens)
         if unit is None:
             return None, tokens
@@ -256,7 +262,7 @@ def _factor(tokens: list[str]) -> tuple[Unit | None, list[str]]:
         exponent, tokens = sign * int(tokens[0]), tokens[1:]
     elif len(tokens) > 1 and tokens[0] == "-" and tokens[1] in ("1", "2", "3"):
         exponent, tokens = -int(tokens[1]), tokens[2:]
-    elif tokens and tokens[0] in ("2", "3") and unit != _BY_NAME["1"]:
+    elif tokens and tokens[0] in ("2", "3") and unit.dimension != NUMBER:
         exponent, tokens = int(tokens[0]), tokens[1:]
     return Unit(unit.factor**exponent, NUMBER.times(unit.dimension, exponent)), tokens
 

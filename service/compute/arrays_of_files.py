@@ -5,7 +5,6 @@ This module imports no database and no web, since the child imports it.
 
 from __future__ import annotations
 
-import csv
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
@@ -18,10 +17,12 @@ from fecore.errors import InputError
 from fecore.frf import Quantity
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs import Frfs, read_csv, read_npz
+from modalbase.formats.frfs.csv import is_own_table
 from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.frfs.npz import REQUIRED
+from modalbase.formats.frfs.parts import is_frequency, texts_of
 from modalbase.formats.frfs.proposal import doubts, propose_frfs
-from modalbase.formats.frfs.table import DOFS, without_gap
+from modalbase.formats.frfs.table import without_gap
 from modalbase.formats.recognise import Format
 from modalbase.formats.records import (
     TimeBlock,
@@ -33,12 +34,14 @@ from modalbase.formats.records import (
     read_mapping,
 )
 from modalbase.formats.records.arrays import SAMPLE_RATE
+from modalbase.formats.records.mapping import ONE_FILE
 from modalbase.formats.records.recording import Arrays
-from modalbase.formats.records.tdms import Tdms, read_tdms_head
+from modalbase.formats.records.tdms import read_tdms_head
+from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.records.variables import read_named
-from modalbase.formats.records.wav import Wav
+from modalbase.formats.tables import Stated
 from service.compute.frf_rows import EncodedFrf, encoded
-from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of, units_in
+from service.compute.recordings import AnyRecording, channels_of, looked_at, proposed_recording, recording_of, units_in
 from service.errors import Fault, Invalid, pointer
 
 if TYPE_CHECKING:
@@ -64,6 +67,7 @@ class Found:
     variables: dict[str, str] = field(default_factory=dict)  # type and shape of its arrays, with their extremes
     mapping: dict[str, Any] = field(default_factory=dict)  # one that suggests itself; empty where none is needed
     blocks: int | None = None  # time blocks that the stated mapping makes
+    table: dict[str, Any] | None = None  # how a table of text was read
     counted: bool = False  # hit numbers were only counted in the file
     notes: list[str] = field(default_factory=list)  # what the reader noticed
 
@@ -76,10 +80,13 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     Raises:
         Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with its pointer.
     """
-    kind = inputs.kind or _kind_by_names(inputs, form)
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
         yield from _recording(inputs, inputs.mapping, form)
         return
+    if form == "csv":
+        yield from _table(inputs)
+        return
+    kind = inputs.kind or _kind_by_names(inputs, form)
     if form in ("tdms", "wav") and inputs.mapping is None:
         file = _faults_as(_dotted, lambda: recording_of(inputs.path))
         if not inputs.dry_run:
@@ -93,7 +100,7 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
         return
     with warnings.catch_warnings(record=True) as noticed:
         warnings.simplefilter("always", UserWarning)
-        if kind == "frfs" and inputs.mapping is None and form in ("npz", "csv"):
+        if kind == "frfs" and inputs.mapping is None and form == "npz":
             yield from _own_frfs(inputs, form)
             return
         limit = limit_of(inputs.path)
@@ -118,11 +125,53 @@ def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> 
     places = _faults_as(_dotted, lambda: channels.places(found.hits))
     notes = _faults_as(_dotted, lambda: channels.notes(found))
     count = sum(map(found.fits, found.hits)) * len(channels.mapped)
-    yield Found(form, "hits", channels.file.shapes(), mapping, blocks=count, counted=True, notes=notes)
+    file = channels.file
+    table = file.table.layout.described(file.table.encoding) if isinstance(file, TextRecording) else None
+    yield Found(form, "hits", file.shapes(), mapping, blocks=count, table=table, counted=True, notes=notes)
     yield from channels.blocks(found, places)
 
 
-def _starts(file: Wav | Tdms | Arrays) -> list[str]:
+def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
+    """A table of text: FRFs as this service writes them, or what a mapping says."""
+    mapping, stated = inputs.mapping, None
+    if isinstance(mapping, dict) and "table" in mapping:
+        stated = mapping["table"]
+        mapping = {name: value for name, value in mapping.items() if name != "table"} or None
+        inputs = replace(inputs, mapping=mapping)
+    if mapping is None and inputs.kind != "hits" and is_own_table(inputs.path):
+        yield from _own_frfs(inputs, "csv")
+        return
+    file = _faults_as(_dotted, lambda: open_recording(inputs.path, Stated.of(stated, "mapping.table")))
+    kind = inputs.kind or ("frfs" if _holds_frfs(mapping, file) else "hits")
+    variables = _faults_as(_dotted, file.arrays)
+    described_ = file.table.layout.described(file.table.encoding)
+    notes = file.table.notes
+    if kind == "frfs":
+        read: Iterator[Found | TimeBlock | EncodedFrf] = _mapped_frfs(
+            inputs, "csv", variables, texts_of(file.table), notes
+        )
+    else:
+        read = _hits(inputs, "csv", variables, file.units, notes)
+    for item in read:
+        yield replace(item, table=described_, notes=item.notes + _lonely(item)) if isinstance(item, Found) else item
+
+
+def _lonely(found: Found) -> list[str]:
+    """That force and response of a hit belong in one file, where a file holds one of them alone."""
+    quantities = [channel["quantity"] for channel in found.mapping.get("channels", [])]
+    if None in quantities or not quantities or 0 < quantities.count("force") < len(quantities):
+        return []
+    return [f"the file holds {' and '.join(quantities)} alone; {ONE_FILE}"]
+
+
+def _holds_frfs(mapping: Any, file: TextRecording) -> bool:
+    """Whether a mapping says so, or without one a column of frequencies."""
+    if mapping is not None:
+        return isinstance(mapping, dict) and "frf" in mapping
+    return any(is_frequency(name, file.units) for name in file.names)
+
+
+def _starts(file: AnyRecording) -> list[str]:
     """Which channels begin later than others, and whether they can be aligned."""
     try:
         return file.notes(file.names)
@@ -158,13 +207,10 @@ def _kind_by_names(inputs: ReadingInputs, form: Format) -> Kind | None:
     if form in ("wav", "tdms"):
         return "hits"
     names: set[str] = set()
-    if form == "csv":
-        with inputs.path.open(encoding="utf-8-sig", errors="replace") as text:
-            names = {cell.strip() for cell in next(csv.reader([text.readline(1 << 16)]), [])}
-    elif form == "npz":
+    if form == "npz":
         with suppress(zipfile.BadZipFile), zipfile.ZipFile(inputs.path) as archive:  # its reader says what is wrong
             names = {name.removesuffix(".npy") for name in archive.namelist()}
-    return "frfs" if names.issuperset(REQUIRED) or names.issuperset((*DOFS, "frequency_hz", "real", "imag")) else None
+    return "frfs" if names.issuperset(REQUIRED) else None
 
 
 def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFrf]:
@@ -231,7 +277,7 @@ def hits_of(
             raise Invalid("mapping", f"is missing; ?dry_run=true proposes one; the file suggests {found.mapping}")
         return found, []
     mapping = _faults_as(_dotted, lambda: read_mapping(stated, units))
-    blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping))
+    blocks = _faults_as(_dotted, lambda: blocks_of(variables, mapping, units))
     return replace(found, blocks=len(blocks), counted=mapping.hit is None), blocks
 
 

@@ -28,12 +28,15 @@ from modalbase.formats.records.mapping import LARGEST, MOST_POINT
 from modalbase.formats.records.recording import Arrays, Recording, read_recording
 from modalbase.formats.records.scale import SI
 from modalbase.formats.records.tdms import Tdms, read_tdms_head
+from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.records.variables import read_named
 from modalbase.formats.records.wav import Wav, read_wav_head
+from modalbase.formats.tables import Stated
 from modalbase.formats.uff import Limits, TimeResponse, UffError, read_file
 from modalbase.formats.units import unit_beside
 
 Place = tuple[int, int]
+AnyRecording = Wav | Tdms | TextRecording | Arrays
 _MOST_NAMED = 60
 _RECORDING = "mapping.recording"
 
@@ -42,7 +45,7 @@ _RECORDING = "mapping.recording"
 class Channels:
     """The channels of a recording that a mapping names, the force first, and where each hit was."""
 
-    file: Wav | Tdms | Arrays  # the recording
+    file: AnyRecording  # the recording
     sample_rate_hz: float  # samples a second
     mapped: tuple[ChannelMapping, ...]  # channels of the mapping
     stated: Recording  # the order of the hits; where it is empty, all are at the force's point
@@ -189,10 +192,11 @@ def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes
     Raises:
         FormatError: the file cannot be read, or the mapping does not fit; names the field.
     """
-    file = recording_of(path, filename, limit_bytes)
+    file = recording_of(path, filename, limit_bytes, document.get("table"))
     stated = read_recording(document["recording"], filename)
-    rest = {name: value for name, value in document.items() if name != "recording"}
-    if not isinstance(file, Arrays) or SAMPLE_RATE in file.variables:
+    left = ("recording", "table") if isinstance(file, TextRecording) else ("recording",)
+    rest = {name: value for name, value in document.items() if name not in left}
+    if file.has_rate:
         rest.setdefault("sample_rate_hz", {"variable": SAMPLE_RATE})
     if stated.order and isinstance(rest.get("channels"), list):  # the order says where the hammer hits
         rest["channels"] = [_placed(channel, stated.order[0]) for channel in rest["channels"]]
@@ -215,8 +219,8 @@ def channels_of(path: Path, document: dict[str, Any], filename: str, limit_bytes
     return Channels(file, file.rate_of([c.variable for c in mapped], mapping.sample_rate_hz), mapped, stated)
 
 
-def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None) -> Wav | Tdms | Arrays:
-    """What a recording says of itself, by its first bytes or its name.
+def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None, table: Any = None) -> AnyRecording:
+    """What a recording says of itself, by its first bytes or its name; `table` is what a mapping says of one of text.
 
     Raises:
         FormatError: it cannot be read.
@@ -228,6 +232,8 @@ def recording_of(path: Path, filename: str = "", limit_bytes: int | None = None)
         return read_wav_head(path)
     if form == "uff":
         return _in_si(_blocks_of_uff(path))
+    if form == "csv":
+        return open_recording(path, Stated.of(table, "mapping.table"))
     variables, texts = read_named(path, f".{form}", limit_bytes)
     return Arrays(variables, units_in(variables, texts))
 
@@ -300,7 +306,7 @@ def proposed_recording(file: Arrays) -> dict[str, Any] | None:
     return {"sample_rate_hz": said["sample_rate_hz"], **propose_recording(names, file.units)} if several else None
 
 
-def looked_at(file: Wav | Tdms | Arrays) -> dict[str, str]:
+def looked_at(file: AnyRecording) -> dict[str, str]:
     """Type and shape of each channel, and its least and greatest sample, by which a person knows the hammer's.
 
     Raises:

@@ -91,6 +91,8 @@ def test_grid_points_go_in_and_out_as_json_and_csv(api: httpx.Client, campaign: 
     assert api.get(path, params={"format": "csv"}).text == text.text
     csv = {"Content-Type": "text/csv; charset=utf-8"}
     assert ok(api.put(path, content=text.content, headers=csv), 200) == {"items": POINTS}
+    german = "Punkte\n\npoint;x;y;z\n;mm;mm;m\n1;100,0;-20,0;0,005\n7;200,0;20,0;0,005\n"
+    assert ok(api.put(path, content=german.encode(), headers=csv), 200) == {"items": POINTS}
     assert ok(api.put(path, json={"items": []}, headers={"If-Match": "*"}), 200) == {"items": []}
     ok(api.get(path, headers={"Accept": "image/png"}), 406)
     ok(api.get(path, params={"format": "xlsx"}), 422)
@@ -111,15 +113,15 @@ def test_grid_points_are_not_overwritten_unseen(api: httpx.Client, campaign: str
     ("content", "says"),
     [
         ("", "line 1"),
-        ("label;x_m;y_m\n1;0,1;0\n", "line 1"),
+        ("label,x,y_m\n1,0,0\n", "the header"),
         ("label,x_m\n1,0\n", "line 1"),
         ("label,x_m,y_m,z_m\n1,0,0\n", "line 2"),
         ("label,x_m,y_m,z_m\n1,0,0,0\n\n2,0,zero,0\n", "line 4, y_m"),
         ("label,x_m,y_m,z_m\n1,0,nan,0\n", "line 2, y_m"),
         ("label,x_m,y_m,z_m\n0,0,0,0\n", "line 2, label"),
         ("label,x_m,y_m,z_m\n1,0,0,0\n1,1,0,0\n", "point 1 is there twice"),
-        ('label,x_m,y_m,z_m\n"1,0,0,0\n', "CSV"),
-        (b"label,x_m,y_m\n1,\xff,0\n", "UTF-8"),
+        ('label,x_m,y_m,z_m\n"1,0,0,0\n', "line 2"),
+        (b"label,x_m,y_m\n1,\xff,0\n", "line 2, x_m"),
     ],
 )
 def test_a_broken_table_of_points_is_refused_with_its_line(

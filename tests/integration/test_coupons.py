@@ -94,6 +94,18 @@ def test_a_curve_becomes_results_and_stays_with_them(
     assert ok(api.get(f"coupon-batches/{batch}/summary"), 200)["constants"]["Ex"]["mean"] == coupon["E_Pa"]
 
 
+def test_a_strain_that_was_not_tared_is_zeroed_where_that_is_stated(send: Callable[..., httpx.Response]) -> None:
+    tared = ok(send(machine_file(CURVE)), 201)["items"][0]
+    shifted = machine_file([(row[0] + 228_000, *row[1:]) for row in CURVE])
+    refused = ok(send(shifted, specimen="A2"), 422)
+    assert 'state "zero": {"strain": "first"}' in str(refused["errors"])
+    for zero, specimen in (("first", "A3"), (22.8, "A4")):  # in per cent, the unit of the column
+        coupon = ok(send(shifted + specimen.encode(), specimen=specimen, zero={"strain": zero}), 201)["items"][0]
+        assert coupon["E_Pa"] == pytest.approx(tared["E_Pa"], rel=1e-6)
+        assert coupon["ultimate_strain"] == pytest.approx(tared["ultimate_strain"], rel=1e-6)
+    ok(send(shifted, specimen="A5", zero={"strain_back": "first"}), 422)
+
+
 def test_the_curve_and_its_file_go_out(api: httpx.Client, send: Callable[..., httpx.Response]) -> None:
     data = machine_file(CURVE)
     path = f"coupons/{ok(send(data), 201)['items'][0]['id']}/curve"

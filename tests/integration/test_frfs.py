@@ -315,12 +315,12 @@ def test_csv_comes_back_in(api: httpx.Client, campaign: str) -> None:
     assert all(f["has_coherence"] for f in again)
     for content, says in (
         (text, "quantity"),
-        (b"\n", "line 1"),
+        (b"\n", "it is empty"),
         (text.splitlines()[0], "line 2"),
         (text.replace(b"0.5,", b"1/2,", 1), "line 2, frequency_hz"),
         (b"\n".join(text.splitlines()[:52]), "frequency_hz"),
         (text.replace(b"1,3,33,-3,0.5", b"1,3,33,-3", 1), "line 2"),
-        (b"\xff" + text, "UTF-8"),
+        (b"\xff" + text, "mapping"),
     ):
         params = {} if content is text else {"quantity": "mobility"}
         problem = ok(api.post(path, content=content, headers=csv_type, params=params), 422)
@@ -390,3 +390,25 @@ def test_head_tells_without_sending(api: httpx.Client, campaign: str) -> None:
         assert (head.status_code, head.content) == (200, b"")
         assert head.headers["Content-Length"] == str(len(whole.content))
         assert head.headers["ETag"] == whole.headers["ETag"]
+
+
+def test_an_analysers_table_of_text_comes_in_by_a_mapping(api: httpx.Client, campaign: str) -> None:
+    rows = "".join(f"{f / 2:.1f};{0.1 * f:.4f};{10 * f % 180},0\n".replace(".", ",") for f in range(1, 60))
+    content = f"Analyser;A\n\nFrequency;Magnitude;Phase\nHz;g/N;deg\n{rows}".encode()
+    mapping = {
+        "frequency_hz": {"variable": "Frequency"},
+        "frf": {"magnitude": "Magnitude", "phase": "Phase"},
+        "response_point": 2,
+        "response_direction": 3,
+        "reference_point": 1,
+        "reference_direction": -3,
+    }
+    path, sent = f"campaigns/{campaign}/frfs", {"Content-Type": "text/csv"}
+    (frf,) = ok(api.post(path, content=content, headers=sent, params={"mapping": json.dumps(mapping)}), 201)["items"]
+    assert (frf["quantity"], frf["response_point"], frf["reference_direction"]) == ("accelerance", 2, -3)
+    data = ok(api.get(f"frfs/{frf['id']}/data"), 200)
+    assert abs(complex(data["real"][0], data["imag"][0])) == pytest.approx(0.1 * 9.80665)
+    params = {"mapping": json.dumps(mapping), "quantity": "mobility"}
+    assert "is that of accelerance" in str(
+        ok(api.post(path, content=content, headers=sent, params=params), 422)["errors"]
+    )

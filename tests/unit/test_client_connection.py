@@ -173,17 +173,22 @@ def test_points_are_read_in_metres(tmp_path: Path) -> None:
         assert [point["x_m"], point["y_m"], point["z_m"]] == pytest.approx([0.1125, -0.02, 0.001])
     file.write_text("label\tx_mm\ty_mm\n1\t2\t3\n")
     assert read_points(file)[0]["z_m"] == 0
+    file.write_text("Points of June\n\nLabel  X (mm)  Y (mm)\n1 2.5 3\n")
+    assert read_points(file)[0]["x_m"] == 0.0025
+    file.write_text("point;x;y;z\n-;mm;mm;in\n1;2;3;1\n", "utf-16")
+    assert read_points(file) == [{"label": 1, "x_m": 0.002, "y_m": 0.003, "z_m": 0.0254}]
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("", "line 1: is '', expected label,x_mm,y_mm,z_mm"),
-        ("label,x,y\n", "line 1: is 'label,x,y', expected label,x_mm"),
-        ("label,x_mm,x_m,y_m\n", "expected label,x_mm"),
+        ("label,x,y\n", "the header: is 'label,x,y', expected label,x_mm"),
+        ("label,x_mm,x_m,y_m\n", "the header: is 'label,x_mm,x_m,y_m', expected label,x_mm"),
+        ("label,x_mm,y\n1,2,3\n", "the header: is 'label,x_mm,y', expected label,x_mm"),
         ("label,x_mm,z_mm\n", "expected label,x_mm"),
         ("label,x_mm,y_mm\n\n1,2\n", "line 3: has 2 cells, the header has 3"),
-        ("label,x_mm,y_mm\n1,2,left\n", "line 2, y_mm: is 'left', expected a number"),
+        ("label,x_mm,y_mm\n1,2,left\n", "line 2, y: is 'left', expected a number"),
         ("label,x_mm,y_mm\n1.5,2,3\n", "line 2, label: is '1.5', expected a whole number"),
     ],
 )

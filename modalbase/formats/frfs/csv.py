@@ -9,13 +9,14 @@ from typing import IO, Any
 
 import numpy as np
 
-from modalbase.formats.columns import read_columns, real, whole
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
+from modalbase.formats.tables import read_rows, real, whole, whole_rows
 from modalbase.formats.types import Quantity
 
 NUMBERS = ("frequency_hz", "real", "imag")
 COLUMNS = (*DOFS, *NUMBERS, "coherence")
+_REQUIRED = (*DOFS, *NUMBERS)
 
 Record = tuple[tuple[int, ...], tuple[float, float, float, float]]
 
@@ -34,17 +35,13 @@ def read_csv(path: Path, quantity: Quantity = "accelerance") -> Frfs:
     (array([10., 20.]), array([[0.5+0.25j, 1.5+0.75j]]), -3)
 
     Args:
-        path: of the file, UTF-8 with or without a byte order mark.
+        path: of the file; a spreadsheet may have written it again with other separators.
         quantity: what the FRFs are, which the file does not state; values are in m/s², m/s or m per N.
 
     Raises:
         FormatError: the text is not such a table; names the line.
     """
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as text:
-            groups = [(dofs, [r[1] for r in rows]) for dofs, rows in itertools.groupby(_records(text), lambda r: r[0])]
-    except UnicodeDecodeError as error:
-        raise FormatError("", f"the CSV is not UTF-8: {error.reason} at byte {error.start}") from None
+    groups = [(dofs, [r[1] for r in rows]) for dofs, rows in itertools.groupby(_records(path), lambda r: r[0])]
     if not groups:
         raise FormatError("line 2", "is missing: the table has a header and nothing below it")
     blocks = [np.array(rows) for _, rows in groups]
@@ -80,12 +77,21 @@ def write_csv(table: FrfTable, file: IO[bytes]) -> None:
     text.detach()
 
 
-def _records(text: Iterable[str]) -> Iterator[Record]:
+def is_own_table(path: Path) -> bool:
+    """Whether a text has the columns that `read_csv` reads."""
+    try:
+        read_rows(path, _REQUIRED)
+    except FormatError:
+        return False
+    return True
+
+
+def _records(path: Path) -> Iterator[Record]:
     """Each line below the header: the FRF's degrees of freedom and (frequency, real, imag, coherence)."""
-    header, rows = read_columns(text, ",")
-    if set(header) - set(COLUMNS) or len(set(header)) != len(header) or not {*DOFS, *NUMBERS} <= set(header):
+    header, rows = read_rows(path, _REQUIRED)
+    if set(header) - set(COLUMNS) or len(set(header)) != len(header):
         raise FormatError("line 1", f"is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}")
-    for line, row in rows:
+    for line, row in whole_rows(header, rows):
         cells = dict(zip(header, row, strict=True))
         dofs = tuple(whole(cells[name], f"line {line}, {name}") for name in DOFS)
         frequency, re, im = (real(cells[name], f"line {line}, {name}") for name in NUMBERS)

@@ -1,8 +1,9 @@
-"""FRFs and coherences of a .mat file, as analysers export them, by a mapping that says which variable is what.
+"""FRFs and coherences of a .mat file or a table of text, as analysers export them, by a mapping that says what is what.
 
     {"frequency_hz": {"variable": "f"},              or {"start": 0, "step": 0.5}, each a number or {"variable": name};
                                                      "unit": "rad/s" where it is not in Hz
-     "frf": {"variable": "H"},                        complex, or {"real": "Hr", "imaginary": "Hi"}
+     "frf": {"variable": "H"},                        complex, or {"real": "Hr", "imaginary": "Hi"}, or magnitude and
+                                                     phase, see `modalbase.formats.frfs.parts`
      "coherence": {"variable": "coh"},                may be left out
      "response_point": 33, "response_direction": 3,
      "reference_point": {"variable": "points"},       one for each FRF, or one for all
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.frfs.parts import PARTS, combined, is_parts, names_of, unit_of_values
 from modalbase.formats.frfs.proposal import is_empty, propose_frfs
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs
 from modalbase.formats.records.arrays import Variables, is_named, variable
@@ -111,7 +113,8 @@ def _scale(
     ):
         raise FormatError("mapping.factor", f"is {factor!r}, expected a number other than 0")
     given: dict[str, str] = document["frf"]  # of which the values were read
-    in_file = unit_beside(given.get("variable") or given["real"], texts)
+    valued = names_of(given)[0]
+    in_file = unit_of_values(unit_beside(valued, texts), valued)
     stated = document.get("unit") or ""
     if not isinstance(stated, str):
         raise FormatError("mapping.unit", f"is {stated!r}, expected the text of a unit, such as g/N")
@@ -144,11 +147,11 @@ def _spectra(
     if is_named(named):
         name = str(named["variable"])
         frequency = np.ravel(_real(variables, name, "frequency_hz")).astype(float)
-        values = _frf(variables, document["frf"], frequency.size)
+        values = _frf(variables, document["frf"], frequency.size, texts)
     elif isinstance(named, dict) and {"start", "step"} <= named.keys() <= {"start", "step", "count"}:
         name = next((str(given["variable"]) for given in named.values() if is_named(given)), "")
         numbers = {key: _number(variables, given, f"frequency_hz.{key}") for key, given in named.items()}
-        values = _frf(variables, document["frf"], None)
+        values = _frf(variables, document["frf"], None, texts)
         count = values.shape[1]
         if numbers.get("count", count) != count:
             raise FormatError("mapping.frequency_hz.count", f"is {numbers['count']:g}, and frf has {count} lines")
@@ -190,27 +193,34 @@ def _real(variables: Variables, name: str, field: str) -> np.ndarray[Any, Any]:
     return found
 
 
-def _frf(variables: Variables, given: Any, lines: int | None) -> np.ndarray[Any, np.dtype[np.complexfloating]]:
-    if (
-        isinstance(given, dict)
-        and set(given) == {"real", "imaginary"}
-        and all(isinstance(v, str) for v in given.values())
-    ):
-        real, imaginary = (_rows(_real(variables, given[part], "frf"), lines, "frf") for part in ("real", "imaginary"))
-        if real.shape != imaginary.shape:
-            raise FormatError("mapping.frf", f"has {len(real)} real and {len(imaginary)} imaginary parts")
-        return np.asarray(real + 1j * imaginary)
+def _frf(
+    variables: Variables, given: Any, lines: int | None, texts: Texts
+) -> np.ndarray[Any, np.dtype[np.complexfloating]]:
+    if is_parts(given):
+        first, second = next(pair for pair in PARTS if pair[0] in given)
+        one, two = (_part(variables, given[part], lines) for part in (first, second))
+        if one.shape != two.shape:
+            raise FormatError("mapping.frf", f"has {len(one)} FRFs of {first} and {len(two)} of {second}")
+        return np.asarray(combined(one, two, given, texts))
     if not is_named(given):
-        raise FormatError(
-            "mapping.frf", f'is {given!r}, expected {{"variable": name}} or {{"real": name, "imaginary": name}}'
-        )
+        ways = '{"variable": name}, {"real": name, "imaginary": name} or {"magnitude": name, "phase": name}'
+        raise FormatError("mapping.frf", f"is {given!r}, expected {ways}")
     found = variable(variables, given["variable"])
     if found.dtype.kind != "c":
         raise FormatError(
-            given["variable"], "is real: an FRF without phase is of no use; name real and imaginary parts"
+            given["variable"],
+            "is real: an FRF without phase is of no use; name real and imaginary parts, or magnitude and phase",
         )
     table = _rows(found, lines, "frf")
     return table if table.dtype == np.complex64 else table.astype(np.complex128)
+
+
+def _part(variables: Variables, given: Any, lines: int | None) -> np.ndarray[Any, Any]:
+    """(N, lines) of one array, or of one column for each FRF."""
+    names = given if isinstance(given, list) else [given]
+    if not names or not all(isinstance(name, str) for name in names):
+        raise FormatError("mapping.frf", f"has {given!r}, expected the name of a variable or a list of names")
+    return np.concatenate([_rows(_real(variables, name, "frf"), lines, "frf") for name in names])
 
 
 def _rows(array: np.ndarray[Any, Any], lines: int | None, field: str) -> np.ndarray[Any, Any]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.dof_names import dof_in_name
+from modalbase.formats.frfs.parts import is_frequency, names_of, propose_parts, unit_of_values
 from modalbase.formats.frfs.table import DOFS
 from modalbase.formats.records.arrays import Variables
 from modalbase.formats.units import unit_beside
@@ -34,14 +35,17 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
     found: dict[str, Any] = {"frequency_hz": _axis(variables, texts)}
     complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
     frf = min(complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None)
-    found["frf"] = None if frf is None else {"variable": frf}
-    if frf is not None and (unit := unit_beside(frf, texts)):
+    columns = [name for name, array in variables.items() if array.ndim == 1 and array.size > 1]
+    found["frf"] = propose_parts(columns, texts) if frf is None else {"variable": frf}
+    valued = names_of(found["frf"] or {})
+    if valued and (unit := unit_of_values(unit_beside(valued[0], texts), valued[0])):
         found["unit"] = unit
-    alike = [n for n, a in variables.items() if frf and a.shape == variables[frf].shape and a.dtype.kind == "f"]
-    shares = [n for n in alike if variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6]
+    of = frf or (valued[0] if valued else None)
+    alike = [n for n, a in variables.items() if of and a.shape == variables[of].shape and a.dtype.kind == "f"]
+    shares = [n for n in alike if frf and variables[n].min() >= 0 and variables[n].max() <= 1 + 1e-6]
     if coherence := [n for n in alike if "coh" in n.lower()] or shares:
         found["coherence"] = {"variable": coherence[0]}
-    count = 1 if frf is None else variables[frf].size // max(variables[frf].shape)
+    count = len(valued) or 1 if frf is None else variables[frf].size // max(variables[frf].shape)
     return found | _dofs(texts, count)
 
 
@@ -65,6 +69,9 @@ def _axis(variables: Variables, texts: Mapping[str, str]) -> dict[str, Any] | No
     lines = [
         name for name, array in variables.items() if name.lower().rpartition(".")[2][:1] in "fxw" and _rises(array)
     ]
+    units = {name: unit for name in variables if (unit := unit_beside(name, texts))}
+    lines.sort(key=lambda name: not is_frequency(name, units))
+    lines += [name for name, array in variables.items() if is_frequency(name, units) and _rises(array)]
     lines += [name for name, array in variables.items() if "omega" in name.lower() and _rises(array)]
     if lines:
         found: dict[str, Any] = {"variable": lines[0]}

@@ -1,7 +1,7 @@
 """Named arrays with the sampling rate among them, and time blocks: what one channel recorded of one hit."""
 
 import io
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -43,8 +43,11 @@ def is_named(given: Any) -> bool:
     return isinstance(given, dict) and set(given) == {"variable"} and isinstance(given["variable"], str)
 
 
-def sampling_rate(variables: Variables, given: float | str, samples: int) -> float:
-    """Samples a second: a number, or the name of the variable that holds it or the time axis of so many samples.
+def sampling_rate(
+    variables: Variables, given: float | str, samples: int, units: Mapping[str, str] | None = None
+) -> float:
+    """Samples a second: a number, or the name of the variable that holds it or the time axis of so many samples, in the
+    unit that its name or the file's properties state.
 
     Raises:
         FormatError: it is no rate, the axis is uneven or of another length, or the file says another.
@@ -60,14 +63,16 @@ def sampling_rate(variables: Variables, given: float | str, samples: int) -> flo
     else:
         values = real(np.ravel(variable(variables, given)), given)
         if values.size == 1:
-            rate = float(values[0]) * _factor_in_name(given, "frequency")
+            rate = float(values[0]) * _factor_of(given, "frequency", units or {})
         elif values.size == samples:
             steps = np.diff(values)
             step = float(values[-1] - values[0]) / (samples - 1)
             uneven = float(np.abs(steps - step).max())
             if not (step > 0 and uneven <= _UNEVEN * step + 1e-6 * abs(float(values[-1]))):
-                raise FormatError(given, "is not an evenly rising time axis")
-            rate = 1 / step / _factor_in_name(given, "time")
+                raise FormatError(
+                    given, "is not an evenly rising time axis; state the rate as a number where it is rounded"
+                )
+            rate = 1 / step / _factor_of(given, "time", units or {})
         else:
             raise FormatError(given, f"has {values.size} values, expected the rate or a time axis of {samples}")
     if not 0 < rate <= _FASTEST_HZ:
@@ -76,13 +81,13 @@ def sampling_rate(variables: Variables, given: float | str, samples: int) -> flo
     return float(f"{rate:.12g}")
 
 
-def _factor_in_name(name: str, quantity: Measured) -> float:
-    """The SI value of the unit that the name of a rate or time axis states; 1 where it states none.
+def _factor_of(name: str, quantity: Measured, units: Mapping[str, str]) -> float:
+    """The SI value of the unit that a file states of a rate or time axis; 1 where it states none.
 
     Raises:
         FormatError: it is a unit of something else.
     """
-    unit = unit_in_name(name, quantity)[1]
+    unit = unit_in_name(name, quantity)[1] or units.get(name, "")
     factor = factor_of(quantity, unit) if unit else 1.0
     if factor is None:
         raise FormatError(name, f"is in {unit!r}, expected a {quantity} (state the rate as a number otherwise)")

@@ -105,10 +105,12 @@ def read_mapping(document: Any, units: dict[str, str] | None = None) -> Mapping:
         for i, name in enumerate(names)
         if name in names[:i]
     ]
-    if not faults and [c.quantity for c in channels].count("force") != 1:
-        faults.append(("mapping.channels", "has not exactly one channel of the quantity force"))
-    if not faults and len(channels) < 2:
-        faults.append(("mapping.channels", "has no response"))
+    forces = [c.quantity for c in channels].count("force")
+    if not faults and (forces == 0 or forces == len(channels) == 1):
+        lacks = "a force" if forces == 0 else "a response"
+        faults.append(("mapping.channels", f"lack {lacks}; {ONE_FILE}"))
+    elif not faults and forces != 1:
+        faults.append(("mapping.channels", f"have {forces} channels of the quantity force, expected one"))
     if faults:
         raise FormatError(faults)
     return Mapping(**{**_taken(document), "channels": tuple(channels)})
@@ -135,6 +137,8 @@ def _is_values(given: Any) -> bool:
 def _is_texts(given: Any) -> bool:
     return isinstance(given, list) and all(isinstance(one, str) for one in given)
 
+
+ONE_FILE = "all channels of a hit belong in one file: where the force is in one and the response in another, join their columns"
 
 _VALUE = 'a number or {"variable": name}'
 _EXPECTED: dict[str, tuple[Callable[[Any], bool], str]] = {
@@ -187,8 +191,13 @@ def _taken(document: dict[str, Any]) -> dict[str, Any]:
     return {name: taken(given) for name, given in document.items() if given is not None}
 
 
-def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
+def blocks_of(variables: Variables, mapping: Mapping, units: dict[str, str] | None = None) -> list[TimeBlock]:
     """The time blocks of all channels, hit by hit: the force first.
+
+    Args:
+        variables: the arrays.
+        mapping: what they are.
+        units: that the file's properties state, by variable; that of the time axis counts here.
 
     Raises:
         FormatError: a variable is missing, lengths differ, values are not finite, a channel is constant, or a rate,
@@ -204,7 +213,7 @@ def blocks_of(variables: Variables, mapping: Mapping) -> list[TimeBlock]:
         listed = ", ".join(f"{name} {shape[0]} blocks of {shape[1]} samples" for name, shape in shapes.items())
         raise FormatError("mapping.channels", f"are not alike: {listed}")
     count, samples = next(iter(shapes.values()))
-    rate = sampling_rate(variables, mapping.sample_rate_hz, samples)
+    rate = sampling_rate(variables, mapping.sample_rate_hz, samples, units)
     force = next(c for c in mapping.channels if c.quantity == "force")
     ordered = [force, *(c for c in mapping.channels if c is not force)]
     points = {c.variable: _integers(variables, c.point, count, "point", 1) for c in ordered}

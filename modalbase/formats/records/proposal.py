@@ -16,11 +16,13 @@ from modalbase.formats.units import read_unit, unit_in_name
 
 _RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
-    "force": ("force", "hammer", "exc"),
-    "acceleration": ("acc",),
-    "velocity": ("vel",),
+    "force": ("force", "hammer", "exc", "kraft", "marteau"),
+    "acceleration": ("acc", "beschl", "accél"),
+    "velocity": ("vel", "geschw", "vitesse"),
     "displacement": ("disp",),
 }
+_TIMES = (".t", "time", "zeit", "temps", "x_value")  # LabVIEW calls the axis X_Value
+_UNNAMED = re.compile(r"column \d+")  # of a table without headings, whose first column may be the time axis
 _OTHERS = ("resp",)  # names a channel, and not what it measures
 
 
@@ -38,7 +40,8 @@ def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dic
     rate = next(
         (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
     )
-    time = next((name for name, array in long.items() if _is_time(name) and _ascends(array)), None)
+    times = [name for name in long if is_time(name)] or [name for name in long if _UNNAMED.fullmatch(name)][:1]
+    time = next((name for name in times if _ascends(long[name])), None)
     point: Any = {"variable": "point"} if "point" in variables else None
     channels = []
     for name in _channels(long, time, units or {}):
@@ -88,6 +91,7 @@ def _channels(long: Variables, time: str | None, units: Mapping[str, str]) -> li
         name
         for name in long
         if name != time
+        and not is_time(name)
         and "time" not in name.lower()
         and (_channel(name, units)["quantity"] or any(part in name.lower() for part in _OTHERS))
     ]
@@ -97,9 +101,15 @@ def _channels(long: Variables, time: str | None, units: Mapping[str, str]) -> li
     return [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]
 
 
-def _is_time(name: str) -> bool:
+def is_time(name: str) -> bool:
+    """Whether a column or variable is a time axis by its name.
+
+    >>> [is_time(name) for name in ("time_ms", "X_Value", "Prüfzeit (s)", "m.t", "Temperature")]
+    [True, True, True, True, False]
+    """
     bare = unit_in_name(name, "time")[0].lower()
-    return re.split(r"[_.\s]", bare)[0] in ("time", "t") or bare.endswith((".time", ".t"))
+    parts = re.split(r"[_.\s]", bare)
+    return parts[0] in ("time", "t") or bare.endswith(_TIMES)
 
 
 def _ascends(array: np.ndarray[Any, Any]) -> bool:

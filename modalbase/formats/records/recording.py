@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.records.arrays import Variables, described, sampling_rate
+from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, described, sampling_rate
 from modalbase.formats.records.mapping import MOST_POINT
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
@@ -37,6 +37,11 @@ class Arrays:
     variables: Variables
     units: dict[str, str] = field(default_factory=dict)
     full_scale, declared = None, True
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether the file states the sampling rate."""
+        return SAMPLE_RATE in self.variables
 
     @property
     def names(self) -> list[str]:
@@ -63,7 +68,7 @@ class Arrays:
                 raise FormatError(
                     name, f"is {described(self.variables[name])}, expected {length} real numbers as {names[0]}"
                 )
-        return sampling_rate(self.variables, stated, length)
+        return sampling_rate(self.variables, stated, length, self.units)
 
     def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
         """(channels, n) parts of these channels in order, in the unit of the file."""

@@ -44,6 +44,7 @@ class Tdms:
     starts: dict[str, float] = field(default_factory=dict)
 
     full_scale = None
+    has_rate = True
 
     @property
     def names(self) -> list[str]:

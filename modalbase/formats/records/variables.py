@@ -3,22 +3,20 @@
 Nothing is unpickled and nothing is guessed: what the arrays mean is the mapping's to say.
 """
 
-import codecs
-import io
 import warnings
 import zipfile
 import zlib
-from array import array
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
-from modalbase.formats.columns import read_columns
 from modalbase.formats.errors import FormatError
 from modalbase.formats.npy import members_of, read_array
+from modalbase.formats.recognise import TEXT_NAMES
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables
+from modalbase.formats.records.text import open_recording
 from modalbase.formats.records.wav import read_wav_head
 
 _DEEPEST = 8
@@ -34,7 +32,7 @@ def read_variables(path: Path, suffix: str | None = None, limit_bytes: int | Non
     """The numeric arrays of a file by name.
 
     A wav file's channels are `channel_1`, `channel_2` …, from -1 to 1 also where its samples are integers, and its rate
-    `sample_rate_hz`; a CSV's columns have the names of its first line.
+    `sample_rate_hz`; the columns of a table of text have the names of its heading, see `modalbase.formats.tables`.
 
     Args:
         path: of the file.
@@ -56,6 +54,7 @@ def read_named(
         FormatError: as of `read_variables`.
     """
     kind = (suffix or path.suffix).lower()
+    kind = ".csv" if kind in TEXT_NAMES else kind
     if kind not in SUFFIXES:
         raise FormatError("", f"is a '{kind}' file, expected one of {', '.join(SUFFIXES)}")
     try:
@@ -188,20 +187,7 @@ def _mat73(path: Path, limit_bytes: int | None) -> Variables:
 
 def _csv(path: Path, limit_bytes: int | None) -> Variables:
     _within(path.stat().st_size, limit_bytes, "")
-    content = path.read_bytes()
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        raise FormatError("", "is a CSV in UTF-16, as spreadsheets write Unicode text; save it as UTF-8")
-    header, rows = read_columns(io.StringIO(content.decode("utf-8-sig", errors="replace"), newline=""))
-    if len(header) < 2 or len(set(header)) < len(header) or not all(header):
-        raise FormatError("line 1", "is not a heading with a name of its own for each column")
-    numbers = array("d")
-    for line, row in rows:
-        try:
-            numbers.extend(map(float, row))
-        except ValueError as error:
-            raise FormatError(f"line {line}", str(error)) from None
-    columns = np.frombuffer(numbers).reshape(-1, len(header)).T if numbers else np.empty((len(header), 0))
-    return {name: column.copy() for name, column in zip(header, columns, strict=True)}
+    return open_recording(path).arrays()
 
 
 def _wav(path: Path, limit_bytes: int | None) -> Variables:

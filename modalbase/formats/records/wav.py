@@ -41,6 +41,8 @@ class Wav:
     frames: int
     declared: bool = True
 
+    has_rate = True
+
     def notes(self, _: Sequence[str]) -> list[str]:
         """Nothing is noticed of its channels."""
         return []

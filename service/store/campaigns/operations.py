@@ -12,6 +12,8 @@ from sqlalchemy import ForeignKey, Index, Select, delete, func, insert, literal,
 from sqlalchemy.dialects.postgresql import JSONB, aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
+from modalbase.formats.errors import FormatError
+from modalbase.formats.points import read_points
 from service.access import Lookup, User
 from service.access.demands import require_demanded
 from service.compute.frame import SPECIMEN, Frame, make_frame
@@ -203,35 +205,24 @@ def to_csv(points: GridPoints) -> str:
 
 
 def from_csv(body: bytes) -> GridPoints:
-    """Points of a CSV text with the header `label,x_m,y_m,z_m` in any order; `z_m` may be missing and is then 0.
+    """Points of a table of text with the columns `label,x_m,y_m,z_m` in any order and unit of length (`x_mm`); z may be
+    missing and is then 0.
 
     Raises:
         Invalid: the text is not such a table; names the line and the column.
     """
-    try:
-        text = body.decode("utf-8-sig")
-        rows = list(csv.reader(io.StringIO(text), strict=True))
-    except UnicodeDecodeError as error:
-        raise Invalid("", f"the CSV is not UTF-8: {error.reason} at byte {error.start}") from None
-    except csv.Error as error:
-        raise Invalid("", f"the CSV cannot be read: {error}") from None
-    header = [cell.strip() for cell in rows[0]] if rows else []
-    if set(header) - set(COLUMNS) or len(set(header)) != len(header) or not {"label", "x_m", "y_m"} <= set(header):
-        raise Invalid("", f"line 1 is {','.join(header)[:200]!r}, expected the header {','.join(COLUMNS)}")
     faults: list[Fault] = []
     points: list[GridPoint] = []
-    for line, row in enumerate(rows[1:], 2):
-        if len(faults) > MOST_FAULTS:
-            break
-        if not any(cell.strip() for cell in row):
-            continue
-        if len(row) != len(header):
-            faults.append(Fault(f"line {line}", f"has {len(row)} cells, the header has {len(header)}"))
-            continue
-        try:
-            points.append(GridPoint.model_validate_strings(dict(zip(header, map(str.strip, row), strict=True))))
-        except ValidationError as error:
-            faults += [Fault(f"line {line}, {e['loc'][-1]}", e["msg"]) for e in error.errors()]
+    try:
+        for line, point in read_points(body):
+            if len(faults) > MOST_FAULTS:
+                break
+            try:
+                points.append(GridPoint.model_validate_strings(point))
+            except ValidationError as error:
+                faults += [Fault(f"line {line}, {e['loc'][-1]}", e["msg"]) for e in error.errors()]
+    except FormatError as error:
+        faults += [Fault(place, why) for place, why in error.faults]
     if faults:
         raise Invalid(faults)
     try:

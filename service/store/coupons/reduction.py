@@ -13,11 +13,13 @@ from fecore.coupons.curves import Curve
 from fecore.errors import InputError
 from modalbase.formats.errors import FormatError
 from modalbase.formats.machine_csv import Column, MachineFile, Quantity, Run, factor, read_machine_csv
-from service.store.coupons.schemas import CouponIn, CurveCouponIn
+from service.store.coupons.schemas import CouponIn, CurveCouponIn, Series
 
 GAUGE = {"strain": "gauge_length", "strain_back": "gauge_length", "transverse_strain": "transverse_gauge_length"}
 """Which gauge length turns the elongation of a series into its strain."""
 
+_UNLOADED = 0.02  # of the largest force: a curve that begins below it begins unloaded
+_TARED = 500e-6  # m/m: a strain that begins above it without force was not tared
 _FIELDS = {"width_m": "dimensions.width", "thickness_m": "dimensions.thickness"}
 """Fields of the core to fields of the request."""
 
@@ -48,11 +50,17 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
     except FormatError as error:
         raise InputError(error.place, error.message) from error
     number, run = _chosen(file, request.run)
-    series = {name: np.asarray(values) / (gauges[name] or 1.0) for name, values in run.columns.items()}
+    zeros: dict[str, float] = {name: _zero(run.columns[name], name, file.units[name], request) for name in request.zero}
+    series = {
+        name: (np.asarray(values) - zeros.get(name, 0.0)) / (gauges[name] or 1.0)
+        for name, values in run.columns.items()
+    }
+    untared = _untared(series, file)
     try:
         coupon, reduction = _by_standard(series, request)
     except InputError as error:
-        raise InputError(_FIELDS.get(error.field, error.field), error.message) from error
+        why = "; ".join(filter(None, (error.message, untared)))
+        raise InputError(_FIELDS.get(error.field, error.field), why) from error
     reading = {
         "encoding": file.encoding,
         "delimiter": file.delimiter,
@@ -62,9 +70,35 @@ def reduce_curve(path: Path, request: CurveCouponIn) -> Reduced:
         "runs": len(file.runs),
         "first_line": run.first_line,
         "last_line": run.last_line,
-        "notes": list(file.notes),
+        "notes": [*file.notes, *([untared] if untared else [])],
     }
     return Reduced(coupon, series, reading, reduction, fecore.__version__)
+
+
+def _zero(values: FloatArray, name: Series, unit: str, request: CurveCouponIn) -> float:
+    """The reading at zero of a series, in SI of its column."""
+    stated = request.zero[name]
+    if stated != "first":
+        quantity = _quantity(name, _gauge_m(request, name))
+        return stated * factor(quantity, unit, f"columns.{name}.unit")
+    known = values[np.isfinite(values)]
+    if not known.size:
+        raise InputError(f"zero.{name}", "is first, and the series holds no number; leave it out")
+    return float(known[0])
+
+
+def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:
+    """What helps where a strain begins far from 0 while the force begins near it; else nothing."""
+    force = np.abs(series["force"])
+    begins_unloaded = force.size and force[0] <= _UNLOADED * np.nanmax(force)
+    for name in GAUGE:
+        first = series[name][0] if name in series and series[name].size else 0.0
+        if begins_unloaded and abs(first) > _TARED:
+            return (
+                f"{name} begins at {first:.4g} m/m ({file.units[name]} in the file) with hardly any force: where it was not "
+                f'tared, state "zero": {{"{name}": "first"}}, or its reading at zero in place of "first"'
+            )
+    return ""
 
 
 def _gauge_m(request: CurveCouponIn, series: str) -> float | None:

@@ -250,10 +250,15 @@ class CurveCouponIn(_Excludable):
     standard: Standard = "D3039"
     dimensions: Dimensions
     columns: dict[Series, Column] = Field(description="series to column; force and strain are needed")
-    delimiter: Literal["\t", ";", ","] | None = Field(None, description="found out where it is not stated")
+    delimiter: Literal["\t", ";", ",", " "] | None = Field(None, description="found out where it is not stated")
     decimal: Literal[".", ","] | None = Field(None, description="found out where it is not stated")
     run: int | None = Field(
         None, ge=1, le=1000, description="which run counts, from 1, where the machine was restarted"
+    )
+    zero: dict[Series, Literal["first"] | Annotated[float, Field(ge=-1e9, le=1e9)]] = Field(
+        default_factory=dict,
+        description="reading of a series at zero, which is taken off: `first`, its first point, or a number in the unit of its "
+        "column; for an extension that was not tared",
     )
     ends: Ends = Field("nearest", description="ends of the chord: nearest measured points, or interpolated")
     chord_range: tuple[Strain, Strain] | None = Field(
@@ -266,6 +271,10 @@ class CurveCouponIn(_Excludable):
     def _consistent(self) -> Self:
         needed = ("force", "strain", *(("transverse_strain",) if self.standard == "D3518" else ()))
         missing = [name for name in needed if name not in self.columns]
+        if unread := [name for name in self.zero if name not in self.columns]:
+            raise wrong(f"zero has {', '.join(unread)}, which columns does not name")
+        if "time" in self.zero:
+            raise wrong("zero has time, of which only differences count; leave it out")
         if missing:
             raise wrong(f"columns lacks {', '.join(missing)}, which {self.standard} needs")
         if self.chord_range is not None and self.standard != "D3039":

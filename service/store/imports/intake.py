@@ -123,7 +123,7 @@ class Intake:
         self.row.counts = self.counts
         self.row.format, self.row.kind = self.found.format, self.found.kind
         if self.found.kind is not None:
-            self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks")}
+            self.row.found = {name: getattr(self.found, name) for name in ("variables", "mapping", "blocks", "table")}
         self.row.trace_lines = [line.points for line in self.lines] or None
         self.row.datasets = [asdict(report) for report in self.reports[:LISTED]]
         self.row.warnings = self._warnings()

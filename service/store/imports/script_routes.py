@@ -15,7 +15,7 @@ from anyio import to_thread
 from fastapi import Depends, Query, Request, Response
 from sqlalchemy.orm import Session
 
-from modalbase.formats.recognise import FORMATS, Format
+from modalbase.formats.recognise import FORMATS, TEXT_NAMES, Format
 from modalbase.formats.records import Variables
 from service.access import CurrentUser, SessionDep, SettingsDep, User
 from service.access.dependencies import Beforehand
@@ -57,7 +57,10 @@ FRF_FORMATS: dict[str, Format] = {
 }
 """Media types of files with FRFs."""
 SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
-RECORD_SUFFIXES: dict[str, Format] = {f".{form}": form for form in FORMATS if form != "uff"}
+RECORD_SUFFIXES: dict[str, Format] = {
+    **{f".{form}": form for form in FORMATS if form != "uff"},
+    **dict.fromkeys(TEXT_NAMES, "csv"),
+}
 
 
 class Reading:
@@ -210,9 +213,9 @@ async def _frfs(
             f"the body is {upload.content_type or 'of no stated type'}, "
             "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
         )
-    if form != "npz" and quantity is None:
+    stated = read_mapping(mapping, upload) if form != "npz" else None
+    if form != "npz" and quantity is None and stated is None:
         raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
-    stated = read_mapping(mapping, upload) if form == "mat" else None
     name = upload.filename or f"frfs.{form}"
     wanted = Import(filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated)
     yield await reading.of(campaign_id, upload.file, wanted)

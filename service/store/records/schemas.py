@@ -77,6 +77,11 @@ class Proposal(StrictModel):
     variables: dict[str, str] = Field(description="type, shape, least and greatest value of each array")
     mapping: dict[str, Any] = Field(description="a mapping by what the file says, in its own words; null is what it does not say")
     blocks: int | None = Field(description="time blocks that the stated mapping makes of the file")
+    table: dict[str, Any] | None = Field(
+        None,
+        description="how a table of text was read: encoding, separator, decimal sign, lines of headings, units and data, "
+        "columns; `table` of a mapping states what is wrong of it",
+    )
 
 
 class WindowsIn(StrictModel):

@@ -113,7 +113,7 @@ REFUSED = [
     ("Load;Strain\nkN;permille\n1;0.1\n2;0.2\n", r"columns.strain.unit.*line 2 has 'permille' there"),
     ("Load (N);Strain (mm)\n1;2\n", "'mm' is an elongation, not a strain; state the gauge length"),
     ("Load (kN);Strain (%)\nN;%\n1;2\n", "kN and as N"),
-    ("Force (N);Strain (%)\n1;2\n", "no line has the header load"),
+    ("Force (N);Strain (%)\n1;2\n", "no line has the header Load; its columns are Force \\(N\\), Strain \\(%\\)"),
     ("Load (N);Load (kN);Strain (%)\n1;2;3\n", "twice; give the column's number"),
     ("Load (N);Strain (%)\n1;2\n2;OVER\n", "line 3, column strain: 'OVER' is not a number"),
     ("Load (N);Strain (%)\n1;2\n2\n", "line 3: has 1 cells"),
@@ -131,7 +131,7 @@ NO_COLUMN = [
     ({"columns": {}}, "columns: names none, expected at least one"),
     ({"columns": {"force": Column(0, "force", "N")}}, "columns: are numbered from 1"),
     ({"decimal": "'"}, 'decimal: is "\'", expected . or ,'),
-    ({"delimiter": "|"}, "delimiter: is '|', expected a tab, ; or ,"),
+    ({"delimiter": "|"}, "delimiter: is '|', expected a tab, ; , or a blank"),
 ]
 
 

@@ -16,12 +16,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from modalbase.formats.columns import read_columns, real, whole
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.card import Card, cards_of, split_deck
 from modalbase.formats.models.bdf.frames import read_grids
 from modalbase.formats.models.model import Floats, Integers
 from modalbase.formats.npy import Array, members_of, read_array
+from modalbase.formats.tables import read_rows, real, whole, whole_rows
 
 DOFS = 6
 """Of a node."""
@@ -218,13 +218,9 @@ def read_dofs(name: str, content: bytes) -> Integers:
 def _table(name: str, content: bytes, columns: tuple[str, ...]) -> list[tuple[str, list[str]]]:
     """Lines and cells of the columns, in this order."""
     try:
-        header, rows = read_columns(content.decode("utf-8-sig").splitlines(keepends=True))
+        header, rows = read_rows(content, columns)
         places = [header.index(column) for column in columns]
-        return [(f"line {line}", [cells[at] for at in places]) for line, cells in rows]
-    except UnicodeDecodeError as error:
-        raise FormatError(name, "is not text in UTF-8") from error
-    except ValueError as error:
-        raise FormatError(name, f"lacks a column of {', '.join(columns)}") from error
+        return [(f"line {line}", [cells[at] for at in places]) for line, cells in whole_rows(header, rows)]
     except FormatError as error:
         raise FormatError(f"{name} {error.place}".rstrip(), error.message) from error
 

@@ -141,7 +141,7 @@ BAD = [
     ({"dofs.csv": b"node,dof\n10,1\n10,1\n"}, "dofs", "names a dof twice"),
     ({"dofs.csv": b"node,dof\n10,7\n"}, "dofs.csv line 2", "has the dof 7, expected 1"),
     ({"dofs.csv": b"node,dof\n11,1\n"}, "dofs", "names node 11, which is not in the table of nodes"),
-    ({"nodes.csv": b"node,x,y\n1,2,3\n"}, "nodes.csv", "lacks a column of node, x, y, z"),
+    ({"nodes.csv": b"node,x,y\n1,2,3\n"}, "nodes.csv line 1", "is 'node,x,y', expected node,x,y,z"),
     ({"nodes.csv": b"node,x,y,z\n1,2,3,a\n"}, "nodes.csv line 2, z", "expected a number"),
     ({"nodes.csv": NODES + b"7,1,1,1\n"}, "nodes", "has a number twice"),
     ({"nodes.csv": NODES + b"8,1,1,1\n"}, "dofs.csv", "matrices of 18 rows are neither six nor three of each of 4 nodes"),

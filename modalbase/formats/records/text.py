@@ -1,0 +1,100 @@
+"""Time data in a table of text: its columns as arrays, or part by part where it is one long recording."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modalbase.formats.errors import FormatError
+from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
+from modalbase.formats.records.proposal import is_time
+from modalbase.formats.records.wav import FRAMES
+from modalbase.formats.tables import Stated, Table, open_table
+from modalbase.formats.types import FloatArray
+
+
+@dataclass(frozen=True)
+class TextRecording:
+    """A table of text whose columns are channels. Its samples are read when they are asked for.
+
+    Attributes:
+        table: of the file.
+    """
+
+    table: Table
+    full_scale, declared = None, True
+
+    @property
+    def names(self) -> list[str]:
+        """Of the columns."""
+        return self.table.names
+
+    @property
+    def units(self) -> dict[str, str]:
+        """That a line of units states, by column."""
+        return self.table.units
+
+    @property
+    def has_rate(self) -> bool:
+        """Whether a preamble states the sampling rate."""
+        return self.rate_hz is not None
+
+    @property
+    def rate_hz(self) -> float | None:
+        """The sampling rate that a preamble states of a table without a time axis."""
+        has_axis = any(column.is_time or is_time(column.name) for column in self.table.layout.columns)
+        return None if has_axis else self.table.layout.sample_rate_hz
+
+    def shapes(self) -> dict[str, str]:
+        """Type of each column."""
+        return dict.fromkeys(self.names, "float64")
+
+    def notes(self, _: Sequence[str]) -> list[str]:
+        """What was noticed of the table."""
+        return self.table.notes
+
+    def chunks(self, names: Sequence[str]) -> Iterator[FloatArray]:
+        """(columns, n) parts of these columns in order, in the unit of the file.
+
+        Raises:
+            FormatError: a line is no row of the table, or a cell is empty; names the line or the column.
+        """
+        first = 0
+        for numbers in self.table.parts(list(names), FRAMES):
+            part = np.frombuffer(numbers).reshape(-1, len(names)).T
+            if (bad := np.argwhere(np.isnan(part))).size:
+                at = first + int(bad[0][1]) + 1
+                raise FormatError(names[bad[0][0]], f"has an empty cell in row {at} of the data, expected a number")
+            yield part.copy()
+            first += part.shape[1]
+
+    def rate_of(self, names: Sequence[str], stated: float | str) -> float:
+        """Rate of the channels: a number, the preamble's, or the time axis that states it.
+
+        Raises:
+            FormatError: it is no rate.
+        """
+        del names
+        own: Variables = {} if self.rate_hz is None else {SAMPLE_RATE: np.array(self.rate_hz)}
+        if isinstance(stated, str) and stated in self.names:
+            own[stated] = np.concatenate([part[0] for part in self.chunks([stated])])
+        samples = own[stated].size if isinstance(stated, str) and stated in own else 0
+        return sampling_rate(own, stated, samples, self.units)
+
+    def arrays(self) -> Variables:
+        """All columns, and the rate that the preamble states. NaN where a cell is empty."""
+        parts = [np.frombuffer(part) for part in self.table.parts(self.names)]
+        rows = (np.concatenate(parts) if len(parts) > 1 else parts[0]).reshape(-1, len(self.names))
+        rate: dict[str, Any] = {} if self.rate_hz is None else {SAMPLE_RATE: np.array(self.rate_hz)}
+        return {**rate, **dict(zip(self.names, rows.T, strict=True))}
+
+
+def open_recording(path: Path, stated: Stated = Stated()) -> TextRecording:  # noqa: B008 - frozen
+    """A table of text as a recording.
+
+    Raises:
+        FormatError: it is no table.
+    """
+    return TextRecording(open_table(path, stated))

@@ -1,0 +1,150 @@
+"""FRFs that analysers write as text: magnitude and phase, or real and imaginary parts, with what their headings say."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modalbase.formats.recognise import recognise
+from service.compute.frf_rows import EncodedFrf
+from service.compute.reading import ReadingInputs, read_upload
+from service.compute.spectra import decode
+from service.errors import Invalid
+from tests.support.places import shared_file
+
+HZ = np.arange(1, 201) * 0.5
+H = np.exp(0.4j) * HZ**2 / (31.0**2 - HZ**2 + 0.6j * HZ)  # m/s²/N
+GRAVITY = 9.80665
+DOFS = {"response_point": 2, "response_direction": 3, "reference_point": 1, "reference_direction": 3}
+
+
+def read(path: Path, mapping: Any = None, *, dry_run: bool = True, quantity: Any = None) -> list[Any]:
+    mapping = json.loads(json.dumps(mapping))
+    return list(
+        read_upload(ReadingInputs(path, quantity, path.name, mapping=mapping, dry_run=dry_run), lambda *_: None)
+    )
+
+
+def imported(path: Path, **changes: Any) -> list[EncodedFrf]:
+    (found,) = read(path)
+    assert found.kind == "frfs"
+    frfs = read(path, {**found.mapping, **DOFS, **changes}, dry_run=False)[1:]
+    assert all(isinstance(frf, EncodedFrf) for frf in frfs)
+    return frfs
+
+
+def test_magnitude_in_g_and_phase_in_degrees_behind_a_preamble() -> None:
+    path = shared_file("REALITY", "reality", "frf_analyser_mag_phase.tsv")
+    (found,) = read(path)
+    expected = {"magnitude": "Magnitude", "phase": "Phase", "scale": "linear", "phase_unit": "deg"}
+    assert found.mapping["frf"] == expected
+    assert found.mapping["unit"] == "g/N"
+    assert {name: found.mapping[name] for name in DOFS} == DOFS  # "H1 2:+Z/1:+Z" of the heading
+    assert (found.table["units_line"], found.table["first_line"]) == (6, 7)
+    (frf,) = read(path, found.mapping, dry_run=False)[1:]
+    values = decode(frf.spectrum)
+    assert (frf.quantity, frf.response_point, frf.reference_point) == ("accelerance", 2, 1)
+    assert abs(values[61]) == pytest.approx(2.5007, rel=1e-4)
+    hz = 0.5 * np.arange(1, 401)
+    peaks = [
+        hz[(hz > f - 10) & (hz < f + 10)][np.argmax(np.abs(values[(hz > f - 10) & (hz < f + 10)]))]
+        for f in (31, 87, 142)
+    ]
+    assert peaks == pytest.approx([31, 87, 142], abs=0.5)
+
+
+def columns(kind: str) -> tuple[list[str], list[str], list[np.ndarray]]:
+    """Names, units and columns of H in the writing of an analyser."""
+    magnitude, phase = np.abs(H), np.angle(H)
+    written: dict[str, tuple[list[str], list[str], list[np.ndarray]]] = {
+        "dB": (
+            ["Frequency", "Magnitude", "Phase"],
+            ["Hz", "dB", "deg"],
+            [HZ, 20 * np.log10(magnitude), np.degrees(phase)],
+        ),
+        "dB re g": (
+            ["Freq.", "H1", "Phase"],
+            ["Hz", "dB re 1 g/N", "rad"],
+            [HZ, 20 * np.log10(magnitude / GRAVITY), phase],
+        ),
+        "radians": (["Frequenz", "Betrag", "Phase"], ["kHz", "m/s²/N", "rad"], [HZ / 1000, magnitude, phase]),
+        "real, imaginary": (["Hz", "Real", "Imag"], ["Hz", "g/N", "g/N"], [HZ, H.real / GRAVITY, H.imag / GRAVITY]),
+        "mm": (
+            ["Phase", "Fréquence", "Amplitude"],
+            ["°", "Hz", "(mm/s^2)/N"],
+            [np.degrees(phase), HZ, 1000 * magnitude],
+        ),
+    }
+    return written[kind]
+
+
+@pytest.mark.parametrize("in_brackets", [False, True])
+@pytest.mark.parametrize(("separator", "decimal"), [("\t", "."), (";", ","), (",", ".")])
+@pytest.mark.parametrize("kind", ["dB", "dB re g", "radians", "real, imaginary", "mm"])
+def test_what_analysers_write_is_the_same_frf(
+    tmp_path: Path, kind: str, separator: str, decimal: str, in_brackets: bool
+) -> None:
+    names, units, table = columns(kind)
+    rows = [separator.join(f"{v:.9e}" for v in row).replace(".", decimal) for row in zip(*table, strict=True)]
+    if in_brackets:
+        heading = [separator.join(f"{name} [{unit}]" for name, unit in zip(names, units, strict=True))]
+    else:
+        heading = [separator.join(names), separator.join(units)]
+    path = tmp_path / "H.txt"
+    path.write_text("\n".join(["Analyser", "", *heading, *rows, ""]))
+    assert recognise(path, "H.txt") == "csv"
+    stated = {"unit": "m/s²/N"} if kind == "dB" else {}
+    (frf,) = imported(path, **stated)
+    np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
+    assert frf.quantity == "accelerance"
+
+
+def test_several_columns_are_several_frfs_whose_points_are_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "H.csv"
+    heading = "Frequency (Hz);Mag 1 (g/N);Phase 1 (deg);Mag 2 (g/N);Phase 2 (deg)"
+    rows = [f"{f};{abs(h)};{np.degrees(np.angle(h))};{2 * abs(h)};0" for f, h in zip(HZ.tolist(), H, strict=True)]
+    path.write_text("\n".join([heading, *rows]))
+    (found,) = read(path)
+    assert found.mapping["frf"]["magnitude"] == ["Mag 1 (g/N)", "Mag 2 (g/N)"]
+    assert found.mapping["response_point"] == [None, None]
+    with pytest.raises(Invalid, match="response_point: is empty"):
+        read(path, found.mapping, dry_run=False)
+    frfs = imported(path, response_point=[2, 3])
+    assert [frf.response_point for frf in frfs] == [2, 3]
+    np.testing.assert_allclose(decode(frfs[1].spectrum), 2 * GRAVITY * np.abs(H), rtol=1e-6)
+
+
+REFUSED = [
+    ({"frf": {"magnitude": "M", "phase": "P"}}, "phase_unit: is empty, and the file states none; state deg or rad"),
+    ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "gon"}}, "expected deg or rad"),
+    ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "deg", "scale": "log"}}, "expected linear or dB"),
+    ({"frf": {"magnitude": "L", "phase": "P", "phase_unit": "deg"}}, "state .scale.: .dB."),
+    ({"frf": {"magnitude": "M (g/N)", "phase": "P", "phase_unit": "deg", "scale": "dB"}},
+     "scale: is dB, and the file says linear"),
+    ({"frf": {"magnitude": "M", "phase": "A (rad)", "phase_unit": "deg"}}, "phase_unit: is deg, and the file says rad"),
+    ({"frf": {"magnitude": "M"}}, "expected .*magnitude"),
+    ({"frf": {"variable": "M"}}, "without phase is of no use"),
+    ({"frf": {"magnitude": ["M", "L"], "phase": "P", "phase_unit": "deg"}}, "has 2 FRFs of magnitude and 1 of phase"),
+    ({"frf": {"magnitude": "X", "phase": "P", "phase_unit": "deg"}}, "X: is not in the file; it has"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "why"), REFUSED)
+def test_what_contradicts_or_is_missing_is_named(tmp_path: Path, change: dict[str, Any], why: str) -> None:
+    path = tmp_path / "H.csv"
+    rows = [f"{f};{abs(h)};{np.log10(abs(h))};{abs(h)};0.1;0.1" for f, h in zip(HZ.tolist(), H, strict=True)]
+    path.write_text("\n".join(["f (Hz);M;L;M (g/N);P;A (rad)", *rows]))
+    mapping = {"frequency_hz": {"variable": "f (Hz)"}, **DOFS, **change}
+    with pytest.raises(Invalid, match=why):
+        read(path, mapping, dry_run=False, quantity="accelerance")
+
+
+def test_a_unit_of_mobility_is_no_accelerance(tmp_path: Path) -> None:
+    path = tmp_path / "H.csv"
+    path.write_text("\n".join(["f (Hz);Re (m/s/N);Im (m/s/N)", *(f"{f};1.5;0.5" for f in HZ.tolist())]))
+    (found,) = read(path)
+    with pytest.raises(Invalid, match="quantity: is accelerance, and the unit 'm/s/N' is that of mobility"):
+        read(path, {**found.mapping, **DOFS}, dry_run=False, quantity="accelerance")
+    assert imported(path)[0].quantity == "mobility"
