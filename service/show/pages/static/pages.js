@@ -218,8 +218,7 @@ const uploaded = document.getElementById("uploaded");
 let sending = 0, stale = uploaded?.querySelector("[hx-get]") != null, kept = false;
 uploaded?.addEventListener("input", () => { kept = true; });
 function renewed(last = null) {
-  if (leaving) return true; // a report that is asked for meanwhile does not come up before the page goes
-  if (!stale || sending || [...uploaded.querySelectorAll("[hx-get]")].some((report) => report !== last)) return false;
+  if (!stale || sending || leaving || [...uploaded.querySelectorAll("[hx-get]")].some((report) => report !== last)) return false;
   if (kept) say("All files are read: load the page anew to see what is in them."); else leave();
   return !kept;
 }
