@@ -2,15 +2,12 @@
 
 import re
 from pathlib import Path, PurePosixPath
-from typing import Literal, get_args
 
-Format = Literal["uff", "npz", "mat", "csv", "wav", "tdms"]
-
-FORMATS: tuple[Format, ...] = get_args(Format)
+from modalbase.formats.registry import FORMATS, FormatName
 
 _HEAD_BYTES = 4096
 _UFF_NAMES = (".uff", ".unv", ".uf", ".bunv", ".ufb")
-_MAGIC: dict[bytes, Format] = {
+_MAGIC: dict[bytes, FormatName] = {
     b"PK": "npz",
     b"RIFF": "wav",
     b"RIFX": "wav",
@@ -22,7 +19,7 @@ _MAGIC: dict[bytes, Format] = {
 _DELIMITER = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*-1[ \t]*\r?(?:\n|\Z)")
 
 
-def recognise(path: Path, name: str = "") -> Format:
+def recognise(path: Path, name: str = "") -> FormatName:
     """Return the format of a file.
 
     Text that opens with a UFF delimiter is UFF. What has no mark, such as a .mat of version 4, is what its name says, and the
@@ -40,7 +37,7 @@ def recognise(path: Path, name: str = "") -> Format:
             return found
     if _DELIMITER.match(head) or suffix in _UFF_NAMES:
         return "uff"
-    named: dict[str, Format] = {f".{form}": form for form in FORMATS}
+    named: dict[str, FormatName] = {f".{form}": form for form in FORMATS}
     return named.get(suffix, "csv" if _is_table(head) else "uff")
 
 

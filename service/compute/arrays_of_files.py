@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from fecore.errors import InputError
 from fecore.frf import Quantity
@@ -21,7 +21,6 @@ from modalbase.formats.frfs import Frfs, read_csv, read_npz
 from modalbase.formats.frfs.mat import frfs_of, propose_frfs
 from modalbase.formats.frfs.npz import REQUIRED
 from modalbase.formats.frfs.table import DOFS
-from modalbase.formats.recognise import Format
 from modalbase.formats.records import (
     TimeBlock,
     Variables,
@@ -32,6 +31,7 @@ from modalbase.formats.records import (
     read_mapping,
     read_variables,
 )
+from modalbase.formats.registry import FORMATS, MEMBERS, FormatName, Kind
 from service.compute.frf_rows import EncodedFrf, encoded
 from service.compute.recordings import channels_of, looked_at, proposed_recording, recording_of
 from service.errors import Fault, Invalid, pointer
@@ -39,7 +39,6 @@ from service.errors import Fault, Invalid, pointer
 if TYPE_CHECKING:
     from service.compute.reading import ReadingInputs
 
-Kind = Literal["hits", "frfs"]
 T = TypeVar("T")
 
 FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
@@ -53,7 +52,7 @@ MOST_VARIABLES = 1000  # arrays of a file that are listed
 class Found:
     """What a file is."""
 
-    format: Format  # by its content
+    format: FormatName  # by its content
     kind: Kind | None = None  # whether its arrays are hits or FRFs; None of UFF, which may hold both
     variables: dict[str, str] = field(default_factory=dict)  # type and shape of its arrays, with their extremes
     mapping: dict[str, Any] = field(default_factory=dict)  # one that suggests itself; empty where none is needed
@@ -62,7 +61,7 @@ class Found:
     notes: list[str] = field(default_factory=list)  # what the reader noticed
 
 
-def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlock | EncodedFrf]:
+def read_arrays(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | TimeBlock | EncodedFrf]:
     """What a file is, then its time blocks or FRFs.
 
     Without a mapping where one is needed, a dry run ends after what the file is.
@@ -72,11 +71,16 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     """
     kind = inputs.kind or _kind_by_names(inputs, form)
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
+        if inputs.kind == "frfs":
+            raise Invalid("kind", "is frfs, and the mapping is of a recording of hits; state one of them")
+        require_taken(inputs, form, "hits")
         yield from _recording(inputs, inputs.mapping, form)
         return
+    if form in ("wav", "tdms"):
+        require_taken(inputs, form, kind)
     if form == "tdms" or (form == "wav" and inputs.mapping is None):
         file = _faults_as(_dotted, lambda: recording_of(inputs.path))
-        if not inputs.dry_run:
+        if not inputs.dry_run or inputs.mapping is not None:
             why = f"is missing: a {form} holds a recording of hits; the file has {', '.join(file.names)}"
             raise Invalid(_dotted("mapping.recording"), why)
         yield Found(form, "hits", _faults_as(_dotted, lambda: looked_at(file)), propose_recording(file.names))
@@ -91,11 +95,22 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     notes = [str(warning.message) for warning in noticed]
     if kind is None:
         kind = "frfs" if any(array.dtype.kind == "c" for array in variables.values()) else "hits"
+    require_taken(inputs, form, kind)
     read = _mapped_frfs if kind == "frfs" else _hits
     yield from read(inputs, form, variables, notes)
 
 
-def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
+def require_taken(inputs: ReadingInputs, form: FormatName, kind: Kind | None) -> None:
+    """Refuse what is stated beside a file and not taken with what it holds.
+
+    Raises:
+        Invalid: each such member of the request.
+    """
+    stated = [name for name in MEMBERS if getattr(inputs, name) is not None]
+    _faults_as(str, lambda: FORMATS[form].require_taken(kind, stated))
+
+
+def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: FormatName) -> Iterator[Found | TimeBlock]:
     """The hits of a recording that goes on over many."""
     limit = limit_of(inputs.path)
     channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit))
@@ -116,7 +131,7 @@ def limit_of(path: Path) -> int:
     return max(FREE_BYTES, size, min(RATIO * size, MOST_BYTES))
 
 
-def _kind_by_names(inputs: ReadingInputs, form: Format) -> Kind | None:
+def _kind_by_names(inputs: ReadingInputs, form: FormatName) -> Kind | None:
     """What the mapping, the format or the names of its columns or arrays say that a file holds; None where they do not."""
     if inputs.mapping is not None:
         return "frfs" if isinstance(inputs.mapping, dict) and "frf" in inputs.mapping else "hits"
@@ -132,10 +147,10 @@ def _kind_by_names(inputs: ReadingInputs, form: Format) -> Kind | None:
     return "frfs" if names.issuperset(REQUIRED) or names.issuperset((*DOFS, "frequency_hz", "real", "imag")) else None
 
 
-def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFrf]:
+def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | EncodedFrf]:
     """FRFs in the arrays or columns that `GET …/frfs/data` writes, which need no mapping."""
     if form == "npz":
-        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path)))
+        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path), inputs.quantity))
     else:
         frfs = _faults_as(str, lambda: read_csv(inputs.path, _quantity(inputs, form)))
     shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}
@@ -145,7 +160,7 @@ def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFr
 
 
 def _mapped_frfs(
-    inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]
+    inputs: ReadingInputs, form: FormatName, variables: Variables, notes: list[str]
 ) -> Iterator[Found | EncodedFrf]:
     found = Found(form, "frfs", _shapes(variables), propose_frfs(variables), notes=notes)
     if inputs.mapping is None and inputs.dry_run:
@@ -158,7 +173,9 @@ def _mapped_frfs(
     yield from rows
 
 
-def _hits(inputs: ReadingInputs, form: Format, variables: Variables, notes: list[str]) -> Iterator[Found | TimeBlock]:
+def _hits(
+    inputs: ReadingInputs, form: FormatName, variables: Variables, notes: list[str]
+) -> Iterator[Found | TimeBlock]:
     found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run)
     recording = proposed_recording(variables) if inputs.mapping is None else None
     yield replace(found, format=form, mapping=recording or found.mapping, notes=notes)
@@ -181,7 +198,7 @@ def hits_of(variables: Variables, stated: Any, *, dry_run: bool) -> tuple[Found,
     return replace(found, blocks=len(blocks), counted=mapping.hit is None), blocks
 
 
-def _quantity(inputs: ReadingInputs, form: Format) -> Quantity:
+def _quantity(inputs: ReadingInputs, form: FormatName) -> Quantity:
     if inputs.quantity is None and not inputs.dry_run:
         raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
     return inputs.quantity or "accelerance"

@@ -12,7 +12,20 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 import numpy as np
-from sqlalchemy import CheckConstraint, ForeignKey, Index, LargeBinary, Row, Select, func, literal, select, text, update
+from sqlalchemy import (
+    CheckConstraint,
+    ForeignKey,
+    Index,
+    LargeBinary,
+    Row,
+    Select,
+    delete,
+    func,
+    literal,
+    select,
+    text,
+    update,
+)
 from sqlalchemy.dialects.postgresql import aggregate_order_by
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -160,6 +173,20 @@ def store_processed(session: Session, campaign_id: UUID, processing_id: UUID, ne
             }
             write([row[name] for name in PROCESSED_COLUMNS])
     return keys
+
+
+def quantities_of(session: Session, import_id: UUID) -> list[str]:
+    """What the FRFs of an import are."""
+    return list(
+        session.scalars(select(Frf.quantity).where(Frf.import_id == import_id).distinct().order_by(Frf.quantity))
+    )
+
+
+def remove_frfs(session: Session, import_id: UUID) -> int:
+    """Remove the FRFs that an import brought, and give their bytes."""
+    sizes = [func.octet_length(column) for column in (Frf.data, Frf.coherence, Frf.axis)]
+    gone = delete(Frf).where(Frf.import_id == import_id).returning(*sizes)
+    return sum(size or 0 for row in session.execute(gone) for size in row)
 
 
 def describe(frf: Frf) -> FrfOut:
