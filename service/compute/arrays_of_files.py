@@ -142,15 +142,25 @@ def _kind_by_names(inputs: ReadingInputs, form: FormatName) -> Kind | None:
         with inputs.path.open(encoding="utf-8-sig", errors="replace") as text:
             names = {cell.strip() for cell in next(csv.reader([text.readline(1 << 16)]), [])}
     elif form == "npz":
-        with suppress(zipfile.BadZipFile), zipfile.ZipFile(inputs.path) as archive:  # its reader says what is wrong
-            names = {name.removesuffix(".npy") for name in archive.namelist()}
+        names = _arrays_of(inputs.path)
     return "frfs" if names.issuperset(REQUIRED) or names.issuperset((*DOFS, "frequency_hz", "real", "imag")) else None
+
+
+def _arrays_of(path: Path) -> set[str]:
+    """Names of the arrays of an npz; none of what is no archive, of which its reader says what is wrong."""
+    with suppress(zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        return {name.removesuffix(".npy") for name in archive.namelist()}
+    return set()
 
 
 def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | EncodedFrf]:
     """FRFs in the arrays or columns that `GET …/frfs/data` writes, which need no mapping."""
     if form == "npz":
-        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path), inputs.quantity))
+        says = "quantity" in _arrays_of(inputs.path)
+        stated = inputs.quantity if says else inputs.quantity or "accelerance"
+        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path), stated))
+        if not says:
+            _quantity(inputs, form)
     else:
         frfs = _faults_as(str, lambda: read_csv(inputs.path, _quantity(inputs, form)))
     shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}

@@ -26,7 +26,6 @@ INT64_MAX = 2**63 - 1
 LONG = 1000  # items of a list beyond which its faults are not listed one by one
 
 
-
 class _Storable:
     """Of a text: that PostgreSQL can store it, and its usual limit, where a member states none of its own.
 
@@ -37,7 +36,7 @@ class _Storable:
         """The text's schema, whose limits a member has set by now, with what was not set."""
         text = dict(handler(source))
         text.setdefault("max_length", 10_000)
-        return core_schema.no_info_after_validator_function(refuse_unstorable_text, text)  # type: ignore[arg-type]
+        return core_schema.no_info_after_validator_function(refuse_unstorable_text, text)
 
 
 Text = Annotated[str, _Storable()]

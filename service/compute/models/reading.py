@@ -84,6 +84,8 @@ def read_deck(inputs: DeckInputs, report: Report) -> Iterator[DeckOutput]:
     elif inputs.sections is not None:
         raise Invalid("sections", "are of meshes without properties; a deck has its own, and matrices have none")
     elif are_matrices(files := files_of(content, inputs.filename)):
+        if inputs.accepted:
+            raise Invalid("accept", "is of cards of a deck; matrices have none")
         yield _of_matrices(files, inputs.units)
         return
     else:
@@ -235,7 +237,16 @@ def _require_units(model: FiniteElementModel, units: str | None) -> None:
 
 
 def _require_accepted(model: FiniteElementModel, accepted: tuple[str, ...]) -> None:
+    """Refuse a model of which something would be left out that nobody accepts, and an acceptance of nothing.
+
+    Raises:
+        Invalid: each of them.
+    """
     taken = {_plain(name) for name in accepted}
+    there_are = dict.fromkeys(_plain(one.card) for one in model.ignored)
+    if unknown := [name for name in accepted if _plain(name) not in there_are]:
+        left_out = f"left out are {', '.join(there_are)}" if there_are else "nothing of it is left out"
+        raise Invalid("accept", f"{', '.join(unknown)} is nothing that this model would be taken without; {left_out}")
     lost = [one for one in model.ignored if one.changes and _plain(one.card) not in taken]
     if lost:
         raise Invalid([Fault("file", _lost(one)) for one in lost])

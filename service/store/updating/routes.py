@@ -74,6 +74,7 @@ def start_update(
     With an `Idempotency-Key`, sending the same again gives the same job and not a second one.
     """
     require_usual(recipe, confirm)
+    operations.require_used(session, user, campaign_id, recipe)
     row = operations.start_update(session, user, campaign_id, recipe, idempotency_key, priority)
     return single.made(session, row, response)
 
