@@ -20,11 +20,11 @@ from tests.support.rest import client_of
 
 @pytest.fixture(scope="module")
 def lab(service: LocalService) -> Iterator[Lab]:
-    engine, name = make_engine(service.settings.database_url), f"chief {uuid4()}"
-    with client_of(service, f"members {uuid4()}") as api, client_of(service, name) as chief:
+    engine, (name, member) = make_engine(service.settings.database_url), (f"member {uuid4()}" for _ in range(2))
+    with client_of(service, name) as api, client_of(service, member) as chief:
         with make_sessions(engine).begin() as session:
-            user_named(session, name).administrator = True
-        yield furnished(api, chief, make_sessions(engine))
+            user_named(session, member).administrator = True
+        yield furnished(api, name, chief, member, make_sessions(engine))
     engine.dispose()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 from typing import Any
-from uuid import UUID
+from uuid import UUID, uuid4
 
 import httpx
 import numpy as np
@@ -32,11 +32,16 @@ RECIPE: dict[str, Any] = {
     "parameters": [{"name": "Ex"}, {"name": "Gxy", "tied_to": "Ex"}, {"name": "Gxz", "tied_to": "Ex"}],
 }
 JOINT_RECIPE = {name: value for name, value in RECIPE.items() if name != "damping_models"}
-MODES = [
-    {"frequency_hz": hz, "damping_ratio": ratio, "shape": [{"point": 1, "direction": 3, "real": r} for r in (1.0,)]}
-    for hz, ratio in ((26.0, 0.02), (160.0, 0.015), (440.0, 0.02))
-]
-CURVE = "force,strain\nkN,µm/m\n" + "".join(f"{0.002 * e / 1000:.6f},{e}\n" for e in range(0, 12_000, 500))
+MODES = [{"frequency_hz": hz, "damping_ratio": ratio} for hz, ratio in ((26.0, 0.02), (160.0, 0.015), (440.0, 0.02))]
+RAISED = [{**mode, "frequency_hz": 1.01 * mode["frequency_hz"]} for mode in MODES]
+
+
+def _curve(slope: float) -> str:
+    rows = (f"{slope * strain / 1000:.6f},{strain}" for strain in range(0, 12_000, 500))
+    return "\n".join(["test {n}", "force,strain", "kN,µm/m", *rows, ""])
+
+
+CURVE, STIFFER = _curve(0.002), _curve(0.0022)
 COUPON: dict[str, Any] = {
     "specimen": "curve {n}",
     "dimensions": {"unit": "mm", "width": [25.0], "thickness": [2.0]},
@@ -129,7 +134,7 @@ class Furnishing:
         for name in ("hits_id", "deleted_campaign_id", "small_id"):
             self.make(name, "structures/{structure_id}/campaigns", {"name": name, "boundary": "free"})
         self.make("frf_id", "campaigns/{small_id}/frfs", frfs())
-        self.made("campaigns/{small_id}/frfs", frfs(2))
+        self.make("second_frf_id", "campaigns/{small_id}/frfs", frfs(2))
 
     def of_campaigns(self) -> None:
         self.lab.ids["measured_frf_id"] = ok(self.api.get(f"campaigns/{self.lab.ids['campaign_id']}/frfs"))["items"][0][
@@ -138,12 +143,15 @@ class Furnishing:
         for hit in (1, 2, 3):
             self.make("record_id", "campaigns/{hits_id}/records", record(hit))
         for name in ("second_mode_set_id", "mode_set_id"):
-            self.make(name, "campaigns/{campaign_id}/mode-sets", {"name": name, "modes": MODES})
+            self.make(
+                name,
+                "campaigns/{campaign_id}/mode-sets",
+                {"name": name, "modes": MODES if name == "mode_set_id" else RAISED},
+            )
         for name in ("first_decision", "second_decision"):
             self.made("campaigns/{hits_id}/hit-decisions", {"point": 1, "hit": 1, "good": True, "why": name})
-        uff = self.api.get(f"frfs/{self.lab.ids['frf_id']}/data", params={"format": "uff-ascii"}).content
-        for name in ("second_import_id", "import_id"):
-            sent = uff if name == "import_id" else uff.replace(b"1.0000000000000e+00", b"1.5000000000000e+00")
+        for name, frf in (("second_import_id", "second_frf_id"), ("import_id", "frf_id")):
+            sent = self.api.get(f"frfs/{self.lab.ids[frf]}/data", params={"format": "uff-ascii"}).content
             self.make(
                 name, "campaigns/{small_id}/imports", content=sent, headers=RAW, params={"filename": f"{name}.uff"}
             )
@@ -151,6 +159,7 @@ class Furnishing:
             self.make(name, "campaigns/{hits_id}/processings", {})
         for name in ("second_identification_id", "identification_id"):
             self.make(name, "campaigns/{campaign_id}/identifications", {"band_hz": [5, 500], "highest_order": 10})
+        self.make("other_identification_id", "campaigns/{second_campaign_id}/identifications", {"band_hz": [5, 500]})
 
     def of_structures(self) -> None:
         for name in ("second_batch_id", "batch_id"):
@@ -177,6 +186,13 @@ class Furnishing:
     def updates(self) -> None:
         for name, campaign in (("job_id", "{campaign_id}"), ("second_job_id", "{second_campaign_id}")):
             self.make(name, f"campaigns/{campaign}/update-jobs", RECIPE)
+        for month in (3, 4, 5):  # so that a trend has a line beside a covariate
+            body = {"name": f"month {month}", "boundary": "cantilever", "performed_at": f"2024-0{month}-15T10:00:00Z"}
+            body |= {"temperature_c": 15.0 + month**2 % 7, "humidity_percent": 40.0 + month**3 % 11}
+            self.make("later_id", "structures/{structure_id}/campaigns", body)
+            modes = [{**mode, "frequency_hz": (1 - month / 1000) * mode["frequency_hz"]} for mode in MODES]
+            self.make("later_set_id", "campaigns/{later_id}/mode-sets", {"name": "typed", "modes": modes})
+            self.make("later_job_id", "campaigns/{later_id}/update-jobs", {**RECIPE, "mode_set": "{later_set_id}"})
         joint = {
             "recipe": JOINT_RECIPE,
             "joint": True,
@@ -202,21 +218,36 @@ class Furnishing:
             self.make(name, "searches", {"project": "{project_id}", "name": name, "noun": "frfs"})
         for name in ("key_id", "second_key_id"):
             self.make(name, "api-keys", {"name": name, "scopes": ["read"]})
-        users = [one["id"] for one in ok(self.lab.chief.get("users", params={"limit": 1000}))["items"]]
-        self.lab.ids["member"] = next(
-            one["name"]
-            for one in ok(self.lab.chief.get("users", params={"limit": 1000}))["items"]
-            if one["name"].startswith("chief")
-        )
-        own = {key for key in users if self.lab.ids["key_id"] in self.lab.chief.get(f"users/{key}/api-keys").text}
-        (self.lab.ids["user_id"],) = own
+        ids = {name: UUID(self.lab.ids[f"{name}_id"]) for name in ("project", "monitor", "webhook")}
+        row = {f"{name}_id": key for name, key in ids.items()} | {
+            "event": "alarm.raised",
+            "body": "{}",
+            "state": "failed",
+        }
+        with self.sessions.begin() as session:  # that a monitor sends takes many campaigns
+            session.execute(insert(Base.metadata.tables["deliveries"]), [{**row, "message_id": n} for n in ("1", "2")])
+        self.lab.alarm = self.alarm
+        self.lab.ids |= {"alarm_id": self.alarm(), "second_alarm_id": self.alarm("cleared")}
+
+    def alarm(self, state: str = "alarm") -> str:
+        """An alarm of the monitor, which otherwise takes many campaigns; a parameter has one that is open."""
         table = Base.metadata.tables["alarms"]
-        for number, (name, state) in enumerate((("alarm_id", "alarm"), ("second_alarm_id", "cleared"))):
-            row = {"monitor_id": UUID(self.lab.ids["monitor_id"]), "campaign_id": UUID(self.lab.ids["campaign_id"])}
-            row |= {"series": 1, "parameter": ("Ex", "a0")[number], "state": state}
-            row |= {"details": {"performed_at": "2026-03-02T09:30:00+00:00", "value": 3e10}}
-            with self.sessions.begin() as session:
-                self.lab.ids[name] = str(session.execute(insert(table).values(row).returning(table.c.id)).scalar_one())
+        row = {"monitor_id": UUID(self.lab.ids["monitor_id"]), "campaign_id": UUID(self.lab.ids["campaign_id"])}
+        row |= {"series": 1, "parameter": f"Ex{uuid4().hex}", "state": state}
+        row |= {"details": {"performed_at": "2026-03-02T09:30:00+00:00", "value": 3e10}}
+        with self.sessions.begin() as session:
+            return str(session.execute(insert(table).values(row).returning(table.c.id)).scalar_one())
+
+    def of_jobs(self) -> None:
+        """What only the results have: mode sets that were identified, and the numbers of the jobs' last events."""
+        for name, job in (("identified_id", "identification_id"), ("other_identified_id", "other_identification_id")):
+            campaign = self.lab.ids["campaign_id" if name == "identified_id" else "second_campaign_id"]
+            sets = ok(self.api.get(f"campaigns/{campaign}/mode-sets"))["items"]
+            (self.lab.ids[name],) = (one["id"] for one in sets if self.lab.ids[job] in str(one))
+        for name in ("update-jobs/{job_id}", "joint-updates/{joint_id}"):
+            stream = self.api.get(self.lab.filled(f"{name}/events", {})).text
+            number = next(line for line in stream.splitlines() if line.startswith("id:"))
+            self.lab.ids[f"{name.split('-')[0]}_event"] = number.removeprefix("id:").strip()
 
     def deletions(self) -> None:
         path = f"projects/{self.lab.ids['project_id']}/members/{self.lab.ids['member']}"
@@ -226,15 +257,19 @@ class Furnishing:
             self.api.delete(path, headers={"If-Match": "*"}).raise_for_status()
 
 
-def furnished(api: httpx.Client, chief: httpx.Client, sessions: Sessions) -> Lab:
+def furnished(api: httpx.Client, name: str, chief: httpx.Client, member: str, sessions: Sessions) -> Lab:
     """The laboratory.
 
     Args:
         api: of the user whose it is.
+        name: of that user.
+        member: name of another.
         chief: of an administrator.
         sessions: on the service's database, for alarms, which take many campaigns.
     """
     made = Furnishing(api, chief, sessions)
+    (user,) = ok(chief.get("users", params={"name": name}))["items"]
+    made.lab.ids |= {"user_id": user["id"], "member": member}
     for step in (
         made.structures,
         made.of_campaigns,
@@ -245,4 +280,5 @@ def furnished(api: httpx.Client, chief: httpx.Client, sessions: Sessions) -> Lab
     ):
         step()
     made.ended()
+    made.of_jobs()
     return made.lab

@@ -1,9 +1,9 @@
 """What a request states is used: each member of each operation is sent, and changes a named part of the answer.
 
-A `Body` is an operation with a type of body. Its members are the parameters of the query, headers, and members of the body that
-the OpenAPI document has. A row of the table (`tests.support.member_rows`) gives a member a value. What must differ from the
-same request without it is by default the member of the answer that has its name, or of a GET the whole answer. Members that mean
-the same everywhere, such as `limit` or `If-Match`, have their effect here.
+A `Body` is an operation with a type of body. Its members are the parameters of the query, headers, and members of the body
+that the OpenAPI document has. A row of the table (`tests.support.member_rows`) gives a member a value. What must differ from
+the same request without it is by default the member of the answer that has its name, or of a GET the whole answer. Members
+that mean the same everywhere, such as `limit` or `If-Match`, have their effect here.
 """
 
 from __future__ import annotations
@@ -68,6 +68,7 @@ class Lab:
     api: httpx.Client
     ids: dict[str, str]
     chief: httpx.Client
+    alarm: Callable[[], str] = str  # makes another alarm
 
     def filled(self, value: Any, ids: Mapping[str, str]) -> Any:
         """A value with `{name}` of ids in its texts; `{n}` is another number each time."""
@@ -123,7 +124,7 @@ class Trial:
         ids = self.ids() if ids is None else ids
         query = {name: one for name, one in {**self.asked.query, **query}.items() if one is not None}
         path = self.lab.filled(self.path, ids).lstrip("/")
-        how: Node = {"params": self.lab.filled(query, ids), "headers": dict(headers or {})}
+        how: Node = {"params": self.lab.filled(query, ids), "headers": self.lab.filled(dict(headers or {}), ids)}
         if isinstance(body, bytes):
             how |= {"content": body, "headers": {"Content-Type": self.kind, **how["headers"]}}
         elif self.kind == "multipart/form-data":
@@ -144,7 +145,7 @@ class Trial:
         body = dict(self.asked.body) if isinstance(self.asked.body, dict) else self.asked.body
         for member, value in row.beside.items():
             if member == "*":
-                body = value
+                body = dict(value) if isinstance(value, dict) else value
             else:
                 (query if member[0] == "?" or not isinstance(body, dict) else body)[member.lstrip("?")] = value
         if with_it:
@@ -158,7 +159,7 @@ class Trial:
         if answer.is_error or self.asked.then is None:
             return answer.status_code, content_of(answer)
         state = content_of(answer)
-        if answer.status_code == 202:
+        if answer.status_code == 202 and "location" in answer.headers:
             state = finished(self.lab.api, answer.headers["location"])
         if not self.asked.then or state.get("status") == "failed":
             return answer.status_code, state
@@ -175,13 +176,14 @@ class Trial:
 
     def check(self, place: str, name: str, row: To | Refused) -> str | None:
         """What is wrong with a member; nothing where it has its effect."""
+        if isinstance(row, To):
+            before, plain = self.plain(place, name, row)  # first, since what is asked may change what is there
         status, content = self.ask(place, name, row, with_it=True)
         if isinstance(row, Refused):
             name = name.removeprefix("body.")
             named = status == 422 and any(name in one["pointer"] for one in content.get("errors", []))
             failed = isinstance(content, dict) and content.get("status") == "failed" and name in str(content["error"])
             return None if named or failed else f"{status} {str(content)[:400]}, expected a refusal by name"
-        before, plain = self.plain(place, name, row)
         for found, wanted, what in ((status, row.status, content), (before, row.without, plain)):
             if found != wanted if wanted else found >= 300:
                 return f"with it {status}, without {before}: {str(what)[:400]}"
@@ -244,8 +246,8 @@ def _theme(trial: Trial) -> str | None:
 def _if_match(trial: Trial) -> str | None:
     body = trial.asked.body
     if trial.kind == JSON and trial.method == "PATCH":
-        rows = (row for row in trial.asked.members.items() if not isinstance(row[1], To | Refused | tuple))
-        body = dict([next(rows)])
+        name, row = next((name, row) for name, row in trial.asked.members.items() if not isinstance(row, tuple))
+        body = {**row.beside, name: row.value} if isinstance(row, To) else {name: row}
     status = trial.send({}, body, {"If-Match": '"another"'}).status_code
     return None if status == 412 else f"an older version is {status}, expected 412"
 
@@ -293,7 +295,7 @@ def faults(lab: Lab, operation: str, kind: str, members: Mapping[str, Node], ask
         if row is None and name == "format":
             why = _formats(trial, stated)
         elif row is None:
-            why = "has no row in tests/support/member_rows.py"
+            why = "has no row in tests/support/member_rows_of_*.py"
         else:
             rows = row if isinstance(row, tuple) else (row,)
             whole = [one if isinstance(one, To | Refused) else To(one) for one in rows]

@@ -21,7 +21,8 @@ def read_npz(path: Path, limit_bytes: int | None = None, quantity: Quantity | No
     """FRFs of an npz file with the arrays `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`.
 
     One number in place of an array of points or directions stands for all FRFs. `label`, `averages` and `coherence`
-    (N, L) may be there too; `quantity` may be missing where it is stated beside the file. Nothing is unpickled, and no array may claim more bytes than the file has.
+    (N, L) may be there too; `quantity` may be missing where it is stated beside the file. Nothing is unpickled, and no
+    array may claim more bytes than the file has.
 
     >>> import pathlib, tempfile
     >>> import numpy as np

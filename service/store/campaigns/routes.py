@@ -43,6 +43,7 @@ nouns.changing(
     "Change what is known of a campaign; results that exist keep what they used.",
     CampaignPatch,
     operations.change_campaign,
+    measured=True,
 )
 nouns.deleting("delete_campaign", "Hide a campaign and what is in it. It stays stored and can be restored.")
 nouns.restoring("restore_campaign", "Bring a deleted campaign back.")
