@@ -2,20 +2,16 @@
 
 import re
 from pathlib import Path, PurePosixPath
-from typing import Literal, get_args
 
 from modalbase.formats.errors import FormatError
+from modalbase.formats.registry import FORMATS, FormatName
 from modalbase.formats.tables import open_table
-
-Format = Literal["uff", "npz", "mat", "csv", "wav", "tdms"]
-
-FORMATS: tuple[Format, ...] = get_args(Format)
 
 _HEAD_BYTES = 1 << 16
 TEXT_NAMES = (".tsv", ".txt", ".dat", ".asc", ".lvm", ".prn", ".tab", ".tra", ".text")
 """Suffixes that tables of text have beside .csv."""
 _UFF_NAMES = (".uff", ".unv", ".uf", ".bunv", ".ufb")
-_MAGIC: dict[bytes, Format] = {
+_MAGIC: dict[bytes, FormatName] = {
     b"PK": "npz",
     b"RIFF": "wav",
     b"RIFX": "wav",
@@ -28,7 +24,7 @@ _OPENING = re.compile(rb"^[ \t]*-1[ \t]*\r?\n[ \t]*\d{1,6}[ \t\r\nb]", re.MULTIL
 _DELIMITER = re.compile(rb"\A(?:\xef\xbb\xbf)?\s*-1[ \t]*\r?(?:\n|\Z)")
 
 
-def recognise(path: Path, name: str = "") -> Format:
+def recognise(path: Path, name: str = "") -> FormatName:
     """Return the format of a file.
 
     Text that opens with a UFF delimiter is UFF. What has no mark, such as a .mat of version 4, is what its name says, and the
@@ -46,7 +42,7 @@ def recognise(path: Path, name: str = "") -> Format:
             return found
     if _DELIMITER.match(head) or suffix in _UFF_NAMES:
         return "uff"
-    named: dict[str, Format] = {f".{form}": form for form in FORMATS} | dict.fromkeys(TEXT_NAMES, "csv")
+    named: dict[str, FormatName] = {f".{form}": form for form in FORMATS} | dict.fromkeys(TEXT_NAMES, "csv")
     if suffix in TEXT_NAMES and _OPENING.search(head):  # words may stand before the first dataset
         return "uff"
     return named.get(suffix, "csv" if _is_table(head) else "uff")

@@ -243,7 +243,13 @@ class NounRoutes(Generic[Row, Out]):
         self._add(name, text, get)
 
     def changing(
-        self, name: str, text: str, patch: type[BaseModel], change: Callable[[Session, User, Row, Any], None]
+        self,
+        name: str,
+        text: str,
+        patch: type[BaseModel],
+        change: Callable[[Session, User, Row, Any], None],
+        *,
+        measured: bool = False,
     ) -> None:
         """Add `PATCH …/{id}`, which needs the ETag of the version that it changes.
 
@@ -252,6 +258,7 @@ class NounRoutes(Generic[Row, Out]):
             text: for the documentation.
             patch: model of the body.
             change: applies a patch to a locked row.
+            measured: whether the body has numbers whose unit may be mistaken, so that unusual ones must be confirmed.
         """
         row_id = Path(alias=self._id)
 
@@ -262,7 +269,22 @@ class NounRoutes(Generic[Row, Out]):
             response: Response,
             body: Any,
             key: UUID = row_id,
+        ) -> Any:
+            return edited(session, user, request, response, body, key, confirm=True)
+
+        def edit_measured(
+            session: SessionDep,
+            user: CurrentUser,
+            request: Request,
+            response: Response,
+            body: Any,
+            key: UUID = row_id,
             confirm: Confirm = False,
+        ) -> Any:
+            return edited(session, user, request, response, body, key, confirm=confirm)
+
+        def edited(
+            session: Session, user: User, request: Request, response: Response, body: Any, key: UUID, *, confirm: bool
         ) -> Any:
             row = self._find(session, user, key, "editor", lock=True)
             require_match(request, etag_of(self.shown(session, row)))
@@ -272,8 +294,9 @@ class NounRoutes(Generic[Row, Out]):
             change(session, user, row, body)
             return self.tagged(session, row, response)
 
-        edit.__annotations__["body"] = patch
-        self._add(name, text, edit, methods=["PATCH"], openapi_extra=IF_MATCH)
+        chosen = edit_measured if measured else edit
+        chosen.__annotations__["body"] = patch
+        self._add(name, text, chosen, methods=["PATCH"], openapi_extra=IF_MATCH)
 
     def deleting(self, name: str, text: str) -> None:
         """Add `DELETE …/{id}`, which hides a row."""

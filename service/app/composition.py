@@ -39,10 +39,11 @@ from service.store.structures.model_routes import router as models
 from service.store.structures.operations import structure_for
 from service.store.structures.routes import router as structures
 from service.store.updating.alignment import router as alignment
+from service.store.updating.removing import router as removing
 from service.store.updating.routes import router as updating
 
 ROUTERS: tuple[APIRouter, ...] = (
-    access, storage, structures, models, campaigns, instruments, imports, purging, grid_points, alignment, scripts,
+    access, storage, structures, models, campaigns, instruments, imports, removing, purging, grid_points, alignment, scripts,
     frfs, records, mode_sets, identifications, coupons, forecasts, updating, plans, search, saved_searches,
     archives, results, forecasts_shown, measured_figures, monitoring, webhooks,
 )  # fmt: skip

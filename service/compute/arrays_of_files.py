@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from fecore.errors import InputError
 from fecore.frf import Quantity
@@ -23,7 +23,6 @@ from modalbase.formats.frfs.npz import REQUIRED
 from modalbase.formats.frfs.parts import is_frequency, texts_of
 from modalbase.formats.frfs.proposal import doubts, propose_frfs
 from modalbase.formats.frfs.table import without_gap
-from modalbase.formats.recognise import Format
 from modalbase.formats.records import (
     TimeBlock,
     Variables,
@@ -39,6 +38,7 @@ from modalbase.formats.records.recording import Arrays
 from modalbase.formats.records.tdms import read_tdms_head
 from modalbase.formats.records.text import TextRecording, open_recording
 from modalbase.formats.records.variables import read_named
+from modalbase.formats.registry import FORMATS, MEMBERS, FormatName, Kind
 from modalbase.formats.tables import Stated
 from service.compute.frf_rows import EncodedFrf, encoded
 from service.compute.recordings import AnyRecording, channels_of, looked_at, proposed_recording, recording_of, units_in
@@ -47,7 +47,6 @@ from service.errors import Fault, Invalid, pointer
 if TYPE_CHECKING:
     from service.compute.reading import ReadingInputs
 
-Kind = Literal["hits", "frfs"]
 T = TypeVar("T")
 
 FREE_BYTES, RATIO, MOST_BYTES = 64 * 1024 * 1024, 100, 1024 * 1024 * 1024
@@ -62,7 +61,7 @@ MOST_VARIABLES = 1000  # arrays of a file that are listed
 class Found:
     """What a file is."""
 
-    format: Format  # by its content
+    format: FormatName  # by its content
     kind: Kind | None = None  # whether its arrays are hits or FRFs; None of UFF, which may hold both
     variables: dict[str, str] = field(default_factory=dict)  # type and shape of its arrays, with their extremes
     mapping: dict[str, Any] = field(default_factory=dict)  # one that suggests itself; empty where none is needed
@@ -72,7 +71,7 @@ class Found:
     notes: list[str] = field(default_factory=list)  # what the reader noticed
 
 
-def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlock | EncodedFrf]:
+def read_arrays(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | TimeBlock | EncodedFrf]:
     """What a file is, then its time blocks or FRFs.
 
     Without a mapping where one is needed, a dry run ends after what the file is.
@@ -81,12 +80,17 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
         Invalid: the file cannot be read, or the mapping is missing or does not fit; each fault with its pointer.
     """
     if isinstance(inputs.mapping, dict) and "recording" in inputs.mapping:
+        if inputs.kind == "frfs":
+            raise Invalid("kind", "is frfs, and the mapping is of a recording of hits; state one of them")
+        require_taken(inputs, form, "hits")
         yield from _recording(inputs, inputs.mapping, form)
         return
     if form == "csv":
         yield from _table(inputs)
         return
     kind = inputs.kind or _kind_by_names(inputs, form)
+    if form in ("tdms", "wav"):
+        require_taken(inputs, form, kind)
     if form in ("tdms", "wav") and inputs.mapping is None:
         file = _faults_as(_dotted, lambda: recording_of(inputs.path))
         if not inputs.dry_run:
@@ -108,13 +112,24 @@ def read_arrays(inputs: ReadingInputs, form: Format) -> Iterator[Found | TimeBlo
     notes = [str(warning.message) for warning in noticed]
     if kind is None:
         kind = "frfs" if any(array.dtype.kind == "c" for array in variables.values()) else "hits"
+    require_taken(inputs, form, kind)
     if kind == "frfs":
         yield from _mapped_frfs(inputs, form, variables, texts, notes)
     else:
         yield from _hits(inputs, form, variables, units_in(variables, texts), notes)
 
 
-def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: Format) -> Iterator[Found | TimeBlock]:
+def require_taken(inputs: ReadingInputs, form: FormatName, kind: Kind | None) -> None:
+    """Refuse what is stated beside a file and not taken with what it holds.
+
+    Raises:
+        Invalid: each such member of the request.
+    """
+    stated = [name for name in MEMBERS if getattr(inputs, name) is not None]
+    _faults_as(str, lambda: FORMATS[form].require_taken(kind, stated))
+
+
+def _recording(inputs: ReadingInputs, mapping: dict[str, Any], form: FormatName) -> Iterator[Found | TimeBlock]:
     """The hits of a recording that goes on over many."""
     limit = limit_of(inputs.path)
     channels = _faults_as(_dotted, lambda: channels_of(inputs.path, mapping, inputs.filename, limit))
@@ -138,11 +153,13 @@ def _table(inputs: ReadingInputs) -> Iterator[Found | TimeBlock | EncodedFrf]:
         stated = mapping["table"]
         mapping = {name: value for name, value in mapping.items() if name != "table"} or None
         inputs = replace(inputs, mapping=mapping)
-    if mapping is None and inputs.kind != "hits" and is_own_table(inputs.path):
+    if mapping is None and stated is None and inputs.kind != "hits" and is_own_table(inputs.path):
+        require_taken(inputs, "csv", "frfs")
         yield from _own_frfs(inputs, "csv")
         return
     file = _faults_as(_dotted, lambda: open_recording(inputs.path, Stated.of(stated, "mapping.table")))
     kind = inputs.kind or ("frfs" if _holds_frfs(mapping, file) else "hits")
+    require_taken(inputs, "csv", kind)
     variables = _faults_as(_dotted, file.arrays)
     described_ = file.table.layout.described(file.table.encoding)
     notes = file.table.notes
@@ -200,7 +217,7 @@ def limit_of(path: Path) -> int:
     return max(FREE_BYTES, size, min(RATIO * size, MOST_BYTES))
 
 
-def _kind_by_names(inputs: ReadingInputs, form: Format) -> Kind | None:
+def _kind_by_names(inputs: ReadingInputs, form: FormatName) -> Kind | None:
     """What the mapping, the format or the names of its columns or arrays say that a file holds; None where they do not."""
     if inputs.mapping is not None:
         return "frfs" if isinstance(inputs.mapping, dict) and "frf" in inputs.mapping else "hits"
@@ -208,15 +225,25 @@ def _kind_by_names(inputs: ReadingInputs, form: Format) -> Kind | None:
         return "hits"
     names: set[str] = set()
     if form == "npz":
-        with suppress(zipfile.BadZipFile), zipfile.ZipFile(inputs.path) as archive:  # its reader says what is wrong
-            names = {name.removesuffix(".npy") for name in archive.namelist()}
+        names = _arrays_of(inputs.path)
     return "frfs" if names.issuperset(REQUIRED) else None
 
 
-def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFrf]:
+def _arrays_of(path: Path) -> set[str]:
+    """Names of the arrays of an npz; none of what is no archive, of which its reader says what is wrong."""
+    with suppress(zipfile.BadZipFile), zipfile.ZipFile(path) as archive:
+        return {name.removesuffix(".npy") for name in archive.namelist()}
+    return set()
+
+
+def _own_frfs(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | EncodedFrf]:
     """FRFs in the arrays or columns that `GET …/frfs/data` writes, which need no mapping."""
     if form == "npz":
-        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path)))
+        says = "quantity" in _arrays_of(inputs.path)
+        stated = inputs.quantity if says else inputs.quantity or "accelerance"
+        frfs = _faults_as(_named, lambda: read_npz(inputs.path, limit_of(inputs.path), stated))
+        if not says:
+            _quantity(inputs, form)
     else:
         frfs = _faults_as(str, lambda: read_csv(inputs.path, _quantity(inputs, form)))
     shapes = {"frequency_hz": frfs.frequency_hz, "values": frfs.values, "coherence": frfs.coherence}
@@ -229,7 +256,7 @@ def _own_frfs(inputs: ReadingInputs, form: Format) -> Iterator[Found | EncodedFr
 
 
 def _mapped_frfs(
-    inputs: ReadingInputs, form: Format, variables: Variables, texts: dict[str, str], notes: list[str]
+    inputs: ReadingInputs, form: FormatName, variables: Variables, texts: dict[str, str], notes: list[str]
 ) -> Iterator[Found | EncodedFrf]:
     shapes = _shapes(variables) | {
         name: f"text {text[:_TEXT]!r}" for name, text in list(texts.items())[:MOST_VARIABLES]
@@ -249,7 +276,7 @@ def _mapped_frfs(
 
 
 def _hits(
-    inputs: ReadingInputs, form: Format, variables: Variables, units: dict[str, str], notes: list[str]
+    inputs: ReadingInputs, form: FormatName, variables: Variables, units: dict[str, str], notes: list[str]
 ) -> Iterator[Found | TimeBlock]:
     found, blocks = hits_of(variables, inputs.mapping, dry_run=inputs.dry_run, units=units)
     recording = proposed_recording(Arrays(variables, units)) if inputs.mapping is None else None
@@ -281,7 +308,7 @@ def hits_of(
     return replace(found, blocks=len(blocks), counted=mapping.hit is None), blocks
 
 
-def _quantity(inputs: ReadingInputs, form: Format) -> Quantity:
+def _quantity(inputs: ReadingInputs, form: FormatName) -> Quantity:
     if inputs.quantity is None and not inputs.dry_run:
         raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
     return inputs.quantity or "accelerance"

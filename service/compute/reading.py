@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 from fecore.errors import InputError
 from fecore.frf import Quantity, size_fault
 from modalbase.formats import uff
-from modalbase.formats.recognise import Format, recognise
+from modalbase.formats.recognise import recognise
 from modalbase.formats.records import TimeBlock, described
+from modalbase.formats.registry import FormatName, Kind
 from modalbase.formats.uff.channels import Spectra
 from modalbase.formats.uff.content import Outcome
-from service.compute.arrays_of_files import Found, Kind, read_arrays
+from service.compute.arrays_of_files import Found, read_arrays, require_taken
 from service.compute.frf_rows import EncodedFrf
 from service.compute.recordings import channel_of, recording_in_uff
 from service.compute.spectra import Axis, encode, encode_axis
@@ -53,7 +54,7 @@ class ReadingInputs:
     path: Path  # where it lies
     quantity: Quantity | None  # what an FRF is whose file states neither data type nor unit
     filename: str = ""  # what its sender calls it
-    form: Format | None = None  # its format where that is known
+    form: FormatName | None = None  # its format where that is known
     kind: Kind | None = None  # what an npz, .mat or CSV holds, where its sender says so
     mapping: Any = None  # which of its variables is what
     dry_run: bool = False  # nothing will be stored
@@ -70,6 +71,7 @@ def read_upload(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
     form = inputs.form or recognise(inputs.path, inputs.filename)
     recording = isinstance(inputs.mapping, dict) and "recording" in inputs.mapping
     if form == "uff" and not recording:
+        require_taken(inputs, form, "frfs")  # its hits have no mapping, but in a recording
         yield from _read_uff(inputs, report)
         return
     report("reading arrays", 0.0)
@@ -86,6 +88,7 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
         points: list[uff.GridPoint] = []
         unused: tuple[Outcome, str] | None = None
         spectra = Spectra()
+        frfs = refused = False
         channels = Counter[str]()
         for item in items:
             if isinstance(item, uff.GridPoint) and len(points) < POINTS_AT_ONCE:
@@ -104,19 +107,23 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
                     report_at = time.monotonic() + REPORT_SECONDS
                 left_out = unused if item.outcome == "read" else None
                 yield item if left_out is None else replace(item, outcome=left_out[0], reason=left_out[1])
-                unused = None
+                unused, refused = None, refused or item.outcome == "refused"
             elif isinstance(item, uff.GridPoint):
                 points.append(item)
             elif (reason := _why_unused(item)) is not None:
                 unused = ("refused" if isinstance(item, uff.Frf) else "ignored", reason)
             elif isinstance(item, uff.Frf):
                 spectra.note(item)
-                yield _encoded(item)
+                yield _encoded(item, inputs.quantity)
+                frfs = True
             elif isinstance(item, uff.Function | uff.TimeResponse | uff.ModeShape | uff.TraceLine):
                 channels.update([channel_of(item)] if isinstance(item, uff.TimeResponse) else [])
                 yield item
         for found in spectra.finish():
-            yield _encoded(found) if isinstance(found, uff.Frf) else found
+            yield _encoded(found, inputs.quantity) if isinstance(found, uff.Frf) else found
+            frfs = frfs or isinstance(found, uff.Frf)
+        if inputs.quantity is not None and not (frfs or refused):
+            raise Invalid("quantity", f"is {inputs.quantity}, and the file has no FRF; leave it out")
         if (recording := recording_in_uff(inputs.path, channels)) is not None:
             if not inputs.dry_run:
                 why = "is missing: the force has several hits; ?dry_run=true proposes a mapping"
@@ -127,7 +134,15 @@ def _read_uff(inputs: ReadingInputs, report: Report) -> Iterator[Kept]:
         raise InputError("file", f"{error.reason} (byte {error.offset})") from error
 
 
-def _encoded(frf: uff.Frf) -> EncodedFrf:
+def _encoded(frf: uff.Frf, stated: Quantity | None) -> EncodedFrf:
+    """An FRF on its way to the database.
+
+    Raises:
+        Invalid: the file says that it is something else than the request does.
+    """
+    if stated not in (None, frf.quantity):
+        own = f"dataset {frf.dataset} of the file says that it is {frf.quantity}"
+        raise Invalid("quantity", f"is {stated}, and {own}; leave quantity out, or correct the file")
     lines = frf.frequency
     even = lines.values is None and lines.count > 1
     return EncodedFrf(

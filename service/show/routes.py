@@ -38,13 +38,20 @@ from service.store.modes.operations import IDENTIFICATIONS, identification_for, 
 from service.store.records.routes import Whole
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, Wanted, bounded
-from service.store.search.routes import ModeTrend, ResultTrend, WantedDep
+from service.store.search.routes import ModeTrend, OrderedDep, ResultTrend
 from service.store.updating.result_schemas import CONSTANTS
 from service.web import api_router
 
 Seconds = Annotated[float | None, Query(ge=0, le=1e9, allow_inf_nan=False)]
 
 router = api_router(tags=[])  # each figure stands beside what it shows
+
+_CAMPAIGN_FIGURES = {
+    "frf": ("point", "direction", "reference", "fmin", "fmax"),
+    "hits": ("point", "direction", "response"),
+}
+_MODE_SET_FIGURES = {"mac": ("mode_set",), "shapes": ()}
+"""Figures by name, with the parameters of the query that each uses."""
 
 
 @router.get("/campaigns/{campaign_id}/figures/{name}", response_class=Response, responses=RESPONSES, tags=["records"])
@@ -72,7 +79,8 @@ def get_campaign_figure(
     Hits are judged as the newest processing judged them; before one, among themselves.
     """
     campaign = campaign_for(session, user, campaign_id)
-    require_figure(name, "frf", "hits")
+    require_figure(name, *_CAMPAIGN_FIGURES)
+    asked.require_used(name, _CAMPAIGN_FIGURES[name], {one for used in _CAMPAIGN_FIGURES.values() for one in used})
     if name == "frf":
         (frf,) = FrfFilter(point=point, direction=direction, reference=reference).rows(session, campaign.id, 1)
         cut, version = Cut(fmin, fmax), f"{frf.id} {frf.coherence_sha256!r}"
@@ -111,7 +119,8 @@ def get_mode_set_figure(
 ) -> Response:
     """The `shapes` of a mode set at the measured points; or its `mac` with another one, where both have shapes."""
     first = mode_set_for(session, user, mode_set_id)
-    require_figure(name, "mac", "shapes")
+    require_figure(name, *_MODE_SET_FIGURES)
+    asked.require_used(name, _MODE_SET_FIGURES[name], {"mode_set"})
     if name == "shapes":
         return asked.answer(lambda: measured_shapes_figure(session, first), name)
     second = first if mode_set is None else mode_set_for(session, user, mode_set)
@@ -166,7 +175,7 @@ def get_mode_trend_figure(trend: ModeTrend, asked: Asked) -> Response:
 
 
 @router.get("/search/results/figure", response_class=Response, responses=RESPONSES, tags=["search"])
-def get_results_figure(wanted: WantedDep, session: SessionDep, user: CurrentUser, asked: Asked) -> Response:
+def get_results_figure(wanted: OrderedDep, session: SessionDep, user: CurrentUser, asked: Asked) -> Response:
     """The results that a search finds beside one another: a row each, at most 60, a panel a constant, with 95 % intervals."""
     fields = (
         "structure.name",

@@ -25,8 +25,22 @@ Shown = TypeVar("Shown", bound=BaseModel)
 INT64_MAX = 2**63 - 1
 LONG = 1000  # items of a list beyond which its faults are not listed one by one
 
-Text = Annotated[str, Field(max_length=10_000), AfterValidator(refuse_unstorable_text)]
-"""A text of at most 10,000 characters that PostgreSQL can store: no NUL, no lone surrogate."""
+
+class _Storable:
+    """Of a text: that PostgreSQL can store it, and its usual limit, where a member states none of its own.
+
+    A `Field(max_length=10_000)` in its place would win over the member's own limit.
+    """
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """The text's schema, whose limits a member has set by now, with what was not set."""
+        text = dict(handler(source))
+        text.setdefault("max_length", 10_000)
+        return core_schema.no_info_after_validator_function(refuse_unstorable_text, text)
+
+
+Text = Annotated[str, _Storable()]
+"""A text of at most 10,000 characters, if a member says no less, that PostgreSQL can store: no NUL, no lone surrogate."""
 
 Name = Annotated[str, Field(min_length=1, max_length=200, pattern=r"\S"), AfterValidator(refuse_unstorable_text)]
 """A name given by a person: 1 to 200 characters, not all of them blank, storable."""

@@ -32,6 +32,8 @@ def wording(fault: Mapping[str, Any], kind: Any, steps: Sequence[Any]) -> str:
     if fault["type"] == "extra_forbidden":
         return _unknown(kind, steps)
     context = fault.get("ctx", {})
+    if isinstance(fault["input"], str) and "max_length" in context:
+        return f"has {len(fault['input'])} characters, expected at most {context['max_length']}"
     limit = next((name for name in _LIMITS if name in context), None)
     if limit is None:
         return str(fault["msg"])

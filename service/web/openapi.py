@@ -221,19 +221,26 @@ def reads(content: Mapping[str, Any], **more: Any) -> Later:
 
 
 TEXT, BINARY = {"type": "string"}, {"type": "string", "format": "binary"}
-UPLOAD = {
-    "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
-        "type": "object",
-        "required": ["file"],
-        "properties": {
-            "file": {**BINARY, "description": "the file, with its name"},
-            "mapping": {**TEXT, "description": "which variable is what, as JSON"},
-            "sections": {**TEXT, "description": "of a mesh: what each set is, as JSON"},
+
+
+def upload(field: str, description: str) -> dict[str, Any]:
+    """Both forms in which a file may be uploaded, as `reads` takes them.
+
+    Args:
+        field: the one text that the form may have beside the file.
+        description: of that.
+    """
+    return {
+        "multipart/form-data": {  # first, since the documentation page sends the first, and this one keeps the file's name
+            "type": "object",
+            "required": ["file"],
+            "properties": {
+                "file": {**BINARY, "description": "the file, with its name"},
+                field: {**TEXT, "description": description},
+            },
         },
-    },
-    "application/octet-stream": BINARY,
-}
-"""Both forms in which a file may be uploaded, as `reads` takes them."""
+        "application/octet-stream": BINARY,
+    }
 
 
 def describe_problems(app: FastAPI) -> None:

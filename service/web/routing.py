@@ -20,9 +20,6 @@ from service.web.json_body import BULK_VALUES, MOST_VALUES, parse_json
 from service.web.negotiation import content_type, is_json
 from service.web.uploads import too_large
 
-_PAGING = {"cursor", "limit"}
-"""Allowed everywhere: a script that pages through all lists alike meets some that come whole."""
-
 
 def query_names(dependant: Dependant) -> frozenset[str]:
     """Names of the query's parameters that a route and all that it depends on declare."""
@@ -36,14 +33,31 @@ def require_known(sent: Iterable[str], known: Set[str]) -> None:
     Raises:
         Invalid: each unknown name, with those that there are.
     """
-    unknown = sorted(set(sent) - known - _PAGING)
-    if unknown:
+    if unknown := sorted(set(sent) - known):
         there_are = f"expected one of {', '.join(sorted(known))}" if known else "this address takes none"
         raise Invalid([Fault(name, f"is no parameter of this query; {there_are}") for name in unknown])
 
 
 AFTERWARDS = "modalbase.afterwards"
 """Where a request's scope has what is done with its answer before its transaction is committed."""
+
+
+def require_used(request: Request, variant: str, unused: Set[str], instead: str) -> None:
+    """Refuse parameters that a route has, and that what is asked for does not use.
+
+    Args:
+        request: whose query is looked at.
+        variant: what is asked for, in words: a format of the answer, a figure.
+        unused: names that it does not use.
+        instead: what it takes, or where they are used.
+
+    Raises:
+        Invalid: each such name.
+    """
+    if stated := sorted(unused & request.query_params.keys()):
+        raise Invalid([Fault(name, f"is not used by {variant}; {instead}") for name in stated])
+
+
 LARGE = 65536  # bytes beyond which parsing would hold up other requests
 _MATCHING = ("path_regex", "path_format", "param_convertors")
 _assembly = RLock()

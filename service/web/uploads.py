@@ -19,7 +19,7 @@ from starlette.formparsers import MultiPartException, MultiPartParser
 from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.errors import Invalid, PayloadTooLarge, TooSlow
+from service.errors import Fault, Invalid, PayloadTooLarge, TooSlow, pointer
 from service.web.negotiation import content_type
 
 MEMORY_BYTES = 64 * 1024  # of a body that waits in memory: a thousand may wait
@@ -170,6 +170,23 @@ class Form(Generic[File]):
     filename: str  # what the form calls it, without folders; empty for a raw body
     content_type: str  # of the file, without parameters
     fields: Mapping[str, str] = field(default_factory=dict)  # the other fields of the form, as text
+
+    def text_of(self, name: str, parameter: str | None = None) -> str | None:
+        """The one text that a form may have beside its file, which may come as a parameter of the query too.
+
+        Args:
+            name: of the field and of the parameter.
+            parameter: what the query says.
+
+        Raises:
+            Invalid: the form has another field, or the text is stated at both places.
+        """
+        if unknown := sorted(self.fields.keys() - {name}):
+            why = f"is no field of this form, which has `file` and `{name}`; parameters stand in the address"
+            raise Invalid([Fault(pointer([one]), why) for one in unknown])
+        if parameter is not None and name in self.fields:
+            raise Invalid(name, "is stated twice, in the address and as a field of the form; state it once")
+        return self.fields.get(name) if parameter is None else parameter
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ def test_frfs_of_each_format_go_through_the_door(
     assert read["counts"] == {"frfs": 1, "grid_points": 0, "modes": 0, "records": 0}
     (frf,) = ok(api.get(f"campaigns/{campaign}/frfs", params={"import_id": read["id"]}), 200)["items"]
     assert (frf["response_point"], frf["reference_point"]) == (33, 4)
-    assert frf["quantity"] == ("accelerance" if form == "npz" else "mobility")  # an npz says what it holds
+    assert frf["quantity"] == "mobility"
     data = ok(api.get(f"frfs/{frf['id']}/data"), 200)
     np.testing.assert_array_equal(data["frfs"][0]["imag"], VALUES.imag)
 

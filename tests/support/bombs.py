@@ -19,7 +19,7 @@ import httpx
 import numpy as np
 import psutil
 
-from modalbase.formats.recognise import FORMATS
+from modalbase.formats.registry import FORMATS
 from service.app.supervisor import LocalService
 from tests.support.rest import campaigns_of, client_of, finished
 

@@ -156,6 +156,7 @@ write   editor  POST /instruments/{instrument_id}/restore
 read    viewer  GET /projects/{project_id}/instruments, GET /instruments/{instrument_id}
 
 write   editor  PATCH /campaigns/{campaign_id}, DELETE /campaigns/{campaign_id}, POST /campaigns/{campaign_id}/restore
+write   editor  DELETE /imports/{import_id}
 write   editor  POST /campaigns/{campaign_id}/imports, PUT /campaigns/{campaign_id}/grid-points
 write   editor  POST /campaigns/{campaign_id}/frfs, POST /campaigns/{campaign_id}/records, DELETE /records/{record_id}
 write   editor  POST /mode-sets/{mode_set_id}/edits, POST /campaigns/{campaign_id}/hit-decisions

@@ -11,16 +11,18 @@ from numpy.lib import format as npy
 from modalbase.formats.errors import FormatError
 from modalbase.formats.frfs.table import DOFS, FrfRow, Frfs, FrfTable
 from modalbase.formats.npy import Array, members_of, read_array
+from modalbase.formats.types import Quantity
 
 REQUIRED = ("frequency_hz", "values", *DOFS)
 OPTIONAL = ("quantity", "averages", "coherence", "label", "id")
 
 
-def read_npz(path: Path, limit_bytes: int | None = None) -> Frfs:
+def read_npz(path: Path, limit_bytes: int | None = None, quantity: Quantity | None = None) -> Frfs:
     """FRFs of an npz file with the arrays `frequency_hz` (L,), `values` (N, L), `response_point` … (N,), `quantity`.
 
     One number in place of an array of points or directions stands for all FRFs. `label`, `averages` and `coherence`
-    (N, L) may be there too. Nothing is unpickled, and no array may claim more bytes than the file has.
+    (N, L) may be there too; `quantity` may be missing where it is stated beside the file. Nothing is unpickled, and no
+    array may claim more bytes than the file has.
 
     >>> import pathlib, tempfile
     >>> import numpy as np
@@ -34,16 +36,17 @@ def read_npz(path: Path, limit_bytes: int | None = None) -> Frfs:
     ...     reference_point=np.array([1]),
     ...     reference_direction=np.array(-3),
     ... )
-    >>> found = read_npz(path)
+    >>> found = read_npz(path, quantity="mobility")
     >>> found.quantity, found.values.shape, found.frfs[0].response_point
-    ('accelerance', (1, 2), 7)
+    ('mobility', (1, 2), 7)
 
     Args:
         path: of the file.
         limit_bytes: the most that its arrays may take; None where nothing limits them.
+        quantity: what the FRFs are, where somebody states it beside the file.
 
     Raises:
-        FormatError: the file is not such an archive; names the array.
+        FormatError: the file is not such an archive, or it is not known what its FRFs are; names the array.
     """
     arrays = _read_arrays(path, limit_bytes)
     missing = [name for name in REQUIRED if name not in arrays]
@@ -73,7 +76,7 @@ def read_npz(path: Path, limit_bytes: int | None = None) -> Frfs:
         frequency.astype(np.float64),
         values.astype(values.dtype.newbyteorder("<")),
         rows,
-        _text("quantity", arrays["quantity"]) if "quantity" in arrays else "accelerance",  # type: ignore[arg-type]
+        _quantity(arrays.get("quantity"), quantity),
         _coherence(arrays.get("coherence"), values.shape),
     )
 
@@ -102,10 +105,18 @@ def _integers(name: str, array: Array, count: int) -> Array:
     return np.broadcast_to(array.astype(np.int64), (count,))
 
 
-def _text(name: str, array: Array) -> str:
+def _quantity(array: Array | None, stated: Quantity | None) -> Quantity:
+    """What the file says, and what is stated beside it."""
+    if array is None:
+        if stated is None:
+            raise FormatError("quantity", "is missing: the npz has no such array, and nobody states what its FRFs are")
+        return stated
     if array.dtype.kind != "U" or array.ndim != 0:
-        raise FormatError(name, f"is {array.dtype} of shape {array.shape}, expected one text")
-    return str(array)
+        raise FormatError("quantity", f"is {array.dtype} of shape {array.shape}, expected one text")
+    own: Quantity = str(array)  # type: ignore[assignment]  # checked where it is stored
+    if stated not in (None, own):
+        raise FormatError("quantity", f"is {own} in the file and {stated} beside it: correct the one that is wrong")
+    return own
 
 
 def _labels(array: Array | None, count: int) -> tuple[str, ...]:

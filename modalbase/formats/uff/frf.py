@@ -151,7 +151,8 @@ def _quantity(
     if limits.quantity is None:
         raise Refusal(
             f"neither its data type ({raw.ordinate.data_type}) nor its unit ('{raw.ordinate.unit}') says whether it is"
-            " an accelerance, a mobility or a receptance; state it in the file (record 9: 12, 11 or 8)",
+            " an accelerance, a mobility or a receptance; state it in the file (record 9: 12, 11 or 8), or as the"
+            " quantity of the import",
             8,
         )
     notes.append(f"the file does not state what it is; {limits.quantity} as stated for the import")

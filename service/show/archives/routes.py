@@ -14,7 +14,7 @@ from service.show.archives.contents import write_archive
 from service.store.campaigns.operations import campaign_for, present_campaigns
 from service.store.search.nouns import NOUNS
 from service.store.search.operations import Search, bounded
-from service.store.search.routes import WantedDep
+from service.store.search.routes import FilterDep
 from service.store.structures.operations import structures_in
 from service.web import api_router
 from service.web.downloads import spooled
@@ -42,7 +42,7 @@ def get_campaign_archive(campaign_id: UUID, session: SessionDep, user: CurrentUs
 
 
 @router.get("/search/campaigns/archive", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
-def get_found_archive(wanted: WantedDep, session: SessionDep, user: CurrentUser) -> FileResponse:
+def get_found_archive(wanted: FilterDep, session: SessionDep, user: CurrentUser) -> FileResponse:
     """All campaigns that a search finds, over all projects, as one zip of UFF, npz, CSV and JSON."""
     with bounded(session):
         keys = Search(user, NOUNS["campaign"], wanted).keys(session, MOST_CAMPAIGNS + 1)

@@ -1,6 +1,6 @@
 """A figure over HTTP: Plotly JSON, or a print that a browser shows in place."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from hashlib import sha256
 from typing import Annotated, Any, get_args
@@ -14,6 +14,7 @@ from service.show.figures.colors import Theme
 from service.show.figures.marks import Figure
 from service.show.figures.paper import MEDIA_TYPES, Format, render
 from service.web.parameters import not_modified
+from service.web.routing import require_used
 
 FigureName = Annotated[str, Path(max_length=60, description="name of the figure, as the text above has it")]
 RESPONSES: dict[int | str, dict[str, Any]] = {
@@ -61,6 +62,15 @@ class AskedFigure:
     request: Request
     file_format: Format
     theme: Theme
+
+    def require_used(self, name: str, used: Collection[str], others: Collection[str]) -> None:
+        """Refuse parameters that other figures of a route use, and this one does not.
+
+        Raises:
+            Invalid: each of them.
+        """
+        takes = f"it takes {', '.join([*used, 'format', 'theme'])}"
+        require_used(self.request, f"the figure {name}", set(others) - set(used), takes)
 
     def answer(self, draw: Callable[[], Figure], name: str, version: str | None = None) -> Response:
         """The figure, shown in place and not as an attachment.

@@ -154,6 +154,7 @@ def _found(visit: Visit, asked: Asked, cursor: str | None) -> dict[str, Any]:
         "facets": {name: list(_narrower(asked, name, times)) for name, times in counted.items() if len(times) > 1},
         "following": asked.address(cursor=following) if following else None,
         "query": urlencode(query),
+        "ordered": urlencode({name: value for name, value in query.items() if name != "fields"}),
         "saving": query,
     }
 

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from uuid import UUID
 
-from fastapi import Query, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse
 from sqlalchemy.orm import Session
 
@@ -23,6 +23,7 @@ from service.store.structures.model_routes import MESH_FILES, MeshForm, mesh_ans
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
+from service.web.routing import require_used
 
 if TYPE_CHECKING:
     from service.store.forecasts.operations import Forecast
@@ -99,6 +100,7 @@ def get_forecast_mesh(
     forecast_id: UUID,
     session: SessionDep,
     user: CurrentUser,
+    request: Request,
     form: MeshForm,
     at: Annotated[At, Query(description="of a file: shapes at the mesh's nodes, or at the chosen points")] = "nodes",
 ) -> Any:
@@ -108,6 +110,7 @@ def get_forecast_mesh(
     """
     shown = ForecastInSpace(session, forecast_for(session, user, forecast_id))
     if form == "json":
+        require_used(request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes")
         return mesh_of_result(shown)
     return mesh_answer(file_of_result(shown, at), form, f"forecast-{forecast_id}")
 

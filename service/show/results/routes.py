@@ -37,6 +37,7 @@ from service.store.updating.operations import joint_document, joint_update_for, 
 from service.web import api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of, not_modified
+from service.web.routing import require_used
 
 router = api_router(tags=["update jobs"])
 
@@ -45,6 +46,7 @@ REPORTS: dict[int | str, dict[str, Any]] = {
 }
 
 Mode = Annotated[int | None, Query(ge=1, le=10_000)]
+_OF_FIGURES = {name for figure in FIGURES.values() for name in figure.query}
 
 
 @router.get("/update-jobs/{job_id}/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
@@ -140,6 +142,7 @@ def get_figure(
     job = update_job_for(session, user, job_id)
     data = UpdateFigures(session, job)
     require_figure(name, *FIGURES)
+    asked.require_used(name, FIGURES[name].query, _OF_FIGURES)
     wanted = Wanted(point, reference, fmin, fmax, measured, model)
     return asked.answer(lambda: draw_figure(FIGURES, data, name, wanted), name, str(job.id))  # a result never changes
 
@@ -149,6 +152,7 @@ def get_result_mesh(
     job_id: UUID,
     session: SessionDep,
     user: CurrentUser,
+    request: Request,
     form: MeshForm,
     at: Annotated[
         At,
@@ -161,6 +165,7 @@ def get_result_mesh(
     """
     data = UpdateFigures(session, update_job_for(session, user, job_id))
     if form == "json":
+        require_used(request, "the mesh as JSON", {"at"}, "it has both; `mesh/shapes` answers its shapes")
         return mesh_of_result(data)
     return mesh_answer(file_of_result(data, at), form, f"update-{job_id}")
 

@@ -3,17 +3,18 @@
 from typing import Annotated, Any
 from uuid import UUID
 
-from fastapi import Request, Response
+from fastapi import Query, Request, Response
 
 from service.access import CurrentUser, SessionDep, SettingsDep
 from service.access.nouns import NounRoutes
-from service.errors import PayloadTooLarge, UnsupportedMediaType
+from service.errors import Invalid, PayloadTooLarge, UnsupportedMediaType
 from service.store.campaigns import operations
-from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints
-from service.web import IF_MATCH, api_router, etag_of, require_match
+from service.store.campaigns.schemas import CampaignIn, CampaignOut, CampaignPatch, GridPoints, GridPointsPage
+from service.web import IF_MATCH, Cursor, api_router, etag_of, require_match
 from service.web.json_body import BULK_VALUES, checked, parse_json
 from service.web.openapi import TEXT, reads
 from service.web.parameters import form_of
+from service.web.routing import require_used
 from service.web.uploads import UploadDep
 
 router = api_router(tags=["campaigns"])
@@ -42,6 +43,7 @@ nouns.changing(
     "Change what is known of a campaign; results that exist keep what they used.",
     CampaignPatch,
     operations.change_campaign,
+    measured=True,
 )
 nouns.deleting("delete_campaign", "Hide a campaign and what is in it. It stays stored and can be restored.")
 nouns.restoring("restore_campaign", "Bring a deleted campaign back.")
@@ -53,22 +55,44 @@ MEDIA_TYPES = {"json": "application/json", "csv": "text/csv"}
 POINTS_FILES: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {"schema": {"type": "string"}}}}}
 
 
-@points_router.get("/campaigns/{campaign_id}/grid-points", response_model=GridPoints, responses=POINTS_FILES)
+@points_router.get(
+    "/campaigns/{campaign_id}/grid-points",
+    response_model=GridPointsPage,
+    response_model_exclude_unset=True,
+    responses=POINTS_FILES,
+)
 def get_grid_points(
     campaign_id: UUID,
     session: SessionDep,
     user: CurrentUser,
+    request: Request,
     response: Response,
     form: Annotated[str, form_of(MEDIA_TYPES)],
+    cursor: Cursor = None,
+    limit: Annotated[int | None, Query(ge=1, le=1000, description="rows in a page; default: all at once")] = None,
 ) -> GridPoints | Response:
-    """All grid points of a campaign, in the file's coordinates, as JSON or CSV."""
+    """All grid points of a campaign, in the file's coordinates, as JSON or CSV; JSON in pages where a limit is stated."""
     campaign = operations.campaign_for(session, user, campaign_id)
     points = operations.list_points(session, campaign.id)
     headers = {"ETag": etag_of(points), "Vary": "Accept"}
     if form == "csv":
+        require_used(request, "the csv of grid points", {"cursor", "limit"}, "it has all points")
         return Response(operations.to_csv(points), media_type="text/csv", headers=headers)
     response.headers.update(headers)
-    return points
+    return points if cursor is None and limit is None else _page(points, cursor, limit or 100)
+
+
+def _page(points: GridPoints, cursor: str | None, limit: int) -> GridPointsPage:
+    """A page of points, which are ordered by their labels; its cursor is the last one's.
+
+    Raises:
+        Invalid: the cursor is none of this list.
+    """
+    if cursor is not None and not cursor.isdecimal():
+        raise Invalid("cursor", "is not a cursor of this list; take `next_cursor` of a page")
+    rest = [point for point in points.items if cursor is None or point.label > int(cursor)]
+    following = str(rest[limit - 1].label) if len(rest) > limit else None
+    return GridPointsPage(items=rest[:limit], next_cursor=following)
 
 
 @points_router.put(

@@ -196,3 +196,9 @@ class GridPoints(StrictModel):
     """All points of a campaign."""
 
     items: Annotated[list[GridPoint], AfterValidator(labels_once)] = Field(max_length=1_000_000)
+
+
+class GridPointsPage(GridPoints):
+    """All points of a campaign, or a page of them where a limit is stated."""
+
+    next_cursor: str | None = Field(None, description="of a page; left out where all points are there at once")

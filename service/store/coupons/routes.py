@@ -77,7 +77,7 @@ CouponBody = Annotated[list[CouponIn] | RawCurve, Depends(_received)]
 
 async def _curve(request: Request, limit: int) -> RawCurve:
     async with multipart(request, limit) as form:
-        stated = form.fields.get("coupon")
+        stated = form.text_of("coupon")
         if stated is None:
             raise Invalid(
                 "/coupon", "is missing: send what is known of the specimen as JSON in multipart field `coupon`"

@@ -181,20 +181,29 @@ def make_tables(session: Session, frfs: Sequence[Frf], cut: Cut) -> list[FrfTabl
     return tables
 
 
-def only_table(tables: Sequence[Written]) -> Written:
+BY_QUERY = ("?quantity=", "?import_id=, ?point= or ?reference=")
+BY_FILTER = ("?filter=, such as quantity = 'accelerance'", "?filter=, such as lines = 801 AND start_hz = 0")
+"""How a request chooses FRFs of one quantity, and on one axis."""
+
+
+def only_table(tables: Sequence[Written], choice: tuple[str, str] = BY_QUERY) -> Written:
     """The table of FRFs that make one.
+
+    Args:
+        tables: by quantity and axis.
+        choice: how the request could choose one.
 
     Raises:
         Conflict: they are not on one frequency axis, or not of one quantity.
     """
     kinds = {table.quantity for table in tables}
     if len(kinds) > 1:
-        raise Conflict(f"the FRFs are of several quantities ({', '.join(sorted(kinds))}); choose one with ?quantity=")
+        raise Conflict(f"the FRFs are of several quantities ({', '.join(sorted(kinds))}); choose one with {choice[0]}")
     if len(tables) > 1:
         first, second = tables[0].frfs[0], tables[1].frfs[0]
         raise Conflict(
             f"the FRFs are on different frequency axes: {first.id} has {_axis(first)}, {second.id} has {_axis(second)}; "
-            "choose with ?import_id=, ?point= or ?reference=, read them one by one, or all as ?format=uff"
+            f"choose with {choice[1]}, read them one by one, or all as ?format=uff"
         )
     return tables[0]
 

@@ -19,6 +19,7 @@ from sqlalchemy import (
     LargeBinary,
     Row,
     Select,
+    delete,
     exists,
     func,
     literal,
@@ -207,6 +208,20 @@ def supersede(session: Session, campaign_id: UUID, processing_id: UUID, remade: 
         earlier.where(or_(Frf.id.in_(remade), same)).values(superseded_by=processing_id),
         execution_options={"synchronize_session": False},
     )
+
+
+def quantities_of(session: Session, import_id: UUID) -> list[str]:
+    """What the FRFs of an import are."""
+    return list(
+        session.scalars(select(Frf.quantity).where(Frf.import_id == import_id).distinct().order_by(Frf.quantity))
+    )
+
+
+def remove_frfs(session: Session, import_id: UUID) -> int:
+    """Remove the FRFs that an import brought, and give their bytes."""
+    sizes = [func.octet_length(column) for column in (Frf.data, Frf.coherence, Frf.axis)]
+    gone = delete(Frf).where(Frf.import_id == import_id).returning(*sizes)
+    return sum(size or 0 for row in session.execute(gone) for size in row)
 
 
 def describe(frf: Frf) -> FrfOut:

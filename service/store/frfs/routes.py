@@ -30,7 +30,7 @@ from service.access import CurrentUser, SessionDep, present
 from service.errors import Invalid, NotFound
 from service.store.campaigns.operations import campaign_for, stored_points
 from service.store.frfs import operations
-from service.store.frfs.data import Cut, FrfTable, PredictedTable, make_tables, only_table, require_order
+from service.store.frfs.data import BY_QUERY, Cut, FrfTable, PredictedTable, make_tables, only_table, require_order
 from service.store.frfs.operations import Frf
 from service.store.frfs.schemas import UNITS, FrfOut, LabelledFrfs
 from service.web import Cursor, Limit, Page, api_router, paged
@@ -199,13 +199,21 @@ class Spectra:
     cut: Cut
     form: str
 
-    def of(self, session: Session, frfs: Sequence[Frf]) -> Response:
-        """The spectra of FRFs as a file; 304 where the client has it."""
+    def of(self, session: Session, frfs: Sequence[Frf], choice: tuple[str, str] = BY_QUERY) -> Response:
+        """The spectra of FRFs as a file; 304 where the client has it.
+
+        Args:
+            session: of the request.
+            frfs: which.
+            choice: how the request could choose FRFs that make one table.
+        """
         form, campaigns = FORMATS[self.form], {frf.campaign_id for frf in frfs}
         if not form.one_table and len(campaigns) > 1:
             why = f"a UFF file has the grid points of one campaign; these FRFs are of {len(campaigns)}"
             raise Invalid("format", why)
         tables = make_tables(session, frfs, self.cut)
+        if form.one_table:
+            only_table(tables, choice)
         headers = {"ETag": _etag(session, tables, self.form), "Vary": "Accept"}
         if (unchanged := not_modified(self.request, headers)) is not None:
             return unchanged

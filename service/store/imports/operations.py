@@ -15,15 +15,18 @@ from sqlalchemy.orm import Mapped, Session, mapped_column
 from service.access import Lookup, User
 from service.compute.reading import Kept, ReadingInputs, read_upload
 from service.db.base import Base, one_at_a_time
+from service.errors import Conflict
 from service.jobs.kinds import REQUESTS
-from service.jobs.resource import JobNoun
+from service.jobs.resource import ENDED, JobNoun
 from service.jobs.tables import Job
-from service.store.campaigns.operations import campaign_for
-from service.store.frfs.operations import writing_frfs
+from service.store.campaigns.operations import campaign_for, campaign_of
+from service.store.frfs.operations import quantities_of, remove_frfs, writing_frfs
 from service.store.imports.intake import Intake
-from service.store.records.operations import RecordIntake
+from service.store.modes.operations import remove_mode_sets
+from service.store.records.operations import RecordIntake, remove_records
 from service.store.storage import book
-from service.store.storage.originals import keep_original, original_sizes, write_original
+from service.store.storage.originals import forget_originals, keep_original, original_sizes, write_original
+from service.store.structures.models import models_files
 
 if TYPE_CHECKING:
     from service.store.campaigns.operations import Campaign
@@ -89,7 +92,8 @@ def start_import(
 ) -> tuple[Import, bool]:
     """Store the file and queue its reading, in one transaction.
 
-    The same bytes are not read into a campaign twice: the import that has them, or is about to, is returned instead.
+    The same bytes are not read into a campaign twice: the import that has them, or is about to, is returned instead. Bytes
+    that the campaign has as another quantity or kind are refused.
 
     Args:
         session: the request's transaction.
@@ -103,12 +107,15 @@ def start_import(
         The import, and whether it is a new one.
 
     Raises:
+        Conflict: the campaign has these bytes as another quantity or kind.
         QuotaExceeded: the project has no room for the file.
     """
     campaign = campaign_for(session, user, campaign_id, "editor", lock=True)
     wanted.campaign_id, wanted.sha256 = campaign.id, file.sha256
-    if not (wanted.dry_run or urgent) and (known := _same_bytes(session, wanted)) is not None:
-        return known, False
+    if not wanted.dry_run and (known := _same_bytes(session, wanted)) is not None:
+        _require_alike(session, known, wanted)
+        if not urgent:
+            return known, False
     if not _has_file(session, campaign, file.sha256):
         book(session, campaign_for, campaign, "files", file.size)
     keep_original(session, file)
@@ -138,6 +145,53 @@ def _same_bytes(session: Session, wanted: Import) -> Import | None:
         .order_by(Import.id)
         .limit(1)
     ).one_or_none()
+
+
+def _require_alike(session: Session, known: Import, wanted: Import) -> None:
+    """Refuse bytes that an import has read as something else than is stated now.
+
+    Raises:
+        Conflict: it has; names both, and the import.
+    """
+    quantities = [known.quantity] if known.quantity else quantities_of(session, known.id)
+    for name, read in (("quantity", quantities), ("kind", [known.kind] if known.kind else [])):
+        stated = getattr(wanted, name)
+        if stated is None or read == [stated]:
+            continue
+        state = f"has read it as {' and '.join(read)}" if read else f"reads it without a stated {name}, or found none"
+        raise Conflict(
+            f"{name} is {stated}, and import {known.id} ({known.filename}) {state}; where that is wrong, "
+            f"DELETE /imports/{known.id} first, then send the file again"
+        )
+
+
+def remove_import(session: Session, user: User, row: Import) -> None:
+    """Remove what a file brought into its campaign: FRFs, time blocks and modes; grid points stay, and so does the audit trail.
+
+    Args:
+        session: the request's transaction.
+        user: who asks; that the user may is known.
+        row: the import, locked.
+
+    Raises:
+        Conflict: it waits or runs.
+    """
+    job = IMPORTS.job_of(session, row)
+    if job.state not in ENDED:
+        raise Conflict(f"the import is {job.state}; delete it when it has ended")
+    import_for.note(session, user, row, "delete", sha256=row.sha256.hex(), counts=row.counts)
+    campaign = campaign_of(session, row.campaign_id)
+    book(session, campaign_for, campaign, "frfs", -remove_frfs(session, row.id))
+    book(session, campaign_for, campaign, "records", -remove_records(session, row.id))
+    remove_mode_sets(session, row.id)
+    size = original_sizes(session, [row.sha256])[row.sha256]
+    session.delete(row)
+    session.flush()
+    if not _has_file(session, campaign, row.sha256):
+        book(session, campaign_for, campaign, "files", -size)
+    session.delete(job)
+    session.flush()
+    forget_originals(session, select(Import.sha256), models_files())
 
 
 def campaigns_with(jobs: Select[UUID]) -> Select[UUID]:

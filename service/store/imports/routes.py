@@ -11,10 +11,9 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.frf import Quantity
-from modalbase.formats.recognise import Format
+from modalbase.formats.registry import FormatName, Kind
 from service.access import CurrentUser, Lookup, SessionDep, User, project_for
 from service.access.lookup import projects
-from service.compute.arrays_of_files import Kind
 from service.errors import Invalid
 from service.jobs.queue import cancel_purged
 from service.jobs.resource import JobOut
@@ -31,7 +30,7 @@ from service.store.structures.operations import structure_for
 from service.web import Name, StrictModel, api_router
 from service.web.downloads import spooled
 from service.web.json_body import parse_parameter
-from service.web.openapi import UPLOAD, reads
+from service.web.openapi import reads, upload
 from service.web.parameters import not_modified
 from service.web.uploads import Upload, UploadDep
 
@@ -65,7 +64,7 @@ class ImportOut(JobOut):
     sha256: str
     dry_run: bool
     quantity: Quantity | None
-    format: Format | None = Field(description="by what is in the file; null until that was read")
+    format: FormatName | None = Field(description="by what is in the file; null until that was read")
     kind: Kind | None = Field(
         description="what an npz, .mat, CSV, wav or TDMS holds, as stated or found; null of UFF, which may hold both"
     )
@@ -103,20 +102,26 @@ of_jobs = JobRoutes(
 )
 
 
-def read_mapping(stated: str | None, upload: Upload) -> Any:
+def read_mapping(stated: str | None, sent: Upload) -> dict[str, Any] | None:
     """The mapping of a file: the parameter's, or that of the form.
 
     Raises:
-        Invalid: it is not JSON.
+        Invalid: it is no JSON object, or is stated twice.
     """
-    text = stated or upload.fields.get("mapping")
-    return None if text is None else parse_parameter("mapping", text)
+    text = sent.text_of("mapping", stated)
+    found = {} if text is None else parse_parameter("mapping", text)
+    if not isinstance(found, dict):
+        raise Invalid("mapping", f"is {str(text)[:40]}, expected an object: {{...}}")
+    return None if text is None else found
 
 
-@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=reads(UPLOAD))
+MAPPED_UPLOAD = upload("mapping", "which variable is what, as JSON")
+
+
+@router.post("/campaigns/{campaign_id}/imports", status_code=202, openapi_extra=reads(MAPPED_UPLOAD))
 def start_import(
     campaign_id: UUID,
-    upload: UploadDep,
+    sent: UploadDep,
     session: SessionDep,
     user: CurrentUser,
     response: Response,
@@ -134,18 +139,19 @@ def start_import(
     parameter or as multipart field; `dry_run` proposes one.
 
     The answer is 202 with the import's address in `Location`. Bytes that are in the campaign already are not read again:
-    then it is 200 with the address of the import that has them, and `already_imported` is true.
+    then it is 200 with the address of the import that has them, and `already_imported` is true; with another `quantity` or
+    `kind` it is 409.
     """
-    if upload.file.size == 0:
+    if sent.file.size == 0:
         raise Invalid("", "the body is empty, expected a file: UFF, npz, .mat, CSV, wav or TDMS")
     wanted = Import(
-        filename=filename or upload.filename or "upload",
+        filename=filename or sent.filename or "upload",
         dry_run=dry_run,
         quantity=quantity,
         kind=kind,
-        mapping=read_mapping(mapping, upload),
+        mapping=read_mapping(mapping, sent),
     )
-    row, new = operations.start_import(session, user, campaign_id, upload.file, wanted)
+    row, new = operations.start_import(session, user, campaign_id, sent.file, wanted)
     response.status_code = 202 if new else 200
     return of_jobs.made(session, row, response).model_copy(update={"already_imported": not new})
 

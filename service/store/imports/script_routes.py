@@ -15,8 +15,10 @@ from anyio import to_thread
 from fastapi import Depends, Query, Request, Response
 from sqlalchemy.orm import Session
 
-from modalbase.formats.recognise import FORMATS, TEXT_NAMES, Format
+from modalbase.formats.errors import FormatError
+from modalbase.formats.recognise import TEXT_NAMES
 from modalbase.formats.records import Variables
+from modalbase.formats.registry import FORMATS, JSON, MEMBERS, Format, FormatName, Kind
 from service.access import CurrentUser, SessionDep, SettingsDep, User
 from service.access.dependencies import Beforehand
 from service.access.once import KeyHeader, digest_of, keep, made_before
@@ -30,25 +32,32 @@ from service.store.frfs import operations as frfs
 from service.store.frfs.schemas import FrfOut, FrfsIn, write_rows
 from service.store.imports import operations
 from service.store.imports.operations import Import
-from service.store.imports.routes import ImportOut, MappingQuery, QuantityQuery, of_jobs, read_mapping
+from service.store.imports.routes import (
+    MAPPED_UPLOAD,
+    ImportOut,
+    MappingQuery,
+    QuantityQuery,
+    of_jobs,
+    read_mapping,
+)
 from service.store.records import operations as records
 from service.store.records.processings import judged
 from service.store.records.schemas import Proposal, StoredRecords, from_json
 from service.web import Name, Page, api_router, shown_as
 from service.web.gate import without_slot
-from service.web.openapi import BINARY, TEXT, UPLOAD, reads
+from service.web.openapi import BINARY, TEXT, reads
 from service.web.uploads import Spooled, UploadDep
 
 router = api_router(tags=[])
 
-RECORDS = reads(UPLOAD | {"application/json": {"type": "object", "required": ["variables"]}})
+RECORDS = reads(MAPPED_UPLOAD | {"application/json": {"type": "object", "required": ["variables"]}})
 FRFS = reads(
     {"application/json": FrfsIn, "application/x-npz": BINARY, "text/csv": TEXT, "application/x-matlab-data": BINARY}
 )
 LATER: dict[int | str, dict[str, Any]] = {
     202: {"model": ImportOut, "description": "the file is not read yet; `Location` is its import"}
 }
-FRF_FORMATS: dict[str, Format] = {
+FRF_FORMATS: dict[str, FormatName] = {
     "application/x-npz": "npz",
     "application/octet-stream": "npz",
     "application/zip": "npz",
@@ -57,7 +66,7 @@ FRF_FORMATS: dict[str, Format] = {
 }
 """Media types of files with FRFs."""
 SUFFIX_OF = {"application/x-npz": ".npz", "text/csv": ".csv", "audio/wav": ".wav", "audio/x-wav": ".wav"}
-RECORD_SUFFIXES: dict[str, Format] = {
+RECORD_SUFFIXES: dict[str, FormatName] = {
     **{f".{form}": form for form in FORMATS if form != "uff"},
     **dict.fromkeys(TEXT_NAMES, "csv"),
 }
@@ -134,13 +143,14 @@ async def _records(
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected time blocks")
     name = filename or upload.filename
+    stated = read_mapping(mapping, upload)
     if upload.content_type == "application/json":
+        _require_taken(JSON, "hits", mapping=stated)
         sent = await to_thread.run_sync(lambda: from_json(upload.file.path.read_bytes()))
         return _Came(sent, name, dry_run, [upload.stated, name, dry_run])
     suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
     if suffix not in RECORD_SUFFIXES:
         raise Invalid("", f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}")
-    stated = read_mapping(mapping, upload)
     if stated is None and not dry_run:
         raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
     wanted = Import(
@@ -189,6 +199,18 @@ def create_records(
     return judged(session, campaign_id, rows)
 
 
+def _require_taken(form: Format, kind: Kind, **stated: Any) -> None:
+    """Refuse parameters that are not taken with a body.
+
+    Raises:
+        Invalid: each of them.
+    """
+    try:
+        form.require_taken(kind, [name for name in MEMBERS if stated.get(name) is not None])
+    except FormatError as error:
+        raise Invalid([Fault(name, why) for name, why in error.faults]) from None
+
+
 async def _frfs(
     campaign_id: UUID,
     request: Request,
@@ -200,7 +222,9 @@ async def _frfs(
     """JSON as rows to be stored, which a child process made, or a file's import."""
     if upload.file.size == 0:
         raise Invalid("", "the body is empty, expected FRFs as npz or JSON")
+    stated = read_mapping(mapping, upload)
     if upload.content_type == "application/json":
+        _require_taken(JSON, "frfs", mapping=stated, quantity=quantity)
         with tempfile.NamedTemporaryFile(prefix="modalbase-rows-") as rows:
             path = Path(rows.name)
             async with without_slot(request.scope):
@@ -213,9 +237,9 @@ async def _frfs(
             f"the body is {upload.content_type or 'of no stated type'}, "
             "expected application/x-npz, application/json, text/csv or application/x-matlab-data"
         )
-    stated = read_mapping(mapping, upload) if form != "npz" else None
     if form != "npz" and quantity is None and stated is None:
         raise Invalid("quantity", f"is missing: a {form} does not say what it holds, so ?quantity= must")
+    _require_taken(FORMATS[form], "frfs", mapping=stated, quantity=quantity)
     name = upload.filename or f"frfs.{form}"
     wanted = Import(filename=name, dry_run=False, quantity=quantity, format=form, kind="frfs", mapping=stated)
     yield await reading.of(campaign_id, upload.file, wanted)

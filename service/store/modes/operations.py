@@ -11,7 +11,7 @@ from uuid import UUID
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from sqlalchemy import JSON, ForeignKey, Index, insert, select, text, update
+from sqlalchemy import JSON, ForeignKey, Index, delete, insert, select, text, update
 from sqlalchemy.dialects.postgresql import JSONB, distinct_on
 from sqlalchemy.orm import Mapped, Session, mapped_column
 
@@ -156,6 +156,11 @@ def store_read_modes(
     """Store the mode shapes of a file as a set."""
     mode_set = ModeSet(campaign_id=campaign_id, import_id=import_id, name=name, origin="file", details={})
     store(session, mode_set, map(_read, sorted(modes, key=lambda mode: mode.frequency_hz)))
+
+
+def remove_mode_sets(session: Session, import_id: UUID) -> None:
+    """Remove the mode sets that an import brought."""
+    session.execute(delete(ModeSet).where(ModeSet.import_id == import_id))
 
 
 def store(session: Session, mode_set: ModeSet, modes: Iterable[dict[str, Any]]) -> None:

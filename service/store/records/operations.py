@@ -186,6 +186,12 @@ def remove_record(session: Session, user: User, record_id: UUID) -> None:
     book(session, campaign_for, campaign_of(session, row.campaign_id), "records", -size)
 
 
+def remove_records(session: Session, import_id: UUID) -> int:
+    """Remove the time blocks that an import brought, and give their bytes."""
+    gone = delete(Record).where(Record.import_id == import_id).returning(func.octet_length(Record.data))
+    return sum(session.scalars(gone))
+
+
 def query_of(campaign_id: UUID, point: int | None = None, hit: int | None = None) -> Select[Record]:
     """The query of a campaign's records, of one force point or hit number where wanted."""
     query = select(Record).where(Record.campaign_id == campaign_id)

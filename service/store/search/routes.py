@@ -6,13 +6,14 @@ import csv
 import io
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import islice
 from typing import IO, Annotated, Any
 
 import nanoarrow as na
 import numpy as np
-from fastapi import Depends, Query, Response
+from fastapi import Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from nanoarrow.ipc import StreamWriter
 from pydantic import BaseModel, Field
@@ -20,6 +21,7 @@ from sqlalchemy.orm import Session
 
 from service.access import CurrentUser, SessionDep
 from service.errors import Invalid, NotFound
+from service.store.frfs.data import BY_FILTER
 from service.store.frfs.operations import frfs_of
 from service.store.frfs.routes import FILES, SpectraDep
 from service.store.search.fields import Kind, Noun
@@ -30,6 +32,7 @@ from service.store.search.trends import COVARIATES, FOLLOWED, POINT_COLUMNS, Tre
 from service.web import Limit, api_router
 from service.web.downloads import spooled
 from service.web.parameters import form_of
+from service.web.routing import require_used
 
 _TYPES: dict[Kind, Any] = {
     "text": na.string(),
@@ -135,7 +138,7 @@ class Found(BaseModel):
     )
 
 
-def _wanted(
+def _filter(
     condition: Annotated[
         str | None,
         Query(alias="filter", description=f"CQL2 text, at most {LONGEST} characters: `campaign.temperature_c > 25`"),
@@ -144,19 +147,40 @@ def _wanted(
         str | None,
         Query(alias="q", max_length=200, description="words in names, notes and instruments"),
     ] = None,
+) -> Wanted:
+    if "\0" in (words or ""):
+        raise Invalid("q", "has a NUL character")
+    return Wanted(condition, words)
+
+
+FilterDep = Annotated[Wanted, Depends(_filter)]
+"""Which rows, of an answer that has an order and columns of its own."""
+
+
+def _ordered(
+    wanted: FilterDep,
     sort: Annotated[str | None, Query(max_length=100, description="a field; `-` in front for descending")] = None,
+) -> Wanted:
+    return replace(wanted, sort=sort)
+
+
+OrderedDep = Annotated[Wanted, Depends(_ordered)]
+"""Which rows in which order, of an answer that has columns of its own."""
+
+
+def _wanted(
+    wanted: OrderedDep,
     fields: Annotated[str | None, Query(max_length=LONGEST, description="columns, with commas between")] = None,
     facets: Annotated[
         str | None, Query(max_length=LONGEST, description="fields whose values are counted, with commas between")
     ] = None,
 ) -> Wanted:
-    if "\0" in (words or ""):
-        raise Invalid("q", "has a NUL character")
-    return Wanted(condition, words, sort, names_in(fields), names_in(facets))
+    return replace(wanted, fields=names_in(fields), facets=names_in(facets))
 
 
 WantedDep = Annotated[Wanted, Depends(_wanted)]
 After = Annotated[str | None, Query(max_length=4000, description="`next_cursor` of the page before")]
+_OF_PAGES = {"cursor", "limit", "facets"}
 Form = Annotated[str, form_of(MEDIA_TYPES, f"default: by Accept; files have all rows, at most {MOST_ROWS:,}")]
 
 
@@ -164,6 +188,7 @@ def _add(address: str, noun: Noun) -> None:
     """Add the search for one noun."""
 
     def search(
+        request: Request,
         form: Form,
         wanted: WantedDep,
         session: SessionDep,
@@ -171,6 +196,8 @@ def _add(address: str, noun: Noun) -> None:
         cursor: After = None,
         limit: Limit = 100,
     ) -> Any:
+        if form != "json":
+            require_used(request, f"the {form} of a search", _OF_PAGES, "a file has all rows at once, and no counts")
         found = Search(user, noun, wanted)
         with bounded(session):
             return _page(found, session, cursor, limit) if form == "json" else _file(found, session, form)
@@ -210,7 +237,7 @@ TrendForm = Annotated[str, form_of(TREND_TYPES, "default: by Accept; CSV has the
 
 def _trend(noun: Trending) -> Callable[..., TrendOut]:
     def trend(
-        wanted: WantedDep,
+        wanted: FilterDep,
         session: SessionDep,
         user: CurrentUser,
         value: Value = None,
@@ -259,7 +286,7 @@ def _as(form: str, trend: TrendOut) -> Any:
 
 
 @router.get("/search/frfs/data", response_class=FileResponse, responses=FILES)  # type: ignore[arg-type]
-def get_found_data(wanted: WantedDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep) -> Response:
+def get_found_data(wanted: FilterDep, session: SessionDep, user: CurrentUser, spectra: SpectraDep) -> Response:
     """Spectra of all FRFs that a search finds, in the order of their ids, as one file.
 
     UFF takes FRFs of one campaign; the others need one axis and one quantity.
@@ -270,7 +297,7 @@ def get_found_data(wanted: WantedDep, session: SessionDep, user: CurrentUser, sp
         raise NotFound("FRF that the search finds")
     if len(keys) > MOST_SPECTRA:
         raise Invalid("filter", f"finds more than {MOST_SPECTRA:,} FRFs, the most that a file holds; narrow it")
-    return spectra.of(session, frfs_of(session, keys))
+    return spectra.of(session, frfs_of(session, keys), BY_FILTER)
 
 
 def _page(found: Search, session: Session, cursor: str | None, limit: int) -> Found:

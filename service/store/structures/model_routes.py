@@ -28,7 +28,7 @@ from service.store.structures.shapes import Section
 from service.web import Confirm, Name, StrictModel, api_router
 from service.web.downloads import fits_memory, in_memory, spooled
 from service.web.json_body import checked, parse_parameter
-from service.web.openapi import UPLOAD, reads
+from service.web.openapi import reads, upload
 from service.web.parameters import HOW, form_of, not_modified
 from service.web.quantities import unusual
 from service.web.uploads import UploadDep
@@ -249,12 +249,13 @@ of_jobs = JobRoutes(router, models.MODELS, ModelOut, "model_id", _with_files)
 THERE: dict[int | str, dict[str, Any]] = {
     200: {"model": ModelOut, "description": "The structure is this model already"}
 }
+MESH_UPLOAD = upload("sections", "of a mesh: what each set is, as JSON")
 
 
-@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=reads(UPLOAD), responses=THERE)
+@router.post("/structures/{structure_id}/model", status_code=202, openapi_extra=reads(MESH_UPLOAD), responses=THERE)
 def send_model(
     structure_id: UUID,
-    upload: UploadDep,
+    sent: UploadDep,
     session: SessionDep,
     user: CurrentUser,
     response: Response,
@@ -282,16 +283,16 @@ def send_model(
     A deck has no units, so `units` states them; without, the job fails and says which fit. Once it was read, the structure's
     next version is this model.
     """
-    text = sections or upload.fields.get("sections")
+    text = sent.text_of("sections", sections)
     stated = None if text is None else checked(dict[str, Section], parse_parameter("sections", text))
     _require_usual(stated or {}, accept or [], confirm)
     wanted = StructureModel(
-        filename=filename or upload.filename or "",
+        filename=filename or sent.filename or "",
         units=units,
         accepted=accept or [],
         sections=stated and {name: each.model_dump(exclude_none=True) for name, each in stated.items()},
     )
-    row, new = models.start_model(session, user, structure_id, upload.file, wanted)
+    row, new = models.start_model(session, user, structure_id, sent.file, wanted)
     response.status_code = 202 if new else 200
     return of_jobs.made(session, row, response)
 

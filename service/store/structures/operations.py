@@ -225,7 +225,26 @@ _INSTEAD = {
 """What a member takes the place of."""
 
 
+def _require_inputs(body: StructureIn) -> None:
+    """Refuse standard deviations of what the body has not.
+
+    Raises:
+        Invalid: each of them.
+    """
+    lacks = {}
+    if body.geometry is not None:
+        lacks["height_sd_m"] = "is of a body in space; a strip or plate has thickness_sd_m"
+        if body.laminate is None:
+            lacks["ply_angle_sd_deg"] = "is of the plies of a laminate; a material has fibre_angle_sd_deg"
+    faults = [
+        Fault(f"/inputs/{name}", why) for name, why in lacks.items() if getattr(body.inputs, name, None) is not None
+    ]
+    if faults:
+        raise Invalid(faults)
+
+
 def _add_version(session: Session, structure: Structure, body: StructureIn) -> None:
+    _require_inputs(body)
     session.add(
         StructureVersion(
             structure_id=structure.id,

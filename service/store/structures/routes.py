@@ -47,6 +47,7 @@ nouns.changing(
     "Change a structure. Geometry, density or section make a new version; what a result used stays as it was.",
     StructurePatch,
     operations.change_structure,
+    measured=True,
 )
 nouns.deleting(
     "delete_structure", "Hide a structure with its campaigns and monitors. It stays stored and can be restored."

@@ -83,18 +83,22 @@ def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: 
         Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer.
     """
     faults: list[Fault] = []
-    campaigns, projects, bodies = [], set(), []
+    campaigns, projects, bodies, specimens = [], set(), [], set()
     common = request.recipe or USUAL
     for number, job in enumerate(request.jobs):
         with pointing(faults, f"/jobs/{number}/campaign_id"):
             campaign = campaign_for(session, user, job.campaign_id, "editor")
             projects.add(campaign_for.project_of(session, campaign))
+            specimens.add(job.specimen or campaign.structure_id)
             version, structure = present_structure(session, campaign.structure_id)
             campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
             bodies.append(joint_body(session, structure, campaign.boundary, common))
     if faults:
         raise Invalid(faults)
     faults += [*_faults(session, user, request, bodies[0]), *_faults_of_bodies(request, bodies)]
+    if request.scatter and len(specimens) == 1:
+        why = "is between specimens, and all campaigns are of one; name the specimen of each job, or leave scatter out"
+        faults.append(Fault("/scatter", why))
     if len(projects) > 1:
         faults.append(Fault("/jobs", "belong to several projects; a joint update takes campaigns of one"))
     if faults:

@@ -12,12 +12,13 @@ from fecore.body.specimen import LayeredSpecimen, OrientedSpecimen, Specimen, ca
 from fecore.body.structure import Structure
 from fecore.body.supports import PointMass, of_boundary
 from fecore.errors import InputError
+from fecore.updating.inputs import tolerance_of
 from modalbase.formats.models.matrices import MatrixModel
 from modalbase.formats.models.model import FiniteElementModel
 from service.compute.models.bodies import body_of_model
 from service.compute.models.matrices import body_of_matrices
 from service.store.structures.schemas import Geometry, Laminate, Material, StructureIn
-from service.store.updating.schemas import RecipeIn
+from service.store.updating.schemas import OF_CONSTANTS, InputsIn, RecipeIn
 
 
 def body_of(
@@ -65,6 +66,21 @@ def _require_edges(recipe: RecipeIn, body: Structure) -> None:
         if spring.edge is not None and spring.edge not in body.mesh.node_sets:
             edges = ", ".join(name for name in ("start", "end") if name in body.mesh.node_sets) or "none"
             raise InputError(f"springs.{number}.edge", f"is {spring.edge}; this body in space has {edges}")
+
+
+def require_inputs(inputs: InputsIn, body: Body) -> None:
+    """Refuse a stated standard deviation of what a body has not.
+
+    Raises:
+        InputError: the first such one.
+    """
+    used = {tolerance_of(name) for name in body.nominal}
+    if isinstance(body, Specimen | LayeredSpecimen):
+        used.add("fibre_angle")
+    for member, tolerance in OF_CONSTANTS.items():
+        if getattr(inputs, member) is not None and tolerance not in used:
+            has = ", ".join(name for name, of in OF_CONSTANTS.items() if of in used)
+            raise InputError(f"inputs.{member}", f"is of what the body that is updated has not; it has {has or 'none'}")
 
 
 def coupon_constants(body: Body, sets: Sequence[str]) -> dict[str, list[str]]:

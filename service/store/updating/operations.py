@@ -26,12 +26,13 @@ from service.store.records.processings import keep_processing
 from service.store.storage import book, require_room
 from service.store.structures.operations import present_structure
 from service.store.structures.schemas import StructureIn
+from service.store.updating.bodies import require_inputs
 from service.store.updating.document import MARKS, StoredArrays, up_to_date
 from service.store.updating.document import describe as describe_result
 from service.store.updating.document import describe_joint as describe_joint_result
 from service.store.updating.loading import body_for, load_joint, load_update, recipe_parameters
 from service.store.updating.result_schemas import CONSTANTS
-from service.store.updating.schemas import RecipeIn
+from service.store.updating.schemas import USUAL, RecipeIn
 from service.store.updating.tables import JointUpdate, UpdateJob, UpdateResult
 from service.web import shown_as
 from service.web.bodies import Labels
@@ -136,6 +137,18 @@ def _check(session: Session, user: User, campaign: Campaign, recipe: RecipeIn) -
     check_prior_batch(session, user, recipe, campaign.structure_id, "/prior_from_coupon_batch")
 
 
+def require_used(session: Session, user: User, campaign_id: UUID, recipe: RecipeIn) -> None:
+    """Refuse what a request's recipe states and an update of the campaign does not use. A monitor's recipe is of campaigns
+    to come, so this is asked of requests alone.
+
+    Raises:
+        Invalid: how time blocks become FRFs is stated, and the campaign has FRFs.
+    """
+    campaign = campaign_for(session, user, campaign_id, "editor")
+    if recipe.processing != USUAL.processing and frf_extents(session, campaign.id):
+        raise Invalid("/processing", "is of campaigns with time blocks and no FRFs; this one has FRFs: leave it out")
+
+
 def check_mode_set(session: Session, user: User, key: UUID, campaign_id: UUID, pointer: str) -> None:
     """A mode set that a request names must be the user's and of the campaign.
 
@@ -162,6 +175,7 @@ def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn
     """A recipe that contradicts itself is refused before it is queued, with the core's message."""
     recipe.inputs.to_core()
     body = body_for(session, structure, campaign.boundary, recipe)
+    require_inputs(recipe.inputs, body)
     parametrise(body, recipe_parameters(session, recipe, body)[0])
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")

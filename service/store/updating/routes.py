@@ -67,6 +67,7 @@ def start_update(
 ) -> UpdateJobOut:
     """Queue an update of the campaign's structure. `{}` is a recipe."""
     require_usual(recipe, confirm)
+    operations.require_used(session, user, campaign_id, recipe)
     row = operations.start_update(session, user, campaign_id, recipe, priority)
     return single.made(session, row, response)
 

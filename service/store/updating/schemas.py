@@ -147,6 +147,18 @@ class InputsIn(CampaignInputs, StructureInputs):
         )
 
 
+OF_CONSTANTS = {
+    "length_sd_m": "length",
+    "width_sd_m": "width",
+    "height_sd_m": "height",
+    "thickness_sd_m": "thickness",
+    "density_sd_kg_m3": "density",
+    "nu_xy_sd": "nu_xy",
+    "fibre_angle_sd_deg": "fibre_angle",
+    "ply_angle_sd_deg": "ply_angle",
+}
+"""Members of the inputs that are of constants of a body, and what the core calls each."""
+
 _WINDOWS = {"window_rate_per_s", "window_time_constant_s"}
 
 

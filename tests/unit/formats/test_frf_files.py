@@ -95,6 +95,7 @@ ARRAYS: dict[str, Any] = {
     "frequency_hz": HZ,
     "values": VALUES,
     **{name: np.array([getattr(row, name) for row in ROWS]) for name in DOFS},
+    "quantity": np.array("accelerance"),
 }
 
 
@@ -107,6 +108,7 @@ ARRAYS: dict[str, Any] = {
         ({"response_point": np.array([7.0, 8.0])},
          r"response_point: is float64 of shape \(2,\), expected integers \(2,\)"),
         ({"reference_point": np.array([2**63, 1], np.uint64)}, "reference_point: is beyond the range of 64-bit"),
+        ({"quantity": np.array("mobility")}, "quantity: is mobility in the file and accelerance beside it"),
         ({"quantity": np.array(3)}, "quantity: is int64 of shape .*expected one text"),
         ({"label": np.array("drive point")}, r"label: is <U11 of shape \(\), expected texts \(2,\)"),
         ({"label": np.array(["a\nb", ""])}, "label: a label has at most 200 printable characters"),
@@ -120,14 +122,16 @@ def test_an_npz_is_refused_by_the_name_of_the_array(tmp_path: Path, change: dict
     path = tmp_path / "frfs.npz"
     np.savez(path, **{**ARRAYS, **change})
     with pytest.raises(FormatError, match=fault):
-        read_npz(path)
+        read_npz(path, quantity="accelerance")
 
 
 def test_an_npz_of_one_frf_needs_no_second_dimension(tmp_path: Path) -> None:
     one = {name: ARRAYS[name][:1] for name in DOFS}
     np.savez(tmp_path / "one.npz", frequency_hz=HZ, values=VALUES[0], coherence=GAMMA[0], **one)
-    found = read_npz(tmp_path / "one.npz", limit_bytes=10_000)
-    assert (found.values.shape, found.quantity) == ((1, 20), "accelerance")
+    with pytest.raises(FormatError, match="quantity: is missing"):
+        read_npz(tmp_path / "one.npz")
+    found = read_npz(tmp_path / "one.npz", limit_bytes=10_000, quantity="mobility")
+    assert (found.values.shape, found.quantity) == ((1, 20), "mobility")
     np.testing.assert_array_equal(found.coherence, GAMMA[:1])
 
 

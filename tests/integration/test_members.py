@@ -1,0 +1,48 @@
+"""Every member of every request is used, or refused by name: none is accepted and ignored.
+
+The members are those of the service's own OpenAPI document; one without a row in `tests/support/member_rows.py` fails.
+"""
+
+from collections.abc import Iterator
+from uuid import uuid4
+
+import httpx
+import pytest
+
+from service.access.keys import user_named
+from service.app.supervisor import LocalService
+from service.db.engine import make_engine, make_sessions
+from tests.support.member_lab import furnished
+from tests.support.member_rows import MEMBERS
+from tests.support.members import JSON, Lab, Node, faults, walk
+from tests.support.rest import client_of
+
+
+@pytest.fixture(scope="module")
+def lab(service: LocalService) -> Iterator[Lab]:
+    engine, (name, member) = make_engine(service.settings.database_url), (f"member {uuid4()}" for _ in range(2))
+    with client_of(service, name) as api, client_of(service, member) as chief:
+        with make_sessions(engine).begin() as session:
+            user_named(session, member).administrator = True
+        yield furnished(api, name, chief, member, make_sessions(engine))
+    engine.dispose()
+
+
+@pytest.fixture(scope="module")
+def document(service: LocalService) -> Node:
+    found: Node = httpx.get(f"{service.url}/openapi.json", trust_env=False, timeout=120).json()
+    return found
+
+
+def named(operation: str, kind: str) -> str:
+    return operation if kind in ("", JSON) else f"{operation} {kind}"
+
+
+def test_every_operation_with_members_has_its_rows(document: Node) -> None:
+    assert {named(operation, kind) for operation, kind, _ in walk(document)} == MEMBERS.keys()
+
+
+@pytest.mark.parametrize("name", MEMBERS)
+def test_each_member_has_its_effect_or_is_refused_by_name(document: Node, lab: Lab, name: str) -> None:
+    operation, kind, members = next(one for one in walk(document) if named(*one[:2]) == name)
+    assert faults(lab, operation, kind, members, MEMBERS[name]) == []

@@ -1,0 +1,304 @@
+"""What a request states is used: each member of each operation is sent, and changes a named part of the answer.
+
+A `Body` is an operation with a type of body. Its members are the parameters of the query, headers, and members of the body
+that the OpenAPI document has. A row of the table (`tests.support.member_rows`) gives a member a value. What must differ from
+the same request without it is by default the member of the answer that has its name, or of a GET the whole answer. Members
+that mean the same everywhere, such as `limit` or `If-Match`, have their effect here.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+import httpx
+
+from tests.support.rest import finished, ok
+
+PREFIX = "/api/v1"
+JSON = "application/json"
+Node = dict[str, Any]
+_NUMBERS = count(1)
+
+
+@dataclass(frozen=True)
+class To:
+    """A row: the value of a member, and its effect."""
+
+    value: Any
+    at: str | None = None  # name of the member that differs, wherever it stands; None: its own; "": the whole answer
+    beside: Mapping[str, Any] = field(default_factory=dict)  # sent with and without it; of the query with `?` in front
+    drop: tuple[str, ...] = ()  # members of the base that it takes the place of
+    status: int | None = None  # with it, where that is the effect
+    without: int | None = None  # the same without it
+    ids: Mapping[str, str] = field(default_factory=dict)  # others than the operation's
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A row of what a type of body, a figure or a format does not take: it is refused by name."""
+
+    value: Any
+    beside: Mapping[str, Any] = field(default_factory=dict)
+    drop: tuple[str, ...] = ()
+    ids: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Body:
+    """A request that succeeds without the member that is tried."""
+
+    members: Mapping[str, Any] = field(
+        default_factory=dict
+    )  # rows, several in a tuple; a bare value is a row `To(value)`
+    body: Any = None  # members of the body, or its bytes
+    query: Mapping[str, Any] = field(default_factory=dict)  # without which nothing shows
+    fresh: Callable[[Lab], dict[str, str]] | None = None  # makes what the request changes, and gives its ids
+    then: str | None = None  # of a job: the address of what is looked at, where `{id}` is its own; empty: its state
+    ids: Mapping[str, str] = field(default_factory=dict)  # names of other ids of the lab, or what the path has in place
+
+
+@dataclass
+class Lab:
+    """A furnished project: who asks, ids by the names of paths, and who administers."""
+
+    api: httpx.Client
+    ids: dict[str, str]
+    chief: httpx.Client
+    alarm: Callable[[], str] = str  # makes another alarm
+
+    def filled(self, value: Any, ids: Mapping[str, str]) -> Any:
+        """A value with `{name}` of ids in its texts; `{n}` is another number each time."""
+        if isinstance(value, str):
+            for name, key in {**self.ids, **ids}.items():
+                value = value.replace(f"{{{name}}}", key)
+            return value.replace("{n}", str(next(_NUMBERS)))
+        if isinstance(value, dict):
+            return {self.filled(name, ids): self.filled(one, ids) for name, one in value.items()}
+        return [self.filled(one, ids) for one in value] if isinstance(value, list) else value
+
+
+def resolved(document: Node, schema: Node) -> Node:
+    """A schema without a reference at its top."""
+    while "$ref" in schema:
+        schema = document["components"]["schemas"][schema["$ref"].rsplit("/", 1)[1]]
+    return schema
+
+
+def walk(document: Node) -> Iterator[tuple[str, str, dict[str, Node]]]:
+    """Operations with members, the type of a body (empty without one), and the members by name."""
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            stated = {one["name"]: one for one in operation.get("parameters", []) if one["in"] != "path"}
+            for kind, body in (operation.get("requestBody", {}).get("content") or {"": {}}).items():
+                schema = resolved(document, body.get("schema", {}))
+                options = [resolved(document, one) for one in (schema, *schema.get("anyOf", []))]
+                own = {name: one for each in options for name, one in each.get("properties", {}).items()}
+                members = stated | {
+                    f"body.{name}" if name in stated else name: {"in": "body", "schema": one}
+                    for name, one in own.items()
+                }
+                if members:
+                    yield f"{method.upper()} {path.removeprefix(PREFIX)}", kind, members
+
+
+class Trial:
+    """Sends the request of a `Body` with and without a member."""
+
+    def __init__(self, lab: Lab, operation: str, kind: str, asked: Body) -> None:
+        self.lab, self.kind, self.asked, self._plain = lab, kind, asked, dict[str, Any]()
+        self.method, self.path = operation.split()
+
+    def ids(self, more: Mapping[str, str] | None = None) -> dict[str, str]:
+        """Ids for the path."""
+        made = self.asked.fresh(self.lab) if self.asked.fresh else {}
+        return made | {name: self.lab.ids.get(key, key) for name, key in {**self.asked.ids, **(more or {})}.items()}
+
+    def send(
+        self, query: Node, body: Any = None, headers: Node | None = None, ids: Node | None = None
+    ) -> httpx.Response:
+        """The answer to a request."""
+        ids = self.ids() if ids is None else ids
+        query = {name: one for name, one in {**self.asked.query, **query}.items() if one is not None}
+        path = self.lab.filled(self.path, ids).lstrip("/")
+        how: Node = {"params": self.lab.filled(query, ids), "headers": self.lab.filled(dict(headers or {}), ids)}
+        if isinstance(body, bytes):
+            how |= {"content": body, "headers": {"Content-Type": self.kind, **how["headers"]}}
+        elif self.kind == "multipart/form-data":
+            filled = self.lab.filled(body, ids)
+            file = filled.pop("file")
+            how["files"] = {"file": (file[0], file[1])}
+            how["data"] = {name: one if isinstance(one, str) else json.dumps(one) for name, one in filled.items()}
+        elif self.kind:
+            how["json"] = self.lab.filled(body, ids)
+        if self.method in ("PATCH", "PUT", "DELETE") and "If-Match" not in how["headers"]:
+            how["headers"]["If-Match"] = "*"
+        client = self.lab.chief if path.startswith("users") else self.lab.api
+        return client.request(self.method, path, **how)
+
+    def ask(self, place: str, name: str, row: To | Refused, *, with_it: bool) -> tuple[int, Any]:
+        """Status and content of the request, with or without a member."""
+        query, headers = {}, dict[str, str]()
+        body = dict(self.asked.body) if isinstance(self.asked.body, dict) else self.asked.body
+        for member, value in row.beside.items():
+            if member == "*":
+                body = dict(value) if isinstance(value, dict) else value
+            else:
+                (query if member[0] == "?" or not isinstance(body, dict) else body)[member.lstrip("?")] = value
+        if with_it:
+            for one in row.drop:
+                body.pop(one)
+            {"query": query, "header": headers, "body": body}[place][name.removeprefix("body.")] = row.value
+        ids = self.ids(row.ids)
+        if self.method == "PATCH" and not body:
+            return 200, content_of(self.lab.api.get(self.lab.filled(self.path, ids).lstrip("/")))
+        answer = self.send(query, body, headers, ids)
+        if answer.is_error or self.asked.then is None:
+            return answer.status_code, content_of(answer)
+        state = content_of(answer)
+        if answer.status_code == 202 and "location" in answer.headers:
+            state = finished(self.lab.api, answer.headers["location"])
+        if not self.asked.then or state.get("status") == "failed":
+            return answer.status_code, state
+        later = self.lab.api.get(self.lab.filled(self.asked.then, {**ids, "id": state.get("id", "")}))
+        return answer.status_code, {"state": state, "later": content_of(later)}
+
+    def plain(self, place: str, name: str, row: To) -> tuple[int, Any]:
+        """The same without the member, once for all that share it."""
+        key = repr((row.beside, row.ids))
+        if key not in self._plain:
+            self._plain[key] = self.ask(place, name, row, with_it=False)
+        found: tuple[int, Any] = self._plain[key]
+        return found
+
+    def check(self, place: str, name: str, row: To | Refused) -> str | None:
+        """What is wrong with a member; nothing where it has its effect."""
+        if isinstance(row, To):
+            before, plain = self.plain(place, name, row)  # first, since what is asked may change what is there
+        status, content = self.ask(place, name, row, with_it=True)
+        if isinstance(row, Refused):
+            name = name.removeprefix("body.")
+            named = status == 422 and any(name in one["pointer"] for one in content.get("errors", []))
+            failed = isinstance(content, dict) and content.get("status") == "failed" and name in str(content["error"])
+            return None if named or failed else f"{status} {str(content)[:400]}, expected a refusal by name"
+        for found, wanted, what in ((status, row.status, content), (before, row.without, plain)):
+            if found != wanted if wanted else found >= 300:
+                return f"with it {status}, without {before}: {str(what)[:400]}"
+        if row.status or row.without:
+            return None
+        at = (name.removeprefix("body.") if self.method != "GET" else "") if row.at is None else row.at
+        values, others = (shown(one, at) for one in (content, plain))
+        if not values:
+            return f"no {at} in {str(content)[:400]}"
+        for one in (content, plain):
+            if at != "status" and isinstance(one, dict) and one.get("status") == "failed":
+                return f"failed: {one['message']} {one['error']}"
+        return None if values != others else f"{at or 'the answer'} is the same with it: {str(values)[:400]}"
+
+
+def content_of(answer: httpx.Response) -> Any:
+    """The body of an answer."""
+    is_json = "json" in answer.headers.get("content-type", "") and answer.content
+    return answer.json() if is_json and "ndjson" not in answer.headers["content-type"] else answer.content
+
+
+def shown(content: Any, at: str) -> list[Any]:
+    """The values of members of a name, wherever they stand; the whole content where there is no name."""
+    if not at:
+        return [content]
+    if isinstance(content, dict):
+        own = [content[at]] if at in content else []
+        return own + [value for one in content.values() for value in shown(one, at)]
+    return [value for one in content for value in shown(one, at)] if isinstance(content, list) else []
+
+
+# What means the same everywhere: each says what is wrong, or nothing.
+
+
+def _limit(trial: Trial) -> str | None:
+    plain, one = (ok(trial.send(more)) for more in ({}, {"limit": 1}))
+    good = len(one["items"]) == 1 < len(plain["items"]) and one["next_cursor"]
+    return None if good else f"limit=1 gives {len(one['items'])} of {len(plain['items'])}"
+
+
+def _cursor(trial: Trial) -> str | None:
+    first = ok(trial.send({"limit": 1}))
+    if not first["next_cursor"]:
+        return f"there is no second page: {str(first)[:200]}"
+    second = ok(trial.send({"limit": 1, "cursor": first["next_cursor"]}))
+    return None if second["items"] and second["items"] != first["items"] else "the second page is the first"
+
+
+def _deleted(trial: Trial) -> str | None:
+    pages = (ok(trial.send({"deleted": text})) for text in ("false", "true"))
+    there, gone = ({one["id"] for one in page["items"]} for page in pages)
+    return None if gone and not there & gone else f"deleted are {len(gone)}, in both are {len(there & gone)}"
+
+
+def _theme(trial: Trial) -> str | None:
+    light, dark = (trial.send({"theme": one}) for one in ("light", "dark"))
+    return None if light.is_success and dark.is_success and light.text != dark.text else f"alike: {light.text[:200]}"
+
+
+def _if_match(trial: Trial) -> str | None:
+    body = trial.asked.body
+    if trial.kind == JSON and trial.method == "PATCH":
+        name, row = next((name, row) for name, row in trial.asked.members.items() if not isinstance(row, tuple))
+        body = {**row.beside, name: row.value} if isinstance(row, To) else {name: row}
+    status = trial.send({}, body, {"If-Match": '"another"'}).status_code
+    return None if status == 412 else f"an older version is {status}, expected 412"
+
+
+def _idempotency_key(trial: Trial) -> str | None:
+    key, ids = {"Idempotency-Key": f"key {next(_NUMBERS)}"}, trial.ids()
+    body = trial.asked.body if isinstance(trial.asked.body, bytes) else trial.lab.filled(trial.asked.body, ids)
+    answers = [trial.send({}, body, one, ids) for one in (key, key, {})]
+    if any(one.is_error for one in answers[:2]):
+        return f"{[one.status_code for one in answers]} {answers[0].text[:200]} {answers[1].text[:200]}"
+    made = [one.status_code if one.is_error or not one.content else shown(one.json(), "id") for one in answers]
+    return None if made[0] == made[1] != made[2] else f"made {made}"
+
+
+ALIKE: dict[str, Callable[[Trial], str | None]] = {
+    "limit": _limit,
+    "cursor": _cursor,
+    "deleted": _deleted,
+    "theme": _theme,
+    "if-match": _if_match,
+    "idempotency-key": _idempotency_key,
+}
+"""Members that mean the same everywhere, in small letters."""
+
+
+def _formats(trial: Trial, stated: Node) -> str | None:
+    """Whether each format gives another answer."""
+    schema = stated["schema"]
+    names = next(one["enum"] for one in (schema, *schema.get("anyOf", [])) if "enum" in one)
+    answers = {name: trial.send({"format": name}) for name in names}
+    if wrong := [f"{name}: {one.status_code} {one.text[:200]}" for name, one in answers.items() if one.is_error]:
+        return "; ".join(wrong)
+    return None if len({one.content for one in answers.values()}) == len(names) else "two formats give the same"
+
+
+def faults(lab: Lab, operation: str, kind: str, members: Mapping[str, Node], asked: Body) -> list[str]:
+    """What is wrong with the members of an operation with a type of body."""
+    found, trial = [], Trial(lab, operation, kind, asked)
+    for name, stated in members.items():
+        row = asked.members.get(name)
+        if alike := ALIKE.get(name.lower()):
+            found += [f"{name}: {why}"] if (why := alike(trial)) else []
+        if row is None and alike:
+            continue
+        if row is None and name == "format":
+            why = _formats(trial, stated)
+        elif row is None:
+            why = "has no row in tests/support/member_rows_of_*.py"
+        else:
+            rows = row if isinstance(row, tuple) else (row,)
+            whole = [one if isinstance(one, To | Refused) else To(one) for one in rows]
+            why = "; ".join(filter(None, (trial.check(stated["in"], name, one) for one in whole)))
+        found += [f"{name}: {why}"] if why else []
+    return found + [f"{name}: is no member of the operation" for name in asked.members if name not in members]
