@@ -12,6 +12,8 @@ from modalbase.formats.records import TimeBlock, propose, read_variables
 from service.compute.arrays_of_files import Found, hits_of
 from service.compute.reading import Kept
 from service.errors import Invalid
+from service.show.pages.measurements import _overruling
+from service.store.records.schemas import Proposal
 from tests.support.reality import kept, reality
 from tests.unit.fecore.signal.test_recording import RATE, recording
 
@@ -189,6 +191,15 @@ def test_a_wrong_unit_of_a_file_is_overruled_by_naming_it(tmp_path: Path) -> Non
     mapping = placed(proposed(path))
     mapping["channels"][0] |= {"unit": "N", "instead_of": "Volts", "sensitivity": None}
     assert peaks(kept(path, mapping), "force")[0] == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_page_overrules_the_unit_that_it_shows() -> None:
+    """What a person types in the place of a unit is sent with the file's own beside it."""
+    found = Proposal(variables={}, mapping=propose({"ACC (g)": np.zeros(99), "force": np.zeros(99)}), blocks=None)
+    stated = {"channels": [{"variable": "ACC (g)", "unit": "m/s²"}, {"variable": "force", "unit": "N"}]}
+    shown = _overruling(stated, found)["channels"]
+    assert [(c["unit"], c["instead_of"]) for c in shown] == [("m/s²", "g"), ("N", None)]
+    assert _overruling({"frf": {}}, found) == {"frf": {}}
 
 
 def test_a_name_that_contradicts_the_property_is_asked_for(tmp_path: Path) -> None:

@@ -75,9 +75,7 @@ class Proposal(StrictModel):
     """What a dry run says of a file."""
 
     variables: dict[str, str] = Field(description="type, shape, least and greatest value of each array")
-    mapping: dict[str, Any] = Field(
-        description="a mapping by what the file says, in its own words; null is what it does not say"
-    )
+    mapping: dict[str, Any] = Field(description="by what the file says, in its own words; null is what it does not say")
     blocks: int | None = Field(description="time blocks that the stated mapping makes of the file")
     table: dict[str, Any] | None = Field(
         None,

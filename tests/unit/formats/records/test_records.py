@@ -262,7 +262,7 @@ def test_a_csv_is_refused_by_its_line(tmp_path: Path, text: str, fault: str) -> 
 
 
 def test_of_a_structure_only_numbers_are_taken(tmp_path: Path) -> None:
-    """Texts, objects within objects and lists of structures say nothing of a time block."""
+    """Texts and objects within objects say nothing of a time block; a list of structures has its numbers one by one."""
     thin = sparse.csc_array(np.eye(3))
     several = np.array([(1.0,), (2.0,)], dtype=[("gain", object)])
     savemat(
@@ -270,7 +270,8 @@ def test_of_a_structure_only_numbers_are_taken(tmp_path: Path) -> None:
         {"m": {"force": FORCE, "deep": {"fs": 2048.0}, "name": "hit", "s": thin}, "sensors": several, "s": thin},
     )
     found = read_variables(tmp_path / "m.mat")
-    assert found.keys() == {"m.force", "m.deep.fs"}
+    assert found.keys() == {"m.force", "m.deep.fs", "sensors.gain"}
+    assert found["sensors.gain"].ravel().tolist() == [1.0, 2.0]
     with h5py.File(tmp_path / "m73.mat", "w") as file:
         file["m/force"], file["m/name"], file["#refs#"] = FORCE, np.bytes_("hit"), FORCE
     assert read_variables(tmp_path / "m73.mat").keys() == {"m.force"}
