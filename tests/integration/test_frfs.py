@@ -406,7 +406,7 @@ def test_an_analysers_table_of_text_comes_in_by_a_mapping(api: httpx.Client, cam
     path, sent = f"campaigns/{campaign}/frfs", {"Content-Type": "text/csv"}
     (frf,) = ok(api.post(path, content=content, headers=sent, params={"mapping": json.dumps(mapping)}), 201)["items"]
     assert (frf["quantity"], frf["response_point"], frf["reference_direction"]) == ("accelerance", 2, -3)
-    data = ok(api.get(f"frfs/{frf['id']}/data"), 200)
+    (data,) = ok(api.get(f"campaigns/{campaign}/frfs/data", params={"format": "json"}), 200)["frfs"]
     assert abs(complex(data["real"][0], data["imag"][0])) == pytest.approx(0.1 * 9.80665)
     params = {"mapping": json.dumps(mapping), "quantity": "mobility"}
     assert "is that of accelerance" in str(

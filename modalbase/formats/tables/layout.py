@@ -1,4 +1,4 @@
-"""What the lines of a table are, told from its first lines.
+"""What the lines of a table are, by its first lines.
 
 1. Each separator splits the lines. The one under which most columns hold numbers or times, in most lines, is the table's.
 2. Data begin at the first line that is alike to those numbers and is followed by another such line.
@@ -258,16 +258,16 @@ class _Split:
             if k in ("text", "date")
         ]
         return Layout(
-            self.separator,
-            decimal,
-            max([len(self.kinds), *(row.width for row in headings)]),
-            columns,
-            tuple(sorted(row.line for row in headings if row is not units_row)),
-            None if units_row is None else units_row.line,
-            data[0].line,
-            tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[:_MOST_WORDS],
-            self._rate(preamble),
-            tuple(left_out),
+            separator=self.separator,
+            decimal=decimal,
+            width=max([len(self.kinds), *(row.width for row in headings)]),
+            columns=columns,
+            heading_lines=tuple(sorted(row.line for row in headings if row is not units_row)),
+            units_line=None if units_row is None else units_row.line,
+            first_line=data[0].line,
+            preamble=tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[:_MOST_WORDS],
+            sample_rate_hz=self._rate(preamble),
+            notes=tuple(left_out),
         )
 
     def _first(self, stated: Stated) -> int:

@@ -23,7 +23,7 @@ from modalbase.formats.tables.layout import (
 )
 from modalbase.formats.tables.numbers import Clock, is_number, number_reader, number_text
 
-_HEAD_LINES = 4000  # that tell the layout
+_HEAD_LINES = 4000  # by which the layout is found
 _PART_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 20
 _MOST_QUOTED = 20  # remarks that are quoted in the notes
@@ -159,9 +159,17 @@ def read_rows(
                 if number <= at or row.is_comment or not any(row.cells):
                     continue
                 cells = row.cells[: max(len(header), row.width)]
-                yield number, [number_text(cell, decimal) if is_number(cell) else cell for cell in cells]
+                yield number, [_with_point(cell, decimal) for cell in cells]
 
     return header, rows()
+
+
+def _with_point(cell: str, decimal: str) -> str:
+    """A number with a decimal point; what is none stays, so that its line is named where a number is needed."""
+    try:
+        return number_text(cell, decimal)
+    except FormatError:
+        return cell
 
 
 def whole_rows(header: Sequence[str], rows: Iterable[tuple[int, list[str]]]) -> Iterator[tuple[int, list[str]]]:
