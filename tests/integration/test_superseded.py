@@ -4,17 +4,21 @@ import io
 import json
 from collections.abc import Callable
 from typing import Any
+from uuid import UUID
 from zipfile import ZipFile
 
 import httpx
 import numpy as np
 import psycopg
 import pytest
+from sqlalchemy import Engine, text
 
 from service.app.demo import paper
 from service.app.supervisor import LocalService
 from service.db.engine import psycopg_url
+from service.db.schema import upgrade
 from service.store.updating.document import VERSION
+from tests.integration.test_db import fill
 from tests.integration.test_records import npz, post, processed
 from tests.support.backups import RECIPE, small_file
 from tests.support.furnished import frfs
@@ -193,3 +197,30 @@ def test_a_result_of_hits_says_that_a_hit_was_judged_since(
     ok(api.delete(f"records/{stored[0]['id']}"), 204)
     processed(api, campaign, {})
     assert what() == ["hits", "frfs"]
+
+
+def test_what_was_made_anew_before_there_was_a_mark_is_marked(empty: Engine) -> None:
+    upgrade(empty, "0056_idempotency_keys")
+    with empty.begin() as connection:
+        (frf,) = fill(connection)["frfs"]
+
+        def again(table: str, key: UUID, **changed: Any) -> UUID:
+            """A row like another, with a newer key."""
+            new: UUID = connection.scalar(text("SELECT uuidv7()"))
+            values = json.dumps({"id": str(new), **changed})
+            copied = f"SELECT (jsonb_populate_record(t, CAST(:values AS jsonb))).* FROM {table} t WHERE id = :key"
+            connection.execute(text(f"INSERT INTO {table} {copied}"), {"values": values, "key": key})
+            return new
+
+        of_processing = frf["processing_id"]
+        again_made = again("jobs", of_processing, ticket=None)
+        connection.execute(
+            text("INSERT INTO processings (id, campaign_id, options) VALUES (:id, :campaign, '{}')"),
+            {"id": again_made, "campaign": frf["campaign_id"]},
+        )
+        newer = again("frfs", frf["id"], processing_id=str(again_made), import_id=None, dataset=None)
+        elsewhere = again("frfs", frf["id"], response_point=77, import_id=None, dataset=None)
+    upgrade(empty, "head")
+    with empty.connect() as connection:
+        marks = dict(connection.execute(text("SELECT id, superseded_by FROM frfs")).all())
+    assert marks == {frf["id"]: again_made, newer: None, elsewhere: None}
