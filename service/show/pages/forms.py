@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from fecore.body.specimen import CONSTANTS
 from service.show.pages.numbers import words
 from service.show.pages.quantities import units_of_field
 from service.store.campaigns.schemas import CampaignIn
@@ -162,7 +163,7 @@ def told(text: str | None) -> str:
 
     def member(found: re.Match[str]) -> str:
         name, marked = found[2], found[0].startswith("`")
-        if name in _members() and (marked or "_" in name):
+        if name in _members() and name not in CONSTANTS and (marked or "_" in name):  # a constant is called so
             return f"“{_members()[name]}”"
         return found[0].strip("`") if marked else found[0]
 
