@@ -152,12 +152,12 @@ _CALL = re.compile(r"\b(?:GET|POST|PUT|PATCH|DELETE) /[\w/{}…-]+")
 _NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[a-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
 
 
-def told(text: str | None) -> str:
+def page_words(text: str | None) -> str:
     """A sentence of REST for a page: members have the labels of their fields, calls and options are left out.
 
-    >>> told("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
+    >>> page_words("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
     'did you mean 33 GPa?'
-    >>> told("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
+    >>> page_words("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
     'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is stated'
     """
 
