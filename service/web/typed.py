@@ -39,7 +39,7 @@ DIMENSIONS: tuple[dict[str, str], ...] = (
 """Units of one kind, the usual ones first, each with its size; a unit of two kinds is of that of its field."""
 
 _KELVIN, _FAHRENHEIT = ("K",), ("°F", "F", "degF")
-SHOWN_AS = {"m": "mm", "Pa": "GPa", "kg": "g", "rad": "°"}
+SHOWN_AS = {"m": "mm", "Pa": "GPa", "kg": "g"}
 """What people write in place of an SI unit."""
 
 LONGEST = 200  # characters of one quantity

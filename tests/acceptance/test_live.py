@@ -25,7 +25,7 @@ def specimen(api: httpx.Client) -> str:
 
 
 def begun(page: Page, path: str) -> None:
-    """Go to a page that shows something which waits, and mark it, so that it can be told from one that was loaded anew."""
+    """Go to a page that shows something which waits, and mark it, so that one that was loaded anew differs."""
     page.goto(path)
     page.wait_for_selector("[data-job]", state="attached")
     page.evaluate("document.body.dataset.before = 'yes'")

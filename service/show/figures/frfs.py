@@ -111,7 +111,7 @@ Window = tuple[float | None, float | None]
 
 def seen_in(window: Window, place: FloatArray, values: FloatArray, most: int) -> IntArray:
     """Which samples are drawn where a part of them is in view: of that part all, or as many as it has pixels; of the rest those
-    that tell its shape.
+    that show its shape.
 
     Args:
         window: that is in view.

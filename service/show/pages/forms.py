@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from fecore.body.specimen import CONSTANTS
 from service.show.pages.numbers import words
 from service.show.pages.quantities import units_of_field
 from service.store.campaigns.schemas import CampaignIn
@@ -151,18 +152,18 @@ _CALL = re.compile(r"\b(?:GET|POST|PUT|PATCH|DELETE) /[\w/{}…-]+")
 _NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[a-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
 
 
-def told(text: str | None) -> str:
+def page_words(text: str | None) -> str:
     """A sentence of REST for a page: members have the labels of their fields, calls and options are left out.
 
-    >>> told("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
+    >>> page_words("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
     'did you mean 33 GPa?'
-    >>> told("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
+    >>> page_words("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
     'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is stated'
     """
 
     def member(found: re.Match[str]) -> str:
         name, marked = found[2], found[0].startswith("`")
-        if name in _members() and (marked or "_" in name):
+        if name in _members() and name not in CONSTANTS and (marked or "_" in name):  # a constant is called so
             return f"“{_members()[name]}”"
         return found[0].strip("`") if marked else found[0]
 

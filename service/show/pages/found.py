@@ -6,7 +6,7 @@ from typing import Any
 
 from fecore.normal import Z_95
 from fecore.updating.findings import FINDINGS, but_numbers, fold
-from service.show.pages.forms import told
+from service.show.pages.forms import page_words
 from service.show.pages.numbers import in_unit
 
 MOST = 3  # findings that a result opens with; a reader does not act on a longer list
@@ -79,7 +79,7 @@ def opening(document: Mapping[str, Any]) -> tuple[list[Step], list[str]]:
             chosen[finding["kind"]] = common, _step(finding, fold(alike).removeprefix(finding["text"]))
     shown = tuple(common for common, _ in chosen.values())
     rest = [text for text in dict.fromkeys(warnings) if not but_numbers(text).startswith(shown)]
-    return [step for _, step in chosen.values()], list(map(told, rest))
+    return [step for _, step in chosen.values()], list(map(page_words, rest))
 
 
 def _step(finding: Mapping[str, Any], alike: str) -> Step:
@@ -90,7 +90,11 @@ def _step(finding: Mapping[str, Any], alike: str) -> Step:
         text, advice = text.removesuffix(own).rstrip(";: "), advice or own
     address, link = PLACES[place]
     return Step(
-        _sentence(told(text + alike)), finding["level"], _sentence(told(advice)) if advice else "", address, link
+        _sentence(page_words(text + alike)),
+        finding["level"],
+        _sentence(page_words(advice)) if advice else "",
+        address,
+        link,
     )
 
 

@@ -29,7 +29,7 @@ from service.access import routes as access
 from service.access.keys import COOKIE, request_token
 from service.errors import NotAcceptable, NotFound
 from service.show.pages import numbers
-from service.show.pages.forms import labelled, told
+from service.show.pages.forms import labelled, page_words
 from service.show.pages.found import bar
 from service.show.pages.quantities import attributes
 from service.store.campaigns.operations import campaign_for, describe
@@ -120,7 +120,7 @@ def root_of(path: str) -> str:
 @cache
 def _templates() -> Environment:
     made = templates_in(Path(__file__).parent / "templates")
-    made.filters.update(numbers.FILTERS, bar=bar, told=told, labelled=labelled)
+    made.filters.update(numbers.FILTERS, bar=bar, page_words=page_words, labelled=labelled)
     made.globals.update(asset=address, version=__version__, quantity=attributes)
     return made
 

@@ -69,7 +69,7 @@ def units_of_parameter(name: str) -> tuple[str, str]:
     """Unit in which people write a parameter of a recipe, and the SI unit.
 
     >>> units_of_parameter("web.G12"), units_of_parameter("angle_1"), units_of_parameter("nu_xy")
-    (('GPa', 'Pa'), ('°', 'rad'), ('', ''))
+    (('GPa', 'Pa'), ('rad', 'rad'), ('', ''))
     """
     unit = unit_of(name) or ""
     unit = "" if unit == "1" else unit

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fecore.updating.findings import FINDINGS
-from service.show.pages.forms import Field, fields_of, labelled, told
+from service.show.pages.forms import Field, fields_of, labelled, page_words
 from service.show.pages.look import FOLDER
 from service.store.updating.schemas import RecipeIn
 
@@ -35,7 +35,7 @@ def test_templates_name_no_member(template: Path) -> None:
 def test_findings_are_told_in_words(kind: str) -> None:
     row = FINDINGS[kind]
     for text in (row.sentence, row.advice):
-        assert not OF_REST.search(told(re.sub(r"\{[^}]*\}", "3", text))), told(text)
+        assert not OF_REST.search(page_words(re.sub(r"\{[^}]*\}", "3", text))), page_words(text)
 
 
 def test_forms_are_told_in_words() -> None:
@@ -45,7 +45,7 @@ def test_forms_are_told_in_words() -> None:
             yield from walk(one.fields)
 
     for one in walk(fields_of(RecipeIn, {})):
-        assert not OF_REST.search(told(one.help)), told(one.help)
+        assert not OF_REST.search(page_words(one.help)), page_words(one.help)
         assert "_" not in one.label
 
 
@@ -60,7 +60,7 @@ def test_forms_are_told_in_words() -> None:
     ],
 )
 def test_a_sentence_is_told_by_labels(of_rest: str, in_words: str) -> None:
-    assert told(of_rest) == in_words
+    assert page_words(of_rest) == in_words
 
 
 def test_a_pointer_is_a_label() -> None:

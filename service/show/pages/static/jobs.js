@@ -41,4 +41,4 @@ document.addEventListener("htmx:afterSettle", watch);
 document.addEventListener("visibilitychange", watch);
 addEventListener("pagehide", () => stream?.close());
 addEventListener("pageshow", watch);
-watch();
+document.addEventListener("DOMContentLoaded", watch); // when htmx listens too
