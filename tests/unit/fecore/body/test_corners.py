@@ -23,7 +23,9 @@ def around(*degrees: float) -> np.ndarray:
     return np.column_stack([0 * angles, np.cos(angles), np.sin(angles)])
 
 
-def two_walls(degrees: float, t: tuple[float, float] = (0.006, 0.004), names: tuple[str, str] = ("a", "b")) -> Structure:
+def two_walls(
+    degrees: float, t: tuple[float, float] = (0.006, 0.004), names: tuple[str, str] = ("a", "b")
+) -> Structure:
     """Walls of 50 mm, of which the second turns by an angle."""
     turn = np.radians(degrees)
     segments = [
@@ -43,7 +45,9 @@ def test_matrices_have_no_jump_at_any_angle(t: tuple[float, float], names: tuple
     for angle in degrees:
         on = two_walls(float(angle), t, names)
         with_joints, without = (pencil(each) for each in (on, replace(on, with_joints=False)))
-        added.append([shape @ (A @ shape) / (shape @ (B @ shape)) - 1 for A, B in zip(with_joints, without, strict=True)])
+        added.append(
+            [shape @ (A @ shape) / (shape @ (B @ shape)) - 1 for A, B in zip(with_joints, without, strict=True)]
+        )
     slope = np.diff(added, axis=0)
     assert added[0] == pytest.approx([0, 0], abs=1e-12)
     assert np.abs(np.diff(slope, axis=0)).max() < 0.15 * np.abs(slope).max()
@@ -74,7 +78,7 @@ def test_a_wall_that_ends_on_one_that_passes_begins_at_its_face(beta: float) -> 
 
 def test_three_alike_walls_are_mitred_alike() -> None:
     corner = Corner.of(ALONG, around(0, 120, 240), (0.005,) * 3)
-    assert not corner.straight.any()
+    assert corner.straight.max() < 1e-12
     begins = [corner.begin(stack) for stack in range(3)]
     np.testing.assert_allclose(begins, 0.0025 / 4 * np.tan(np.radians(30)), rtol=1e-12)
 
@@ -84,7 +88,7 @@ def test_an_overlap_takes_a_third_of_a_wall_at_most(degrees: float) -> None:
     whole = Corner.of(ALONG, around(0, 180 - degrees), (0.003, 0.003))
     cut = whole.cut((0.1, 0.06))
     assert 0.95 * 0.02 < cut.overlap(0) <= 0.02
-    assert whole.left(cut) > 0.9
+    assert whole.left(cut) > 0.85
     sharp = Corner.of(ALONG, around(0, 100), (0.003, 0.003))
     assert sharp.left(sharp.cut((0.1, 0.06))) < 1e-9
 
