@@ -1,6 +1,7 @@
 """Corners at any angle: continuous, so that a faceted curve is a curve; stacks, sharp edges, walls that end on others."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -106,9 +107,9 @@ def tube(facets: int) -> Structure:
     places = np.round(0.05 * np.column_stack([np.cos(angles), np.sin(angles)]), 12) + 0.0
     places[-1] = places[0]
     walls = []
-    for a, b in zip(places[:-1], places[1:], strict=True):
+    for a, b in pairwise(places):
         line = [a + (b - a) * k / 4 for k in range(5)]
-        walls += [Segment("tube", tuple(p), tuple(q)) for p, q in zip(line[:-1], line[1:], strict=True)]
+        walls += [Segment("tube", tuple(p), tuple(q)) for p, q in pairwise(line)]
     return Structure(extrude(walls, 0.1, 0.05), {"tube": ShellSection((Ply(GFRP, 0.002),))})
 
 
