@@ -1,9 +1,9 @@
 """Cross sections of beams from their walls, and those that decks state by name and dimensions.
 
 A section lies in the plane of y (axis 1) and z (axis 2). Those of rectangles are exact in area and moments; torsion is
-Σ b t³/3 of thin walls, to which closed ones add Bredt's, and St-Venant's of the bar. Shear factors of
-Nastran's sections are those of Timoshenko for solid ones, and of thin ones the share of the walls along the force. Those of Abaqus's are its own (*Analysis
-User's Guide*, "Choosing a beam element"), after Cowper (1966).
+Σ b t³/3 of thin walls, to which closed ones add Bredt's, and St-Venant's of the bar. Shear factors of Nastran's sections are
+those of Timoshenko for solid ones, and of thin ones the share of the walls along the force. Those of Abaqus's are its own
+(*Analysis User's Guide*, "Choosing a beam element"), after Cowper (1966).
 """
 
 from collections.abc import Callable, Sequence
