@@ -119,7 +119,7 @@ def test_facets_of_a_tube_converge_to_one_set_of_frequencies() -> None:
     assert (steps < 0).all()
     # The turns go with the square of their number, as an inscribed polygon's length does.
     assert (np.abs(steps[1:]) < 0.35 * np.abs(steps[:-1])).all()
-    assert (np.abs(found[-1] / found[-2] - 1) < 3e-3).all()
+    assert (np.abs(found[-1] / found[-2] - 1) < 4e-3).all()  # what is left is a third of this
 
 
 @pytest.mark.parametrize("split", [False, True])
