@@ -24,7 +24,7 @@ from fecore.arrays import FloatArray
 # p by how a wall meets the other: found with solids whose walls are up to 2.5 times as thick as one another.
 _PASSING, _ENDING, _CORNER = 1.7, 3.0, 2.0
 _MOST = 1 / 3  # of a wall's width that an overlap may take
-_SHARPNESS = 16  # of the smooth minimum
+_SHARPNESS = 32  # of the smooth minimum
 _LEAST = 1e-15  # of sines and squares that are divided by
 
 
@@ -78,8 +78,8 @@ class Corner:
     @cached_property
     def straight(self) -> FloatArray:
         """(n, n) from 0 to 1 how far two are one that passes: squared, so that derivatives exist."""
-        if self.is_simple:
-            return np.zeros((2, 2))
+        if len(self.thickness) < 3:
+            return np.zeros((len(self.thickness),) * 2)
         cosine = np.clip(self.directions @ self.directions.T, -1, 1)
         near = np.maximum(1 - cosine, _LEAST) / np.maximum(1 + cosine, _LEAST)
         np.fill_diagonal(near, 0.0)
