@@ -118,7 +118,9 @@ def test_a_missing_mode_is_noticed(monkeypatch) -> None:
         return value[keep], vectors[:, keep]
 
     monkeypatch.setattr(fecore.dynamics.eigen, "_lanczos", forgetful)
-    np.testing.assert_allclose(normal_modes(K, M, 6).omega, np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True)[:6]))
+    np.testing.assert_allclose(
+        normal_modes(K, M, 6).omega, np.sqrt(eigh(K.toarray(), M.toarray(), eigvals_only=True)[:6])
+    )
     monkeypatch.setattr(fecore.dynamics.eigen, "_FEW", 0)
     with pytest.raises(ModelError, match="not found"):
         normal_modes(K, M, 6)
