@@ -127,7 +127,7 @@ def normal_modes(
     shift, factor = _near_first(stiffness, mass, rigid, like) if free else (0.0, factorise(stiffness, like))
     first = (1, 2) if stiffness.shape[0] < _LARGE else (_WIDE,)  # symmetry repeats a root no more than twice
     few = len(heavy) <= _FEW
-    missing = 0
+    missing, found = 0, None
     for width in () if few and len(heavy) < mass.shape[0] else (*first, wanted + 2):  # and so many hold any
         found = _lanczos(factor, mass, rigid, wanted, width)
         if found is None:
@@ -136,25 +136,19 @@ def normal_modes(
         eigenvalue = shift + 1 / value
         missing = _missing(stiffness, mass, eigenvalue, free, factor)
         if not missing:
-            _require_energy(stiffness, vectors)
-            return _joined(rigid, eigenvalue, vectors, shift, factor)
-    if few:
+            break
+    else:
+        found = None
+    if found is None and few:
         value, vectors = _condensed(factor, mass, rigid, heavy)
         if wanted > len(value):
             raise FewModesError(count, free, len(value), stiffness.shape[0])
-        _require_energy(stiffness, vectors[:, :wanted])
-        return _joined(rigid, shift + 1 / value[:wanted], vectors[:, :wanted], shift, factor)
-    if not missing:
-        raise ModelError(f"block Lanczos did not find {wanted} modes in {_MOST} vectors for each")
-    raise ModelError(f"{missing} of the {count} lowest modes were not found, though the iteration converged")
-
-
-def _joined(
-    rigid: FloatArray, eigenvalue: FloatArray, vectors: FloatArray, shift: float, factor: Factor
-) -> NormalModes:
-    free = rigid.shape[1]
-    every = np.concatenate([np.zeros(free), eigenvalue])
-    return NormalModes(every, np.hstack([rigid, vectors]), free, shift, factor)
+        eigenvalue, vectors = shift + 1 / value[:wanted], vectors[:, :wanted]
+    elif found is None:
+        raise ModelError(f"of the {count} lowest modes {missing or 'some'} were not found")
+    _require_energy(stiffness, vectors)
+    shapes = np.hstack([rigid, vectors])
+    return NormalModes(np.concatenate([np.zeros(free), eigenvalue]), shapes, free, shift, factor)
 
 
 def _require_energy(stiffness: scipy.sparse.csc_array, vectors: FloatArray) -> None:

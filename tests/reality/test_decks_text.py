@@ -148,3 +148,52 @@ def test_what_was_not_read_is_told_first() -> None:
     with pytest.raises(Invalid) as plain:
         imported("a.bdf", stick(more="SPOINT,99\nPBAR,1,1,1.\n"))
     assert "SPOINT" not in str(plain.value)
+
+
+TWICE = """\
+*PART, NAME=P
+*NODE
+1, 0., 0., 0.
+2, 100., 0., 0.
+3, 100., 50., 0.
+4, 0., 50., 0.
+*ELEMENT, TYPE=S4, ELSET=SKIN
+1, 1, 2, 3, 4
+*SHELL SECTION, ELSET=SKIN, MATERIAL=AL
+2.
+*NONSTRUCTURAL MASS, ELSET=SKIN, UNITS={units}
+{value}
+*END PART
+*ASSEMBLY, NAME=A
+*INSTANCE, NAME=P-1, PART=P
+*END INSTANCE
+*INSTANCE, NAME=P-2, PART=P
+100., 0., 0.
+*END INSTANCE
+*END ASSEMBLY
+*MATERIAL, NAME=AL
+*ELASTIC
+70000., 0.3
+*DENSITY
+2.7e-9
+*BOUNDARY
+P-1.1, 1, 6
+P-2.1, 1, 6
+*STEP
+*FREQUENCY
+3
+*END STEP
+{more}"""
+
+
+@pytest.mark.parametrize(("units", "value", "mass"), [("MASS PER AREA", "1.e-9", 0.01), ("TOTAL MASS", "1.e-6", 0.002)])
+def test_spread_mass_of_two_instances(units: str, value: str, mass: float) -> None:
+    deck = TWICE.format(units=units, value=value, more="")
+    model = imported("a.inp", deck)
+    assert model.document["mass_kg"] == pytest.approx(2 * 2700 * 0.1 * 0.05 * 0.002 + mass)
+
+
+def test_steps_that_ask_for_modes_again_are_noted() -> None:
+    again = "*STEP\n*BOUNDARY, OP=NEW\n*FREQUENCY\n3\n*END STEP\n"
+    deck = TWICE.format(units="MASS PER AREA", value="1.e-9", more=again)
+    assert imported("a.inp", deck).notes()["*FREQUENCY"] == ([35], False)

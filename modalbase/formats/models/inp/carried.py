@@ -1,6 +1,6 @@
 """What a structure carries: masses at points, rotary inertia, springs, and mass that is spread."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -125,10 +125,12 @@ def _between(element: Element, dofs: list[int], k: float, where: Where, turned: 
     return Spring(element.nodes[0], kind, k, where, second=second, second_dof=last, direction=(x, y, z))
 
 
-def spread_mass(card: Card, sections: Sections, part: Part, blocks: Iterable[Elements], losses: Losses) -> None:
-    """Take *NONSTRUCTURAL MASS into the sections of the sets that it covers as a whole."""
+def spread_mass(
+    card: Card, sections: Sections, parts: Sequence[Part], blocks: Iterable[Elements], losses: Losses
+) -> None:
+    """Take *NONSTRUCTURAL MASS, of all instances that have it, into the sections of the sets that it covers as a whole."""
     units = card.get("UNITS").replace(" ", "").upper()
-    chosen = set(part.elements(card.needs("ELSET"), card))
+    chosen = {each for part in parts for each in part.elements(card.needs("ELSET"), card)}
     value = card.first.numbers("a mass")[0]
     if not 0 <= value < 1e12:
         raise card.first.error(f"is a mass of {value:g}, expected one of at least 0")
@@ -140,9 +142,9 @@ def spread_mass(card: Card, sections: Sections, part: Part, blocks: Iterable[Ele
         losses.note(card, "spread mass on part of a set, on shells and beams at once, or in other units")
         return
     if units == "TOTALMASS":
-        places = np.array(part.mesh.places)
+        places = np.array(parts[0].mesh.places)
         total = sum(float(sizes(block, places).sum()) for block in blocks if block.set in names)
-        value /= total
+        value *= len(parts) / total
     for name in names:
         section = sections.found[name]
         sections.found[name] = replace(section, extra_mass=section.extra_mass + value)

@@ -330,7 +330,7 @@ def _dofs(fields: list[str], row: Row, losses: Losses) -> tuple[int, ...]:
 
 
 def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
-    """Note steps before that of the modes whose loads stiffen the structure.
+    """Note steps before that of the modes whose loads stiffen the structure, and later ones that ask for modes again.
 
     Abaqus counts them with NLGEOM, which CAE writes as NO where it is off; CalculiX where that of the modes has PERTURBATION.
     """
@@ -346,3 +346,5 @@ def note_prestress(steps: list[list[Card]], losses: Losses) -> None:
             and (nonlinear or ("PERTURBATION" in steps[modes][0].parameters and not plain))
         ):
             losses.note(step[0], "a state of stress before the modes, which stiffens or softens")
+    for card in (card for step in steps[modes + 1 :] for card in step if card.name == "FREQUENCY"):
+        losses.note(card, "modes of a later step: what the first with *FREQUENCY holds is taken", changes=False)

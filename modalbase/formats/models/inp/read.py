@@ -176,12 +176,14 @@ class _Reading:
         for element in mesh.elements:
             if element.type.loss:
                 losses.note(element.row, element.type.loss, changes=element.type.changes)
+        spread: dict[int, tuple[Card, list[Part]]] = {}  # by card, which the instances of a part share
         for part in self._parts:
-            for card in part.named("NONSTRUCTURALMASS", *NAMES):
-                if card.name in NAMES:
-                    constraints.read(card, part)
-                else:
-                    spread_mass(card, self._sections, part, blocks, losses)
+            for card in part.named(*NAMES):
+                constraints.read(card, part)
+            for card in part.named("NONSTRUCTURALMASS"):
+                spread.setdefault(id(card), (card, []))[1].append(part)
+        for card, parts in spread.values():
+            spread_mass(card, self._sections, parts, blocks, losses)
         initial = [(card, part) for part in self._parts for card in part.named("BOUNDARY")]
         held = supports(initial, deck.steps, self._parts[-1], axes, losses)
         note_prestress(deck.steps, losses)
