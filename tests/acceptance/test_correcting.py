@@ -226,8 +226,18 @@ def test_raw_curves_are_reduced_and_the_next_begins_as_the_one_before(running: B
             page.fill("[name='dimensions/thickness']", "2.01, 2.00, 1.99" if number == 1 else "2.0")
             assert hindrances(page) == []
             saved(page, "Reduce and record it")
+        data = machine_file([(row[0] + 228_000, *row[1:]) for row in CURVE])
+        page.set_input_files("[data-raw-curve] [name=file]", {"name": "A3.csv", "mimeType": "text/csv", "buffer": data})
+        page.fill("[name='dimensions/width']", "25.0")
+        page.fill("[name='dimensions/thickness']", "2.0")
+        page.click("button:has-text('Reduce and record it')")
+        page.wait_for_selector(".faults:has-text('zero it at its first reading')")
+        assert '"' not in page.inner_text("[data-raw-curve] .faults")
+        page.select_option("[name='zero/strain']", "first")
+        saved(page, "Reduce and record it")
         specimens = ok(api.get(f"coupon-batches/{batch}/coupons"))["items"]
-        assert [row["specimen"] for row in specimens] == ["A1", "A2"]
+        assert [row["specimen"] for row in specimens] == ["A1", "A2", "A3"]
         # by hand in docs/coupons.md
-        assert [row["E_Pa"] for row in specimens] == pytest.approx([39.5074e9] * 2, rel=2e-6)
-        assert (seen.complaints, seen.strangers) == ([], [])
+        assert [row["E_Pa"] for row in specimens] == pytest.approx([39.5074e9] * 3, rel=2e-6)
+        assert ["422" in complaint for complaint in seen.complaints] == [True]  # of the curve that was refused
+        assert seen.strangers == []

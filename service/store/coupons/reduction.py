@@ -95,8 +95,9 @@ def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:
         first = series[name][0] if name in series and series[name].size else 0.0
         if begins_unloaded and abs(first) > _TARED:
             return (
-                f"{name} begins at {first:.4g} m/m ({file.units[name]} in the file) with hardly any force: where it was not "
-                f'tared, state "zero": {{"{name}": "first"}}, or its reading at zero in place of "first"'
+                f"{name} begins at {first:.4g} m/m ({file.units[name]} in the file) with hardly any force. Where it was not "
+                "tared, zero it at its first reading, or at the reading that it has without load. A script states that "
+                f'(`"zero": {{"{name}": "first"}}`)'
             )
     return ""
 
