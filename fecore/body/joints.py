@@ -13,9 +13,11 @@ elements give up mass and stiffness along the line (`fecore.body.overlaps`).
 Along the line a bead, a beam, carries what is then missing: the moments of the wall's true area between the line and where its
 elements are whole, with its modulus along the line and density (so mass is exact); the shear and twist of the strips that were
 taken away; and a torsion 0.1 G t⁴, t⁴ the geometric mean of the walls'. No part is ever negative, so stiffness and mass are
-positive whatever the size of the elements. All is linear in E, G and density; d is nominal.
+positive whatever the size of the elements. All is linear in E, G and density; d is nominal. Matrices of elements and
+beads carry what differs from place to place, so a set has the same few coefficients however many lines a curve is meshed by.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,35 +25,36 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import FloatArray, IntArray
+from fecore.body.beads import HEIGHTS, Bead, bead_matrices
 from fecore.body.corners import Corner
-from fecore.body.elements.beams import fibre
 from fecore.body.junctions import Edge, Junction, Wall, are_alike
-from fecore.body.laminate import SHEAR_CORRECTION
 from fecore.body.mesh import SHELLS, Mesh
 from fecore.body.overlaps import MOST, Overlap
-from fecore.body.strips import Line, Strips
+from fecore.body.strips import Line, Strips, Wanted
 
 TORSION = 0.1
 """Torsion of a bead by G t⁴."""
 
 _DEEPEST = 0.4  # share of the wall over which its nodes make room for where it begins
 _FAR = 30  # overlaps beyond which a wall's width plays no part
-_ANGLES = (1, 5, 25, 75, 225, 450, 900, 1800)  # into how many the half circle is parted at least
 _ROUNDING = 1e-9  # relative, by which places that are one may differ
-_GAUSS = np.polynomial.legendre.leggauss(3)
+_FACES_TOO = np.array([-1.0, 1.0, *HEIGHTS])
 
 
 @dataclass(frozen=True)
-class Bead:
-    """Beams along a junction's line."""
+class Piece:
+    """A straight piece of a junction's line."""
 
-    nodes: IntArray  # (e, 2) or (e, 3) their nodes
-    axis: FloatArray  # (3,) n₁ of their section
-    walls: tuple[tuple[str, float], ...]  # sets of the walls, each with the angle (rad) from its axis 1 to the line
-    # (walls, 3, 6, 6) matrices by the set's E and G along the line and G across, on the strains of a beam
-    stiffness: FloatArray
-    # (walls, 3, 6, 6) by the set's density, on its motions: of motion along the line, along n₁, and along n₂
-    mass: FloatArray
+    edges: Sequence[Edge]
+    corner: Corner  # as far as it is modelled
+    starts: Sequence["Start"]  # of its walls
+
+    @property
+    def torsion(self) -> float:
+        """Of its bead by G, m⁴."""
+        thickness = self.corner.thickness
+        mean = float(np.prod(thickness) ** (1 / len(thickness)))
+        return TORSION * self.corner.scale * mean**4 / len(thickness)
 
 
 @dataclass(frozen=True)
@@ -62,8 +65,58 @@ class Start:
     begin: float  # d, m
     whole: float  # from where its elements have all that is the wall's, m
     reach: float  # over which its nodes make room, m
-    # of each block that has some within reach, their numbers and the (k, n) distances of their nodes, m
-    elements: Mapping[int, tuple[IntArray, FloatArray]]
+    truly: FloatArray  # (g,) where the wall begins at `HEIGHTS`, m
+    elements: IntArray  # numbers among all blocks' of its elements within reach
+
+
+@dataclass(frozen=True)
+class Starts:
+    """The starts of many walls, row by row."""
+
+    piece: IntArray  # (s,) number of its piece
+    rank: IntArray  # (s,) of its set
+    # (s,) as of `Start` and `Wall`, m; the part of its piece's torsion, m⁴; and the turn of its corner
+    thickness: FloatArray
+    begin: FloatArray
+    whole: FloatArray
+    reach: FloatArray
+    torsion: FloatArray
+    turn: FloatArray
+    truly: FloatArray  # (s, g) as of `Start`
+    # (s, 3) as of `Wall` and `Edge`
+    away: FloatArray
+    tangent: FloatArray
+    origin: IntArray  # (s,) a node of the line
+    start: IntArray  # (n,) which start
+    element: IntArray  # (n,) each of its elements is of
+
+    @classmethod
+    def of(cls, pieces: Sequence[Piece]) -> "Starts":
+        """Of all pieces, one after the other."""
+        every = [(piece, start) for piece in pieces for start in piece.starts]
+        starts = [start for _, start in every]
+        thickness, begin, whole, reach = (
+            np.array([(start.wall.thickness, start.begin, start.whole, start.reach) for start in starts])
+            .reshape(-1, 4)
+            .T
+        )
+        share = [start.wall.thickness / piece.corner.thickness[start.wall.stack] for piece, start in every]
+        return cls(
+            piece=np.repeat(np.arange(len(pieces)), [len(piece.starts) for piece in pieces]),
+            rank=np.array([start.wall.rank for start in starts], dtype=np.int64),
+            thickness=thickness,
+            begin=begin,
+            whole=whole,
+            reach=reach,
+            torsion=np.array([piece.torsion for piece, _ in every]) * share,
+            turn=np.array([piece.edges[0].corner.turn for piece, _ in every]),
+            truly=np.array([start.truly for start in starts]).reshape(len(starts), len(HEIGHTS)),
+            away=np.array([start.wall.away for start in starts]).reshape(-1, 3),
+            tangent=np.array([piece.edges[0].tangent for piece, _ in every]).reshape(-1, 3),
+            origin=np.array([piece.edges[0].nodes[0] for piece, _ in every], dtype=np.int64),
+            start=np.repeat(np.arange(len(starts)), [start.elements.size for start in starts]),
+            element=np.concatenate([np.zeros(0, dtype=np.int64), *(start.elements for start in starts)]),
+        )
 
 
 @dataclass(frozen=True)
@@ -75,10 +128,9 @@ class Joints:
     axes: Mapping[str, tuple[float, float, float]]
 
     @cached_property
-    def _pieces(self) -> list["Piece"]:
-        strips = Strips(self.mesh) if self.junctions else None
-        edges = (piece for junction in self.junctions for piece in straight(junction.edges))
-        return [piece_of(strips, some) for some in edges if strips is not None]
+    def _pieces(self) -> list[Piece]:
+        groups = [piece for junction in self.junctions for piece in straight(junction.edges)]
+        return pieces_of(Strips(self.mesh), groups) if groups else []
 
     @cached_property
     def corners(self) -> list[tuple[Corner, Corner]]:
@@ -86,64 +138,105 @@ class Joints:
         return [(piece.edges[0].corner, piece.corner) for piece in self._pieces]
 
     @cached_property
+    def _starts(self) -> Starts:
+        return Starts.of(self._pieces)
+
+    @cached_property
+    def _near(self) -> tuple[tuple[IntArray, IntArray, FloatArray], ...]:
+        """Of each block (k,) starts, its (k,) elements within their reach, and the (k, n) distances of their nodes, m."""
+        starts, found, first = self._starts, [], 0
+        for block in self.mesh.blocks:
+            own = (starts.element >= first) & (starts.element < first + len(block.nodes))
+            which, elements = starts.start[own], starts.element[own] - first
+            arms = self.mesh.nodes[block.nodes[elements]] - self.mesh.nodes[starts.origin[which], None]
+            found.append((which, elements, np.maximum(np.einsum("enk,ek->en", arms, starts.away[which]), 0.0)))
+            first += len(block.nodes)
+        return tuple(found)
+
+    @cached_property
     def shifts(self) -> tuple[FloatArray, ...]:
         """(e, n, 3) of each block: from the mesh's nodes to the elements', m."""
+        starts = self._starts
         found = tuple(
             np.zeros((*block.nodes.shape, 3)) if block.offsets is None else block.offsets.copy()
             for block in self.mesh.blocks
         )
-        for piece in self._pieces:
-            for start in piece.starts:
-                for block, (elements, distance) in start.elements.items():
-                    room = start.begin * np.maximum(1 - distance / start.reach, 0)
-                    found[block][elements] += room[..., None] * start.wall.away
+        for own, (which, elements, distance) in zip(found, self._near, strict=True):
+            room = starts.begin[which, None] * np.maximum(1 - distance / starts.reach[which, None], 0)
+            np.add.at(own, elements, room[..., None] * starts.away[which, None])
         return found
 
     @cached_property
-    def overlaps(self) -> tuple[tuple[Overlap, ...], ...]:
+    def overlaps(self) -> tuple[Overlap, ...]:
         """Of each block, where its elements lie inside other walls."""
-        found: tuple[list[Overlap], ...] = tuple([] for _ in self.mesh.blocks)
-        for piece in self._pieces:
-            for start in piece.starts:
-                for number, (elements, distance) in start.elements.items():
-                    block = self.mesh.blocks[number]
-                    corners = len(SHELLS[block.kind].sides)
-                    place = (distance + self.shifts[number][elements] @ start.wall.away)[:, :corners]
-                    end = start.begin + (start.whole - start.begin) / MOST
-                    near = place.min(axis=1) < end * (1 - _ROUNDING)
-                    if start.whole > start.begin and near.any():
-                        angle, tangent = self._angle(start.wall, piece), piece.edges[0].tangent
-                        found[number].append(Overlap(elements[near], place[near], end, tangent, angle))
-        return tuple(tuple(some) for some in found)
+        starts, found = self._starts, []
+        ends = starts.begin + (starts.whole - starts.begin) / MOST
+        for block, shift, (which, elements, distance) in zip(self.mesh.blocks, self.shifts, self._near, strict=True):
+            corners = len(SHELLS[block.kind].sides) if block.is_shell else 1
+            moved = distance + np.einsum("enk,ek->en", shift[elements], starts.away[which])
+            ratio = moved[:, :corners] / np.maximum(ends[which, None], 1e-300)
+            near = (starts.whole > starts.begin)[which] & (ratio.min(axis=1) < 1 - _ROUNDING)
+            of = which[near]
+            overlap = Overlap(elements[near], ratio[near], starts.tangent[of], self._angles[of], starts.turn[of])
+            found.append(overlap)
+        return tuple(found)
 
     @cached_property
     def beads(self) -> tuple[Bead, ...]:
-        """The beads of all lines, piece by piece."""
-        return tuple(bead(piece, [self._angle(start.wall, piece) for start in piece.starts]) for piece in self._pieces)
+        """The walls' shares of the beads of all lines, those of beams of two nodes and of three."""
+        starts, pieces = self._starts, self._pieces
+        axes = np.array([piece.starts[0].wall.away for piece in pieces]).reshape(-1, 3)[starts.piece]
+        frame = np.stack([axes, np.cross(starts.tangent, axes)], axis=1)
+        across = np.einsum("sij,sj->si", frame, starts.away)
+        stiffness, mass = bead_matrices(across, starts.thickness, starts.begin, starts.whole, starts.truly)
+        stiffness[:, 1, 3, 3] += starts.torsion
+        # Of motion along z where n₁ lies nearer to it, and y the other way.
+        turned = np.abs(axes[:, 1]) <= np.abs(axes[:, 2])
+        mass[turned] = mass[turned][:, [0, 2, 1]]
+        edges = [piece.edges for piece in pieces]
+        counts = np.array([len(own[0].nodes) for own in edges], dtype=np.int64)
+        found = []
+        for count in np.unique(counts).tolist():
+            chosen = np.flatnonzero(counts == count)
+            nodes = [_one_way(edge, edges[k][0]) for k in chosen for edge in edges[k]]
+            beams = np.repeat(chosen, [len(edges[k]) for k in chosen])
+            # Each of a piece's walls has all its beams; starts lie piece by piece.
+            first, after = (np.searchsorted(starts.piece, beams, side=side) for side in ("left", "right"))
+            beam = np.repeat(np.arange(len(beams)), after - first)
+            wall = np.concatenate([np.arange(low, high) for low, high in zip(first, after, strict=True)])
+            found.append(
+                Bead(
+                    np.array(nodes),
+                    axes[first],
+                    beam,
+                    starts.rank[wall],
+                    self._angles[wall],
+                    starts.turn[wall],
+                    stiffness[wall],
+                    mass[wall],
+                )
+            )
+        return tuple(found)
 
-    def _angle(self, wall: Wall, piece: "Piece") -> float:
-        """From axis 1 on a wall to the line, about the wall's normal: rad, from 0 to π, rounded to a tenth of a degree.
+    @cached_property
+    def _angles(self) -> FloatArray:
+        """(s,) from axis 1 on each wall to the line, about the wall's normal: rad, from 0 to π."""
+        walls, starts = [start.wall for piece in self._pieces for start in piece.starts], self._starts
+        axes = [self.axes[wall.set] if wall.axis is None else wall.axis for wall in walls]
+        corners = [self.mesh.blocks[wall.block].nodes[wall.element, :3] for wall in walls]
+        axis, x = np.array(axes).reshape(-1, 3), self.mesh.nodes[np.array(corners, dtype=np.int64).reshape(-1, 3)]
+        normal = np.cross(starts.tangent, starts.away)
+        up = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        normal *= np.sign(np.sum(normal * up, axis=1, keepdims=True))
+        flat = axis - np.sum(axis * normal, axis=1, keepdims=True) * normal
+        sine = np.sum(normal * np.cross(flat, starts.tangent), axis=1)
+        return np.asarray(np.arctan2(sine, np.sum(flat * starts.tangent, axis=1)) % np.pi)
 
-        The less a wall turns at the line, the less it matters, and the coarser it is.
-        """
-        tangent = piece.edges[0].tangent
-        axis = np.array(self.axes[wall.set]) if wall.axis is None else wall.axis
-        x = self.mesh.nodes[self.mesh.blocks[wall.block].nodes[wall.element, :3]]
-        normal = np.cross(tangent, wall.away)
-        normal = normal * np.sign(normal @ np.cross(x[1] - x[0], x[2] - x[0]))
-        flat = axis - (axis @ normal) * normal
-        angle = np.degrees(np.arctan2(normal @ np.cross(flat, tangent), flat @ tangent)) % 180
-        parts = next(n for n in _ANGLES if n >= _ANGLES[-1] * piece.edges[0].corner.turn * (1 - _ROUNDING))
-        return float(np.radians(round(round(float(angle) * parts / 180) * 180 / parts, 1) % 180))
 
-
-@dataclass(frozen=True)
-class Piece:
-    """A straight piece of a junction's line."""
-
-    edges: Sequence[Edge]
-    corner: Corner  # as far as it is modelled
-    starts: Sequence[Start]  # of its walls
+def _one_way(edge: Edge, first: Edge) -> tuple[int, ...]:
+    """Nodes of an edge that runs the way of the first of its line."""
+    a, b, *middle = edge.nodes
+    return edge.nodes if edge.tangent @ first.tangent > 0 else (b, a, *middle)
 
 
 def straight(edges: Sequence[Edge]) -> list[list[Edge]]:
@@ -156,40 +249,51 @@ def straight(edges: Sequence[Edge]) -> list[list[Edge]]:
     return found
 
 
-def piece_of(strips: Strips, edges: Sequence[Edge]) -> Piece:
-    """How each wall begins at a straight piece of a line."""
-    mesh, first = strips.mesh, edges[0]
-    nodes = np.unique([node for edge in edges for node in edge.nodes])
+def pieces_of(strips: Strips, groups: Sequence[Sequence[Edge]]) -> list[Piece]:
+    """How each wall begins at straight pieces of lines."""
+    walls: list[Wall] = []
+    line, depth, limit, first = [], [], [], []
+    for k, edges in enumerate(groups):
+        own = zip(*(_matched(edges[0].walls, edge.walls) for edge in edges), strict=True)
+        for wall, alike in zip(edges[0].walls, own, strict=True):
+            first += [(len(walls), int(strips.first[w.block]) + w.element) for w in alike]
+            depth.append(max(w.depth for w in alike))
+            limit.append(max(_FAR * edges[0].corner.overlap(wall.stack), depth[-1] * (1 - _ROUNDING)))
+            walls.append(wall)
+            line.append(k)
+    at, elements = np.array(first).T
+    lines = [_line(strips.mesh, edges) for edges in groups]
+    away = np.array([wall.away for wall in walls])
+    found = strips.strips(Wanted(lines, np.array(line), away, np.array(limit), at, elements))
+    bounds = np.searchsorted(found.wall, np.arange(len(walls) + 1))
+    pieces, number = [], 0
+    for edges in groups:
+        own_walls = edges[0].walls
+        numbers = range(number, number + len(own_walls))
+        number += len(own_walls)
+        widths = [math.inf] * len(edges[0].corner.thickness)
+        for wall, k in zip(own_walls, numbers, strict=True):
+            widths[wall.stack] = min(widths[wall.stack], float(found.width[k]))
+        corner, starts = edges[0].corner.cut(widths), []
+        for wall, k in zip(own_walls, numbers, strict=True):
+            begin = corner.begin(wall.stack)
+            truly = corner.true_start(wall.stack, wall.thickness / 2 * _FACES_TOO, _goes_on(wall, edges[0]))
+            whole = max(begin, float(truly[:2].max()))
+            reach = max(begin / _DEEPEST, depth[k])
+            own_part = slice(bounds[k], bounds[k + 1])
+            near = found.nearest[own_part] < max(reach, whole / MOST) * (1 - _ROUNDING)
+            starts.append(Start(wall, begin, whole, reach, truly[2:], found.elements[own_part][near]))
+        pieces.append(Piece(edges, corner, starts))
+    return pieces
+
+
+def _line(mesh: Mesh, edges: Sequence[Edge]) -> Line:
+    first = edges[0]
+    nodes = sorted({node for edge in edges for node in edge.nodes})
     along = np.sort((mesh.nodes[nodes] - mesh.nodes[nodes[0]]) @ first.tangent)
-    lengths = [float(np.linalg.norm(np.subtract(*mesh.nodes[list(edge.nodes[:2])]))) for edge in edges]
+    lengths = [math.dist(mesh.nodes[edge.nodes[0]], mesh.nodes[edge.nodes[1]]) for edge in edges]
     beyond = 0.49 * max(lengths) / (len(first.nodes) - 1)  # the end of the line
-    line = Line(mesh.nodes[nodes[0]], first.tangent, along, sum(lengths), beyond)
-    own = list(zip(*(_matched(first.walls, edge.walls) for edge in edges), strict=True))
-    found, depths = [], []
-    for wall, alike in zip(first.walls, own, strict=True):
-        depths.append(max(w.depth for w in alike))
-        limit = max(_FAR * first.corner.overlap(wall.stack), depths[-1] * (1 - _ROUNDING))
-        elements = [int(strips.first[w.block]) + w.element for w in alike]
-        found.append(strips.strip(line, elements, wall.away, limit))
-    widths = np.full(len(first.corner.thickness), np.inf)
-    for wall, strip in zip(first.walls, found, strict=True):
-        widths[wall.stack] = min(widths[wall.stack], strip.width)
-    corner = first.corner.cut(widths.tolist())
-    starts = []
-    for wall, strip, depth in zip(first.walls, found, depths, strict=True):
-        begin = corner.begin(wall.stack)
-        half = wall.thickness / 2 * np.array([-1.0, 1])
-        whole = max(begin, float(corner.true_start(wall.stack, half, _goes_on(wall, first)).max()))
-        reach = max(begin / _DEEPEST, depth)
-        near = strip.distance.min(axis=1) < max(reach, whole / MOST) * (1 - _ROUNDING)
-        blocks = np.searchsorted(strips.first, strip.elements[near], side="right") - 1
-        inside = {}
-        for number in np.unique(blocks).tolist():
-            numbers = np.sort(strip.elements[near][blocks == number] - strips.first[number])
-            arms = mesh.nodes[mesh.blocks[number].nodes[numbers]] - line.origin
-            inside[number] = numbers, np.maximum(arms @ wall.away, 0.0)
-        starts.append(Start(wall, begin, whole, reach, inside))
-    return Piece(edges, corner, starts)
+    return Line(mesh.nodes[nodes[0]], first.tangent, along, sum(lengths), beyond)
 
 
 def _matched(walls: Sequence[Wall], others: Sequence[Wall]) -> list[Wall]:
@@ -208,52 +312,3 @@ def _goes_on(wall: Wall, edge: Edge) -> int:
     if not edge.corner.is_simple or ranks[0] == ranks[1]:
         return 0
     return 1 if ranks[wall.stack] == min(ranks) else -1
-
-
-def bead(piece: Piece, angles: Sequence[float]) -> Bead:
-    """The bead of a straight piece, given the angles from its walls' axes 1 to the line."""
-    edges, corner = piece.edges, piece.corner
-    walls, tangent = edges[0].walls, edges[0].tangent
-    axis = walls[0].away
-    frame = np.array([axis, np.cross(tangent, axis)])
-    of = [(wall.set, angle) for wall, angle in zip(walls, angles, strict=True)]
-    kinds = tuple(dict.fromkeys(of))
-    stiffness, mass = np.zeros((len(kinds), 3, 6, 6)), np.zeros((len(kinds), 3, 6, 6))
-    count = len(corner.thickness)
-    torsion = TORSION * corner.scale * float(np.prod(corner.thickness)) ** (4 / count) / count
-    for start, kind in zip(piece.starts, of, strict=True):
-        k, s = kinds.index(kind), frame @ start.wall.away
-        places, weight = _missing(start, piece, s)
-        rows = fibre(places)
-        stiffness[k, 0] += np.einsum("g,ga,gb->ab", weight, rows[:, 0], rows[:, 0])
-        mass[k] += np.einsum("g,gra,grb->rab", weight, rows, rows)
-        stiffness[k, 1:] += _strip(start.begin, start.wall.thickness, s)
-        stiffness[k, 1, 3, 3] += torsion * start.wall.thickness / corner.thickness[start.wall.stack]
-    # Every edge of the line runs the way of the first.
-    nodes = [
-        edge.nodes if edge.tangent @ tangent > 0 else (edge.nodes[1], edge.nodes[0], *edge.nodes[2:]) for edge in edges
-    ]
-    return Bead(np.array(nodes), axis, kinds, stiffness, mass)
-
-
-def _missing(start: Start, piece: Piece, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(g, 2) places and (g,) weights that integrate from where the wall truly begins to where its elements are whole."""
-    points, weights = _GAUSS
-    t = start.wall.thickness
-    zeta = points * t / 2
-    begin = piece.corner.true_start(start.wall.stack, zeta, _goes_on(start.wall, piece.edges[0]))
-    half = np.maximum(start.whole - begin, 0) / 2
-    along = begin[:, None] + half[:, None] * (1 + points)
-    places = along[..., None] * s + zeta[:, None, None] * np.array([-s[1], s[0]])
-    weight = (weights * t / 2)[:, None] * half[:, None] * weights
-    return places.reshape(-1, 2), weight.ravel()
-
-
-def _strip(d: float, t: float, s: FloatArray) -> FloatArray:
-    """(2, 6, 6) shear in the plane and twist, by G along, and shear across, by the other G, of a strip of width d."""
-    plane, across = np.zeros((6, 6)), np.zeros((6, 6))
-    normal = np.array([-s[1], s[0]])
-    plane[1:3, 1:3] = t * d * np.outer(s, s)
-    plane[3, 3] = t**3 * d / 3
-    across[1:3, 1:3] = SHEAR_CORRECTION * t * d * np.outer(normal, normal)
-    return np.array([plane, across])

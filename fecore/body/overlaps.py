@@ -6,13 +6,12 @@ whole element that integral is the element's own sum over its points. So what is
 negative, whatever the size of the elements.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from fecore.arrays import FloatArray, IntArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.body.affine import distinct
 from fecore.body.elements.shells import Rule, Shell
 from fecore.body.mesh import SHELLS, Block
@@ -26,83 +25,95 @@ _GAUSS = np.polynomial.legendre.leggauss(5)  # exact for products of two functio
 
 @dataclass(frozen=True)
 class Overlap:
-    """Elements of one block that lie in part nearer to a line than where they are whole."""
+    """Elements of one block that lie in part nearer to a line than where they are whole; as often as there are lines."""
 
     elements: IntArray  # (k,) their numbers in the block
-    distance: FloatArray  # (k, corners) of their corners from the line, m
-    end: float  # distance up to which elements give up `MOST`, m
-    tangent: FloatArray  # (3,) direction of the line
-    angle: float  # from the elements' axis 1 to the line, rad
+    ratio: (
+        FloatArray  # (k, corners) distances of their corners from the line, by that up to which elements give up `MOST`
+    )
+    tangents: FloatArray  # (k, 3) directions of the lines
+    angles: FloatArray  # (k,) from the elements' axes 1 to the lines, rad
+    turns: FloatArray  # (k,) how much of a right angle the corners are
 
     def shares(self, shell: Shell, rule: Rule) -> FloatArray:
         """(k, p, p) what is given up as forms of what the p points see times the roots of their weights."""
-        chosen, which = distinct(np.minimum(self.distance / self.end, 2.0))
-        return MOST * np.array([_share(shell, rule, self.distance[k] / self.end) for k in chosen])[which]
+        if not len(self.elements):
+            return np.zeros((0, len(rule[0]), len(rule[0])))
+        chosen, which = distinct(np.minimum(self.ratio, 2.0))
+        return MOST * _shares(shell, rule, self.ratio[chosen])[which]
 
 
-def given_up(strains: Operators, block: Block, nodes: FloatArray, overlap: Overlap, axis: FloatArray) -> Operators:
-    """Stretch and curvature along the line, as far as an overlap goes."""
+def given_up(strains: Operators, block: Block, nodes: FloatArray, overlap: Overlap, axis: FloatArray) -> FloatArray:
+    """(k, p, 2, n, 6) stretch and curvature along the lines, as far as an overlap goes."""
     shell = SHELLS[block.kind]
     roots = _roots(overlap.shares(shell, shell.strain_rule))
     own = block.nodes[overlap.elements]
     axes = np.broadcast_to(axis if block.axes is None else block.axes[overlap.elements], (len(own), 3))
-    along = _along(nodes[own], axes, overlap.tangent)
-    rows = np.einsum("epq,eab,eqbnd->epand", roots, along, strains.rows[strains.which[overlap.elements]], optimize=True)
-    chosen, which = distinct(rows)
-    return Operators(own, which, rows[chosen])
+    along = _along(nodes[own], axes, overlap.tangents)
+    rows = np.einsum("eab,eqbnd->eqand", along, strains.rows[strains.which[overlap.elements]], optimize=True)
+    count, points = roots.shape[:2]
+    return np.asarray((roots @ rows.reshape(count, points, -1)).reshape(rows.shape))
 
 
-def kept(motions: Operators, block: Block, overlaps: Sequence[Overlap]) -> Operators:
+def kept(motions: Operators, block: Block, overlap: Overlap) -> Operators:
     """The motions of a block's elements, without what overlaps."""
-    if not overlaps:
+    if not len(overlap.elements):
         return motions
     shell = SHELLS[block.kind]
-    points = motions.rows.shape[1]
-    left = np.tile(np.eye(points), (len(block.nodes), 1, 1))
-    for overlap in overlaps:
-        left[overlap.elements] -= overlap.shares(shell, shell.mass_rule)
-    touched = np.unique(np.concatenate([overlap.elements for overlap in overlaps]))
-    rows = np.einsum("epq,eqand->epand", _roots(left[touched]), motions.rows[motions.which[touched]])
+    touched, place = np.unique(overlap.elements, return_inverse=True)
+    left = np.tile(np.eye(motions.rows.shape[1]), (len(touched), 1, 1))
+    np.subtract.at(left, place.ravel(), overlap.shares(shell, shell.mass_rule))
+    seen = motions.rows[motions.which[touched]]
+    rows = (_roots(left) @ seen.reshape(*left.shape[:2], -1)).reshape(seen.shape)
     chosen, again = distinct(rows)
     which = motions.which.copy()
     which[touched] = len(motions.rows) + again
     return replace(motions, which=which, rows=np.concatenate([motions.rows, rows[chosen]]))
 
 
-def _share(shell: Shell, rule: Rule, ratio: FloatArray) -> FloatArray:
-    """(p, p) form of one element, from its (corners,) distances by that up to which it overlaps."""
+def _shares(shell: Shell, rule: Rule, ratio: FloatArray) -> FloatArray:
+    """(k, p, p) forms of elements, from their (k, corners) distances by those up to which they overlap."""
     points, weights = rule
-    if ratio.max() <= 1:
-        return np.eye(len(points))
-    natural, area = _below(shell.corners[: len(ratio)], ratio)
-    seen = _monomials(natural, len(ratio), len(points)) @ np.linalg.inv(_monomials(points, len(ratio), len(points)))
-    return np.asarray((seen.T * area) @ seen / np.sqrt(np.outer(weights, weights)))
+    corners = ratio.shape[1]
+    found = np.tile(np.eye(len(points)), (len(ratio), 1, 1))
+    seen_by = np.linalg.inv(_monomials(points, corners, len(points)))
+    inside, partial = ratio < 1, ratio.max(axis=1) > 1
+    for pattern in np.unique(inside[partial], axis=0):
+        own = partial & np.all(inside == pattern, axis=1)
+        natural, area = _below(shell.corners[:corners], pattern, ratio[own])
+        seen = _monomials(natural, corners, len(points)) @ seen_by
+        found[own] = np.swapaxes(seen * area[..., None], 1, 2) @ seen / np.sqrt(np.outer(weights, weights))
+    return found
 
 
-def _below(corners: FloatArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points and weights on the part of a polygon of natural coordinates where the ratio is below 1."""
+def _below(corners: FloatArray, inside: BoolArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(k, g, 2) points and (k, g) weights on the part of a polygon of natural coordinates where (k, corners) ratios are below
+    1, which they are at the same corners.
+    """
     part: list[FloatArray] = []
-    for k, here in enumerate(ratio):
-        if here < 1:
-            part.append(corners[k])
-        if (here < 1) != (ratio[k - len(ratio) + 1] < 1):
-            step = ratio[k - len(ratio) + 1] - here
-            part.append(corners[k] + (1 - here) / step * (corners[k - len(ratio) + 1] - corners[k]))
+    for k, here in enumerate(inside):
+        following = k - len(inside) + 1
+        if here:
+            part.append(np.broadcast_to(corners[k], (len(ratio), 2)))
+        if here != inside[following]:
+            share = (1 - ratio[:, k]) / (ratio[:, following] - ratio[:, k])
+            part.append(corners[k] + share[:, None] * (corners[following] - corners[k]))
     x, w = (_GAUSS[0] + 1) / 2, _GAUSS[1] / 2
     u, v = (each.ravel() for each in np.meshgrid(x, x, indexing="ij"))
-    points, areas = [np.zeros((0, 2))], [np.zeros(0)]
+    points, areas = [np.zeros((len(ratio), 0, 2))], [np.zeros((len(ratio), 0))]
     for second, third in pairwise(part[1:]):
         first, aside = second - part[0], third - second
-        points.append(part[0] + u[:, None] * first + (u * v)[:, None] * aside)
-        areas.append(np.outer(w, w).ravel() * u * abs(first[0] * aside[1] - first[1] * aside[0]))
-    return np.concatenate(points), np.concatenate(areas)
+        points.append(part[0][:, None] + u[:, None] * first[:, None] + (u * v)[:, None] * aside[:, None])
+        size = np.abs(first[:, 0] * aside[:, 1] - first[:, 1] * aside[:, 0])
+        areas.append(np.outer(w, w).ravel() * u * size[:, None])
+    return np.concatenate(points, axis=1), np.concatenate(areas, axis=1)
 
 
 def _monomials(natural: FloatArray, corners: int, count: int) -> FloatArray:
-    """(p, count) the monomials that so many points of a triangle's or a square's rule hold."""
+    """(…, p, count) the monomials that so many points of a triangle's or a square's rule hold."""
     degrees = [(i, j) for i in range(3) for j in range(3)]
     degrees.sort(key=lambda ij: sum(ij) if corners == 3 else max(ij))
-    return np.stack([natural[:, 0] ** i * natural[:, 1] ** j for i, j in degrees[:count]], axis=1)
+    return np.stack([natural[..., 0] ** i * natural[..., 1] ** j for i, j in degrees[:count]], axis=-1)
 
 
 def _roots(forms: FloatArray) -> FloatArray:
@@ -111,13 +122,13 @@ def _roots(forms: FloatArray) -> FloatArray:
     return np.asarray((vectors * np.sqrt(np.maximum(value, 0.0))[:, None]) @ vectors.transpose(0, 2, 1))
 
 
-def _along(x: FloatArray, axis: FloatArray, tangent: FloatArray) -> FloatArray:
-    """(k, 2, 8) stretch and curvature along a tangent from the strains of (k, n, 3) elements with (k, 3) axes 1."""
+def _along(x: FloatArray, axis: FloatArray, tangents: FloatArray) -> FloatArray:
+    """(k, 2, 8) stretch and curvature along (k, 3) tangents from the strains of (k, n, 3) elements with (k, 3) axes 1."""
     normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     e1 = axis - np.sum(axis * normal, axis=1, keepdims=True) * normal
     e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
-    c, s = e1 @ tangent, np.cross(normal, e1) @ tangent
+    c, s = (np.sum(each * tangents, axis=1) for each in (e1, np.cross(normal, e1)))
     rows = np.zeros((len(x), 2, 8))
     rows[:, 0, :3] = rows[:, 1, 3:6] = np.stack([c * c, s * s, c * s], axis=1)
     return rows

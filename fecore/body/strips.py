@@ -26,12 +26,26 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Strip:
-    """Elements of a wall in front of a line."""
+class Wanted:
+    """Which strips are looked for: walls at lines."""
 
-    elements: IntArray  # (e,) numbers among all blocks'
-    distance: FloatArray  # (e, 4) of their corners from the line, m; a triangle's first stands twice
-    width: float  # m, as far as it was followed
+    lines: Sequence[Line]
+    line: IntArray  # (s,) which line
+    away: FloatArray  # (s, 3) direction of the wall
+    limit: FloatArray  # (s,) m: as far as elements begin nearer
+    # (k,) wall and (k,) element among all blocks' that lie at its line
+    wall: IntArray
+    element: IntArray
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Elements of walls in front of their lines."""
+
+    wall: IntArray  # (e,) which wall, rising
+    elements: IntArray  # (e,) numbers among all blocks', rising in each wall
+    nearest: FloatArray  # (e,) of their corners' distances from the line, m
+    width: FloatArray  # (s,) m, as far as each was followed
 
 
 class Strips:
@@ -74,24 +88,51 @@ class Strips:
             place = sides.element[here], sides.places[here, 2]
             self._next[place], self._onward[place] = sides.element[there], sides.away[there]
 
-    def strip(self, line: Line, first: Sequence[int], away: FloatArray, limit: float) -> Strip:
-        """From elements at a line, along a direction, as far as elements begin nearer than a limit in m."""
-        elements = frontier = np.unique(np.array(first, dtype=np.int64))
+    def strips(self, wanted: Wanted) -> Strip:
+        """From elements at lines, along their walls' directions."""
+        count = len(self._area)
+        seen = _Seen(self.mesh.nodes[self._corners], wanted)
+        keys = frontier = np.unique(wanted.wall * count + wanted.element)
         while frontier.size:
-            following = self._next[frontier].ravel()
-            leads = (following >= 0) & (self._onward[frontier].reshape(-1, 3) @ away > _PROGRESS)
-            frontier = np.setdiff1d(following[leads], elements)
-            frontier = frontier[self._distance(line, frontier, away).min(axis=1, initial=np.inf) < limit]
-            elements = np.concatenate([elements, frontier])
-        arms = self.mesh.nodes[self._corners[elements]] - line.origin
-        along = arms @ line.tangent
-        middles = (line.places[1:] + line.places[:-1]) / 2
-        beside = (along - line.places[np.searchsorted(middles, along)]).mean(axis=1)
-        kept = np.abs(beside) < line.beyond
-        area = self._area[elements[kept]]
+            wall, element = np.divmod(frontier, count)
+            onward = np.einsum("nik,nk->ni", self._onward[element], wanted.away[wall])
+            leads = (self._next[element] >= 0) & (onward > _PROGRESS)
+            following = np.unique(((wall * count)[:, None] + self._next[element])[leads])
+            following = np.setdiff1d(following, keys, assume_unique=True)
+            distance, beside = seen.at(*np.divmod(following, count))
+            beyond = seen.beyond[following // count]
+            ahead = (np.abs(beside).min(axis=1) < 2 * beyond) | (np.abs(beside.mean(axis=1)) < beyond)
+            frontier = following[ahead & (distance.min(axis=1) < wanted.limit[following // count])]
+            keys = np.concatenate([keys, frontier])
+        wall, element = np.divmod(np.sort(keys), count)
+        distance, beside = seen.at(wall, element)
+        kept = np.abs(beside.mean(axis=1)) < seen.beyond[wall]
+        wall, element = wall[kept], element[kept]
+        area, away = self._area[element], wanted.away[wall]
         # As they are seen along the direction's normal: of what turns away from it, less.
-        size = np.sqrt(np.maximum(np.sum(area**2, axis=1) - (area @ away) ** 2, 0.0)).sum()
-        return Strip(elements[kept], (arms @ away)[kept], float(size) / line.length)
+        size = np.sqrt(np.maximum(np.sum(area**2, axis=1) - np.sum(area * away, axis=1) ** 2, 0.0))
+        lengths = np.array([line.length for line in wanted.lines])[wanted.line]
+        width = np.bincount(wall, size, minlength=len(lengths)) / lengths
+        return Strip(wall, element, distance[kept].min(axis=1), width)
 
-    def _distance(self, line: Line, elements: IntArray, away: FloatArray) -> FloatArray:
-        return np.asarray((self.mesh.nodes[self._corners[elements]] - line.origin) @ away)
+
+class _Seen:
+    """Where elements' corners lie, as seen from walls at lines."""
+
+    def __init__(self, corners: FloatArray, wanted: Wanted) -> None:
+        lines = wanted.lines
+        self.corners, self.away, self.line = corners, wanted.away, wanted.line
+        self.beyond = np.array([line.beyond for line in lines])[wanted.line]
+        self._origin, self._tangent = (np.array([getattr(line, n) for line in lines]) for n in ("origin", "tangent"))
+        # All lines' places in one rising row, line after line, as far apart as all that is there is wide.
+        self._apart = 4 * float(np.ptp(corners, axis=(0, 1)).max()) * np.sqrt(3)
+        self._row = np.concatenate([line.places + k * self._apart for k, line in enumerate(lines)])
+        self._middles = (self._row[1:] + self._row[:-1]) / 2
+
+    def at(self, wall: IntArray, element: IntArray) -> tuple[FloatArray, FloatArray]:
+        """(k, 4) distances of corners from the lines, and how far they lie beside the nearest node along these, m."""
+        line = self.line[wall]
+        arms = self.corners[element] - self._origin[line, None]
+        along = np.einsum("nik,nk->ni", arms, self._tangent[line]) + (line * self._apart)[:, None]
+        beside = along - self._row[np.searchsorted(self._middles, along)]
+        return np.einsum("nik,nk->ni", arms, self.away[wall]), beside

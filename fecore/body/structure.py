@@ -11,6 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
+from fecore.body.affine import distinct
+from fecore.body.beads import between, weighed
 from fecore.body.beams import BeamSection
 from fecore.body.carried import KNOWN, mass_parts, spring_parts
 from fecore.body.constants import SIGNED, kind_of
@@ -131,7 +133,7 @@ class Structure:
         held = (*(clamp.spring for clamp in self.clamps), *self.springs)
         springs = self._linked(spring_parts(self.mesh, surfaces, held))
         stiffness = [*self._linked([one for some, _ in parts for one in some]), *springs]
-        mass = self._linked([*(part for _, part in parts), *mass_parts(surfaces, self.masses)])
+        mass = self._linked([*(one for _, some in parts for one in some), *mass_parts(surfaces, self.masses)])
         used = np.unique(np.concatenate([part.operators.nodes.ravel() for part in (*stiffness, *mass)]))
         free = free_dofs(self.mesh, self.supports, used, self.dofs, self.links)
         K, M = assemble(stiffness, mass, free, self.dofs)
@@ -164,9 +166,9 @@ class Structure:
         """The section of each block."""
         return [self.sections[block.set] for block in self.mesh.blocks]
 
-    def _walls(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
+    def _walls(self, joints: Joints) -> Iterator[tuple[list[Part], list[Part]]]:
         """Stiffness and mass of each block."""
-        for block, shift, overlaps in zip(self.mesh.blocks, joints.shifts, joints.overlaps, strict=True):
+        for block, shift, overlap in zip(self.mesh.blocks, joints.shifts, joints.overlaps, strict=True):
             section = self.sections[block.set]
             if isinstance(section, ShellSection):
                 strains, motions, drilling = shell_operators(
@@ -174,8 +176,8 @@ class Structure:
                 )
                 one = np.ones((1, 1, 1)), (f"{block.set}.drilling",), _ONE
                 stiffness = [] if drilling is None else [Part(drilling, *one)]
-                stiffness += [self._given_up(strains, block, overlap) for overlap in overlaps]
-                motions = kept(motions, block, overlaps)
+                stiffness += self._given_up(strains, block, overlap)
+                motions = kept(motions, block, overlap)
                 motion = Part(motions, inertia_matrices(), _named(block.set, INERTIAS), inertia_blocks())
             else:
                 arm = shift + np.array(section.offset)
@@ -185,27 +187,41 @@ class Structure:
                 names = _named(block.set, section.motions)
                 motion = Part(motions, section.mass_matrices, names, section.motion_blocks)
             stiffness.insert(0, Part(strains, section.matrices, _named(block.set, section.terms), section.blocks))
-            yield stiffness, motion
+            yield stiffness, [motion]
 
-    def _given_up(self, strains: Operators, block: Block, overlap: Overlap) -> Part:
-        """What is taken from the stiffness of a block's elements where another wall is."""
+    def _given_up(self, strains: Operators, block: Block, overlap: Overlap) -> Iterator[Part]:
+        """What is taken from the stiffness of a block's elements where other walls are."""
+        if not len(overlap.elements):
+            return
         rows = given_up(strains, block, self.mesh.nodes, overlap, np.array(self.sections[block.set].axis))
-        names = _named(_joint(block.set, overlap.angle), _STRIP)
-        return Part(rows, -_STRIP_MATRICES, names, (np.array([[0, 1], [1, 2]]),))
+        which, degrees, share = between(overlap.angles, overlap.turns)
+        for angle in np.unique(degrees).tolist():
+            own = degrees == angle
+            some = rows[which[own]] * np.sqrt(share[own])[:, None, None, None, None]
+            chosen, again = distinct(some)
+            operators = Operators(block.nodes[overlap.elements[which[own]]], again, some[chosen])
+            names = _named(_joint(block.set, angle), _STRIP)
+            yield Part(operators, -_STRIP_MATRICES, names, (np.array([[0, 1], [1, 2]]),))
 
-    def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], Part]]:
+    def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], list[Part]]]:
         """Stiffness and mass of the joints' beads, set by set."""
+        one = np.eye(6)[None]
         for bead in joints.beads:
             kind = f"beam{bead.nodes.shape[1]}"
-            strains, motions = beam_operators(bead.nodes, kind, self.mesh.nodes, bead.axis)
-            along, *across = _DENSITIES
-            densities = (along, *(across if abs(bead.axis[1]) > abs(bead.axis[2]) else across[::-1]))
-            for (name, angle), stiffness, mass in zip(bead.walls, bead.stiffness, bead.mass, strict=True):
-                prefix = _joint(name, angle)
-                yield (
-                    [Part(strains, stiffness, _named(prefix, ("E", "G", "Gt")), _THREE)],
-                    Part(motions, mass, _named(prefix, densities), _THREE),
+            strains, motions = beam_operators(bead.nodes, kind, self.mesh.nodes, bead.axes)
+            for rank, angle, beams, stiffness, mass in bead.by_set:
+                prefix, nodes = _joint(self.mesh.sets[rank], angle), bead.nodes[beams]
+                K, M = (
+                    [
+                        Part(weighed(rows, nodes, beams, forms[:, k]), one, (f"{prefix}.{name}",), _ONE)
+                        for k, name in enumerate(names)
+                    ]
+                    for rows, forms, names in (
+                        (strains, stiffness, ("E", "G", "Gt")),
+                        (motions, mass, _DENSITIES),
+                    )
                 )
+                yield K, M
 
     def _linked(self, parts: list[Part]) -> list[Part]:
         """Parts with led nodes replaced by their leaders."""
@@ -238,7 +254,7 @@ class Structure:
             else:
                 values |= dict(zip(_named(name, section.terms), section.coefficients(of[name]), strict=True))
         for name, angle in self._joint_walls:
-            along = self._shell(name).along(of[name], angle)
+            along = self._shell(name).along(of[name], np.radians(angle))
             values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True))
         values |= {clamp.name: clamp.spring.stiffness / of[""][clamp.name] for clamp in self.clamps}
         names = self.model.stiffness.names
@@ -273,8 +289,10 @@ class Structure:
         return np.asarray(good)
 
     @cached_property
-    def _joint_walls(self) -> tuple[tuple[str, float], ...]:
-        return tuple(dict.fromkeys(wall for bead in self.model.joints.beads for wall in bead.walls))
+    def _joint_walls(self) -> tuple[tuple[str, int], ...]:
+        sets = self.mesh.sets
+        walls = {(sets[rank], angle) for bead in self.model.joints.beads for rank, angle, *_ in bead.by_set}
+        return tuple(sorted(walls))
 
     def _shell(self, name: str) -> ShellSection:
         section = self.sections[name]
@@ -369,13 +387,12 @@ _ALONG = {
 
 _DRILLING = 5  # a flat body whose nodes do not turn about z has no drilling
 _ONE = (np.array([[0]]),)
-_THREE = (*_ONE, np.array([[1]]), np.array([[2]]))
 
 
 def _named(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{prefix}.{name}" for name in names)
 
 
-def _joint(name: str, angle: float) -> str:
+def _joint(name: str, degrees: int) -> str:
     """Prefix of the coefficients of a set in joints along lines at an angle from its axis 1."""
-    return f"{name}.joint" if not angle else f"{name}.joint at {np.degrees(angle):.1f}°"
+    return f"{name}.joint at {degrees}°" if degrees else f"{name}.joint"

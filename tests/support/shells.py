@@ -61,7 +61,7 @@ def static(structure: Structure, forces: FloatArray) -> FloatArray:
 
 def gravity(structure: Structure, acceleration: FloatArray) -> FloatArray:
     """(nodes, 6) forces of the structure's own weight."""
-    free = Structure(structure.mesh, structure.sections)
+    free = Structure(structure.mesh, structure.sections, with_joints=structure.with_joints)
     _, M = pencil(free)
     motion = np.zeros((len(structure.mesh.nodes), 6))
     motion[:, :3] = acceleration
@@ -78,7 +78,7 @@ def roof(kind: str, n: int) -> float:
         lambda st: np.column_stack([25 * st[:, 0], 25 * np.sin(angle * st[:, 1]), 25 * np.cos(angle * st[:, 1])]),
     )
     supports = (Support("x0", ("v", "w")), Support("x1", ("u", "ry", "rz")), Support("y0", ("v", "rx", "rz")))
-    structure = Structure(mesh, {"plate": isotropic(4.32e8, 0.0, 0.25, 360.0)}, supports=supports)
+    structure = Structure(mesh, {"plate": isotropic(4.32e8, 0.0, 0.25, 360.0)}, supports=supports, with_joints=False)
     moved = static(structure, gravity(structure, np.array([0.0, 0, -1])))
     (corner,) = np.intersect1d(mesh.node_sets["x1"], mesh.node_sets["y1"])
     return float(-moved[corner, 2] / 0.3024)
@@ -96,7 +96,7 @@ def cylinder(kind: str, n: int) -> float:
         *(Support("x0", ("v", "w")), Support("x1", ("u", "ry", "rz"))),
         *(Support("y0", ("v", "rx", "rz")), Support("y1", ("w", "rx", "ry"))),
     )
-    structure = Structure(mesh, {"plate": isotropic(3e6, 0.3, 3.0)}, supports=supports)
+    structure = Structure(mesh, {"plate": isotropic(3e6, 0.3, 3.0)}, supports=supports, with_joints=False)
     (top,) = np.intersect1d(mesh.node_sets["x1"], mesh.node_sets["y0"])
     force = np.zeros((len(mesh.nodes), 6))
     force[top, 2] = -0.25

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from fecore.body.beads import between
 from fecore.body.corners import Corner
 from fecore.body.generators import Segment, extrude
 from fecore.body.laminate import OrthotropicMaterial, Ply
@@ -13,6 +14,7 @@ from fecore.body.mesh import Block, Mesh
 from fecore.body.sections import ShellSection
 from fecore.body.structure import NAIVE_ERROR, Structure
 from tests.support.bodies import hz, pencil
+from tests.support.shells import grid
 
 GFRP = OrthotropicMaterial(25e9, 9e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 ALONG = np.array([1.0, 0.0, 0.0])
@@ -120,6 +122,55 @@ def test_facets_of_a_tube_converge_to_one_set_of_frequencies() -> None:
     # The turns go with the square of their number, as an inscribed polygon's length does.
     assert (np.abs(steps[1:]) < 0.35 * np.abs(steps[:-1])).all()
     assert (np.abs(found[-1] / found[-2] - 1) < 4e-3).all()  # what is left is a third of this
+
+
+def dome(n: int, kind: str) -> Structure:
+    """Curved both ways, so that every edge of flat elements turns by an angle of its own, along a direction of its own."""
+
+    def surface(st: np.ndarray) -> np.ndarray:
+        x, y = st[:, 0] - 0.5, st[:, 1] - 0.5
+        return np.column_stack([x, y, 0.15 * (1 - 4 * x**2) * (1 - 3 * y**2)])
+
+    return Structure(grid(kind, n, n, surface), {"plate": ShellSection((Ply(GFRP, 0.004),))})
+
+
+@pytest.mark.parametrize("kind", ["quad4", "tri3"])
+def test_coefficients_of_a_curve_are_as_many_as_its_angles_at_most_however_fine_its_mesh(kind: str) -> None:
+    models = [dome(n, kind).model for n in (5, 10, 20)]
+    of_set = 3 + 3 + 3  # a bead's by E, G and Gt, and of what is given up EA, ES and EI; a bead's mass along three axes
+    for model in models:
+        joints = [n for n in (*model.stiffness.names, *model.mass.names) if ".joint" in n]
+        assert len(joints) <= 36 * of_set
+        assert len(model.stiffness.groups) <= 3 + 4 * 36
+
+
+def test_a_dome_of_facets_has_exact_derivatives() -> None:
+    body = dome(4, "quad4")
+    q = np.array(list(body.nominal.values()))
+    shapes = np.random.default_rng(5).standard_normal((body.model.stiffness.size, 2))
+    for matrix, of in (
+        (body.model.stiffness, body.stiffness_coefficients),
+        (body.model.mass, body.mass_coefficients),
+    ):
+        forms = matrix.project(shapes, slice(None))
+        for name in ("plate.E1", "plate.G12", "plate.G13", "plate.density"):
+            step = np.where(np.array(list(body.nominal)) == name, 1e-4 * q, 0.0)
+            by_step = np.tensordot(of(q + 1e-30j * step).imag / 1e-30, forms, 1)
+            ahead, behind = (shapes.T @ (matrix.at(of(q + sign * step)) @ shapes) for sign in (1, -1))
+            whole = np.abs(shapes.T @ (matrix.at(of(q)) @ shapes)).max()
+            np.testing.assert_allclose(by_step, (ahead - behind) / 2, atol=1e-10 * whole)
+
+
+@pytest.mark.parametrize(("turn", "angle"), [(1.0, 0.4321), (0.1, 1.234), (1e-6, 3.1), (1.0, np.pi / 2), (0.3, 0.0)])
+def test_angles_lie_between_those_of_the_coefficients(turn: float, angle: float) -> None:
+    which, degrees, share = between(np.array([angle]), np.array([turn]))
+    assert share.sum() == pytest.approx(1)
+    assert (share > 0).all()
+    assert (which == 0).all()
+    # Wherever the half circle begins anew.
+    assert (share @ np.exp(2j * np.radians(degrees))).real == pytest.approx(np.cos(2 * angle), abs=turn**-1 * 1e-3)
+    if angle in (0.0, np.pi / 2):
+        assert degrees.tolist() == [round(np.degrees(angle))]
 
 
 @pytest.mark.parametrize("split", [False, True])
