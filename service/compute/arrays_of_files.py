@@ -20,7 +20,7 @@ from modalbase.formats.frfs import Frfs, read_csv, read_npz
 from modalbase.formats.frfs.csv import is_own_table
 from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.frfs.npz import REQUIRED
-from modalbase.formats.frfs.parts import is_frequency, texts_of
+from modalbase.formats.frfs.parts import is_frequency, propose_parts, texts_of
 from modalbase.formats.frfs.proposal import doubts, propose_frfs
 from modalbase.formats.frfs.table import without_gap
 from modalbase.formats.records import (
@@ -182,10 +182,11 @@ def _lonely(found: Found) -> list[str]:
 
 
 def _holds_frfs(mapping: Any, file: TextRecording) -> bool:
-    """Whether a mapping says so, or without one a column of frequencies."""
+    """Whether a mapping says so, or without one a column of frequencies, or columns of parts of FRFs."""
     if mapping is not None:
         return isinstance(mapping, dict) and "frf" in mapping
-    return any(is_frequency(name, file.units) for name in file.names)
+    by_axis = any(is_frequency(name, file.units) for name in file.names)
+    return by_axis or propose_parts(file.names, texts_of(file.table)) is not None
 
 
 def _starts(file: AnyRecording) -> list[str]:

@@ -150,7 +150,7 @@ def test_volts_ask_for_a_sensitivity_and_take_one_with_its_unit(tmp_path: Path) 
     mapping = proposed(path)
     assert (mapping["channels"][1]["unit"], mapping["channels"][1]["sensitivity"]) == ("mV", None)
     assert "/channels/1/sensitivity: is missing: the file is in 'mV', volts" in fault_of(path, placed(mapping))
-    assert 'state "100 mV/m/s²" or "100 V/m/s²"' in fault_of(path, placed(mapping, sensitivity=100))
+    assert 'state "100 mV/(m/s²)" or "100 V/(m/s²)"' in fault_of(path, placed(mapping, sensitivity=100))
     by_text, in_volts = (
         blocks_in(kept(path, placed(mapping, sensitivity=text)))[1].samples for text in ("100 mV/g", "0.1 V/g")
     )
