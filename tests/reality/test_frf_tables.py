@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from modalbase.formats.recognise import recognise
 from service.compute.frf_rows import EncodedFrf
@@ -182,3 +183,13 @@ def test_a_unit_of_mobility_is_no_accelerance(tmp_path: Path) -> None:
     with pytest.raises(Invalid, match="quantity: is accelerance, and the unit 'm/s/N' is that of mobility"):
         read(path, {**found.mapping, **DOFS}, dry_run=False, quantity="accelerance")
     assert imported(path)[0].quantity == "mobility"
+
+
+def test_parts_of_frfs_in_a_mat_are_no_hits_and_other_spectra_are_named(tmp_path: Path) -> None:
+    parts, several = tmp_path / "parts.mat", tmp_path / "several.mat"
+    savemat(parts, {"f": HZ, "re": H.real, "im": H.imag})
+    (frf,) = imported(parts, unit="m/s²/N")
+    np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
+    savemat(several, {"f": HZ, "H2": H, "H3": 2 * H})
+    (found,) = read(several)
+    assert found.notes == ["H2 alone is taken; import H3 by a mapping of their own where they are FRFs"]

@@ -62,7 +62,8 @@ def propose_recording(names: Iterable[str], units: Mapping[str, str] | None = No
     """The same of a recording of many hits, by the names of its channels. One such as `acceleration_33_-3`, as the channels
     of a UFF are called, says its point and direction, too.
     """
-    return {"recording": {"order": []}, "channels": [_channel(name, units or {}) for name in names]}
+    channels = [_channel(name, units or {}) for name in names if not is_time(name, units)]
+    return {"recording": {"order": []}, "channels": channels}
 
 
 def _channel(name: str, units: Mapping[str, str]) -> dict[str, Any]:
