@@ -20,8 +20,9 @@ from typing import Literal
 import numpy as np
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.tables.layout import SEPARATORS, Row, joined_brackets, row_of
+from modalbase.formats.tables.layout import SEPARATORS, joined_brackets, row_of
 from modalbase.formats.tables.numbers import Clock, is_number, kind_of, number_reader
+from modalbase.formats.tables.preamble import Row
 from modalbase.formats.tables.reader import encoding_of, open_table
 from modalbase.formats.types import FloatArray
 from modalbase.formats.units import factor_of, known_units, plain, unit_in_name

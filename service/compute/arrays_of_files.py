@@ -20,8 +20,8 @@ from modalbase.formats.frfs import Frfs, read_csv, read_npz
 from modalbase.formats.frfs.csv import is_own_table
 from modalbase.formats.frfs.mat import frfs_of
 from modalbase.formats.frfs.npz import REQUIRED
-from modalbase.formats.frfs.parts import is_frequency, texts_of
-from modalbase.formats.frfs.proposal import doubts, propose_frfs
+from modalbase.formats.frfs.parts import is_frequency, propose_parts, texts_of
+from modalbase.formats.frfs.proposal import doubts, left_out, propose_frfs
 from modalbase.formats.frfs.table import without_gap
 from modalbase.formats.records import (
     TimeBlock,
@@ -32,7 +32,7 @@ from modalbase.formats.records import (
     propose_recording,
     read_mapping,
 )
-from modalbase.formats.records.arrays import SAMPLE_RATE
+from modalbase.formats.records.arrays import SAMPLE_RATE, is_named
 from modalbase.formats.records.mapping import ONE_FILE
 from modalbase.formats.records.recording import Arrays
 from modalbase.formats.records.tdms import read_tdms_head
@@ -111,7 +111,8 @@ def read_arrays(inputs: ReadingInputs, form: FormatName) -> Iterator[Found | Tim
         variables, texts = _faults_as(_dotted, lambda: read_named(inputs.path, f".{form}", limit))
     notes = [str(warning.message) for warning in noticed]
     if kind is None:
-        kind = "frfs" if any(array.dtype.kind == "c" for array in variables.values()) else "hits"
+        has_parts = propose_parts(list(variables), texts) is not None
+        kind = "frfs" if has_parts or any(array.dtype.kind == "c" for array in variables.values()) else "hits"
     require_taken(inputs, form, kind)
     if kind == "frfs":
         yield from _mapped_frfs(inputs, form, variables, texts, notes)
@@ -182,10 +183,11 @@ def _lonely(found: Found) -> list[str]:
 
 
 def _holds_frfs(mapping: Any, file: TextRecording) -> bool:
-    """Whether a mapping says so, or without one a column of frequencies."""
+    """Whether a mapping says so, or without one a column of frequencies, or columns of parts of FRFs."""
     if mapping is not None:
         return isinstance(mapping, dict) and "frf" in mapping
-    return any(is_frequency(name, file.units) for name in file.names)
+    by_axis = any(is_frequency(name, file.units) for name in file.names)
+    return by_axis or propose_parts(file.names, texts_of(file.table)) is not None
 
 
 def _starts(file: AnyRecording) -> list[str]:
@@ -204,6 +206,9 @@ def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
     named = [each.get("variable") for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
     names = [name for name in file.names if name in named]
     variables = _faults_as(_dotted, lambda: file.arrays(names, limit_of(inputs.path)))
+    axis = stated.get("sample_rate_hz") if isinstance(stated, dict) else None
+    if is_named(axis) and axis["variable"] in file.names:
+        variables |= _faults_as(_dotted, lambda: file.arrays([axis["variable"]], limit_of(inputs.path)))
     if SAMPLE_RATE in variables and isinstance(stated, dict):
         stated = {"sample_rate_hz": {"variable": SAMPLE_RATE}, **stated}
     found, blocks = hits_of(variables, stated, dry_run=inputs.dry_run, units=file.units)
@@ -262,7 +267,7 @@ def _mapped_frfs(
         name: f"text {text[:_TEXT]!r}" for name, text in list(texts.items())[:MOST_VARIABLES]
     }
     proposed = propose_frfs(variables, texts)
-    notes = [*notes, *doubts(inputs.mapping or proposed)]
+    notes = [*notes, *doubts(inputs.mapping or proposed), *left_out(variables, inputs.mapping or proposed)]
     found = Found(form, "frfs", shapes, proposed, notes=notes)
     if inputs.mapping is None and inputs.dry_run:
         yield found

@@ -410,5 +410,5 @@ def test_an_analysers_table_of_text_comes_in_by_a_mapping(api: httpx.Client, cam
     assert abs(complex(data["real"][0], data["imag"][0])) == pytest.approx(0.1 * 9.80665)
     params = {"mapping": json.dumps(mapping), "quantity": "mobility"}
     assert "is that of accelerance" in str(
-        ok(api.post(path, content=content, headers=sent, params=params), 422)["errors"]
+        ok(api.post(path, content=content + b"\n", headers=sent, params=params), 422)["errors"]
     )

@@ -133,8 +133,8 @@ def test_frfs_of_each_format_go_through_the_door(
         (frfs("mat"), {"quantity": "mobility"}, "/mapping", "the file suggests"),
         (b"PK\x03\x04 and no zip", {}, "", "cannot be read as .npz"),
         (b"RIFF" + b"\xff" * 30, {}, "", "cannot be read as .wav"),
-        (b"a,a\n1,2\n", {}, "/line 1", "a name of its own for each column"),
-        (b"for\0ce;b\n1;2\n", {"filename": "a.csv"}, "", "NUL"),
+        (b"a;b\n" + b"1;2\n" * 70 + b"1;x\n1;2\n", {}, "/line 72, b", "is no number"),
+        (b"for\0ce;b\n1;2\n", {"filename": "a.csv"}, "/file", "NUL"),
     ],
 )
 def test_a_file_that_cannot_be_read_is_said_with_its_place(

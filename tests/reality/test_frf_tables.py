@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from modalbase.formats.recognise import recognise
 from service.compute.frf_rows import EncodedFrf
@@ -116,6 +117,40 @@ def test_several_columns_are_several_frfs_whose_points_are_asked_for(tmp_path: P
     np.testing.assert_allclose(decode(frfs[1].spectrum), 2 * GRAVITY * np.abs(H), rtol=1e-6)
 
 
+def test_the_columns_name_their_degrees_of_freedom(tmp_path: Path) -> None:
+    names = [f"H {point}:+Z/1:-Z {part} (g/N)" for point in (2, 3) for part in ("Real", "Imag")]
+    rows = [f"{f};{h.real};{h.imag};{h.real};{h.imag}" for f, h in zip(HZ.tolist(), H, strict=True)]
+    path = tmp_path / "H.csv"
+    path.write_text("\n".join([";".join(["Frequency (Hz)", *names]), *rows]))
+    (found,) = read(path)
+    assert [found.mapping[name] for name in DOFS] == [[2, 3], 3, 1, -3]
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        ["omega;Re;Im"],
+        ["Hz;Real;Imag", ";m/s²/N;m/s²/N"],
+        ["f [Hz];Real;Imag", "# measured against 1 N"],
+        ["Frequency;Real;Imag", "Hz;-;-"],
+    ],
+)
+def test_parts_of_frfs_are_no_hits(tmp_path: Path, heading: list[str]) -> None:
+    path = tmp_path / "H.csv"
+    path.write_text("\n".join([*heading, *(f"{f};{h.real};{h.imag}" for f, h in zip(HZ.tolist(), H, strict=True))]))
+    (frf,) = imported(path, unit="m/s²/N")
+    np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
+
+
+def test_decibels_of_zero_stay_in_the_table(tmp_path: Path) -> None:
+    rows = [f"{f};{20 * np.log10(abs(h))};{np.degrees(np.angle(h))}" for f, h in zip(HZ.tolist(), H, strict=True)]
+    path = tmp_path / "H.csv"
+    path.write_text("\n".join(["Frequency (Hz);Magnitude (dB);Phase (deg)", "0;-inf;0", *rows]))
+    (frf,) = imported(path, unit="m/s²/N")
+    assert decode(frf.spectrum).size == HZ.size + 1
+    np.testing.assert_allclose(decode(frf.spectrum), [0, *H], rtol=1e-6)
+
+
 REFUSED = [
     ({"frf": {"magnitude": "M", "phase": "P"}}, "phase_unit: is empty, and the file states none; state deg or rad"),
     ({"frf": {"magnitude": "M", "phase": "P", "phase_unit": "gon"}}, "expected deg or rad"),
@@ -148,3 +183,13 @@ def test_a_unit_of_mobility_is_no_accelerance(tmp_path: Path) -> None:
     with pytest.raises(Invalid, match="quantity: is accelerance, and the unit 'm/s/N' is that of mobility"):
         read(path, {**found.mapping, **DOFS}, dry_run=False, quantity="accelerance")
     assert imported(path)[0].quantity == "mobility"
+
+
+def test_parts_of_frfs_in_a_mat_are_no_hits_and_other_spectra_are_named(tmp_path: Path) -> None:
+    parts, several = tmp_path / "parts.mat", tmp_path / "several.mat"
+    savemat(parts, {"f": HZ, "re": H.real, "im": H.imag})
+    (frf,) = imported(parts, unit="m/s²/N")
+    np.testing.assert_allclose(decode(frf.spectrum), H, rtol=1e-6)
+    savemat(several, {"f": HZ, "H2": H, "H3": 2 * H})
+    (found,) = read(several)
+    assert found.notes == ["H2 alone is taken; import H3 by a mapping of their own where they are FRFs"]

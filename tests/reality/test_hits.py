@@ -306,3 +306,63 @@ def test_a_proposal_of_a_table_without_names_says_no_quantity(tmp_path: Path) ->
     assert propose(file.arrays(), file.units) == found.mapping
     assert all(c["quantity"] is None for c in found.mapping["channels"])
     assert math.isfinite(file.arrays()["column 3"].sum())
+
+
+def test_settings_between_units_and_data_are_no_names(tmp_path: Path) -> None:
+    above = ["Channels: 3", "Zeit 1 - Standardmessrate\tHammer\tACC 1", "s\tN\tg"]
+    below = ["50 Hz\t1000 Hz\t1000 Hz", "SENSOR=a\tb\tc"]
+    file, found = read(tmp_path, [*above, *below, *table([TIME, FORCE, ACCELERATION / GRAVITY], "\t", ",")])
+    assert (found.table["heading_lines"], found.table["units_line"]) == ([2], 3)
+    require_same(file, found)
+
+
+def test_a_line_that_says_one_unit_is_none_of_columns(tmp_path: Path) -> None:
+    lines = ["X-Unit: s", "Y-Unit: N ; g", "Time;Force;Accel", *table(PLAIN, ";")]
+    _, found = read(tmp_path, lines)
+    assert [(c["variable"], c["unit"]) for c in found.mapping["channels"]] == [("Force", None), ("Accel", None)]
+
+
+@pytest.mark.parametrize("name", ["X [s]", "Timestamp", "Zeitstempel (s)"])
+def test_the_time_is_known_by_its_unit_or_name(tmp_path: Path, name: str) -> None:
+    numbers = np.arange(1.0, COUNT + 1)
+    lines = [f"Line;{name};Hammer (N);ACC (m/s²)", *table([numbers, *PLAIN], ";")]
+    file, found = read(tmp_path, lines)
+    assert found.mapping["sample_rate_hz"] == {"variable": name}
+    require_same(file, found)
+
+
+@pytest.mark.parametrize(
+    ("heading", "listed"),
+    [
+        ("Var1;Var2;Var3", [("Var1", None), ("Var2", None), ("Var3", None)]),
+        ("Time;Force [N];Roof [V]", [("Force [N]", "force"), ("Roof [V]", None)]),
+        ("Time;Force [N];Roof", [("Force [N]", "force"), ("Roof", None)]),
+    ],
+)
+def test_columns_of_which_nothing_is_known_are_asked_for(tmp_path: Path, heading: str, listed: list[Any]) -> None:
+    _, found = read(tmp_path, [heading, *table(PLAIN, ";")])
+    assert [(c["variable"], c["quantity"]) for c in found.mapping["channels"]] == listed
+
+
+@pytest.mark.parametrize("rate", ["Sample Rate;1000 S/s", "Sample Rate;1 kS/s", "Scan rate: 1000 scans/sec"])
+def test_samples_a_second_are_a_rate(tmp_path: Path, rate: str) -> None:
+    require_same(*read(tmp_path, [rate, "Hammer (N);ACC (m/s²)", *table(PLAIN[1:], ";")]))
+
+
+def test_a_gap_in_the_time_axis_is_named(tmp_path: Path) -> None:
+    lines = table(PLAIN, ";")
+    lines[9] = "NaN;0;0"
+    file, found = read(tmp_path, ["Time (s);Hammer (N);ACC (g)", *lines])
+    assert found.mapping["sample_rate_hz"] == {"variable": "Time (s)"}
+    with pytest.raises(FormatError, match="row 10 of the data has no number; state the rate as a number"):
+        blocks_of(file.arrays(), read_mapping(completed(found.mapping), file.units), file.units)
+
+
+def test_the_sensitivity_that_a_refusal_advises_is_taken(tmp_path: Path) -> None:
+    file, found = read(tmp_path, ["Time (s);Hammer (N);ACC (mV)", *table([*PLAIN[:2], 10 * ACCELERATION], ";")])
+    mapping = completed(found.mapping)
+    with pytest.raises(FormatError, match=r'such as "2.25 mV/\(m/s²\)"'):
+        read_mapping(mapping, file.units)
+    mapping["channels"][1]["sensitivity"] = "10 mV/(m/s²)"
+    _, response = blocks_of(file.arrays(), read_mapping(mapping, file.units), file.units)
+    np.testing.assert_allclose(response.samples, ACCELERATION, atol=2e-3)

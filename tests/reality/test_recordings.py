@@ -150,7 +150,7 @@ def test_volts_ask_for_a_sensitivity_and_take_one_with_its_unit(tmp_path: Path) 
     mapping = proposed(path)
     assert (mapping["channels"][1]["unit"], mapping["channels"][1]["sensitivity"]) == ("mV", None)
     assert "/channels/1/sensitivity: is missing: the file is in 'mV', volts" in fault_of(path, placed(mapping))
-    assert 'state "100 mV/m/s²" or "100 V/m/s²"' in fault_of(path, placed(mapping, sensitivity=100))
+    assert 'state "100 mV/(m/s²)" or "100 V/(m/s²)"' in fault_of(path, placed(mapping, sensitivity=100))
     by_text, in_volts = (
         blocks_in(kept(path, placed(mapping, sensitivity=text)))[1].samples for text in ("100 mV/g", "0.1 V/g")
     )
@@ -267,3 +267,32 @@ def test_a_text_beside_an_array_of_a_mat_states_its_unit(tmp_path: Path) -> None
     hit, moved = blocks_in(kept(path, placed(mapping)))
     np.testing.assert_allclose(hit.samples, force * POUND, rtol=1e-12)
     np.testing.assert_allclose(moved.samples, response * GRAVITY, rtol=1e-12)
+
+
+def test_the_unit_of_the_axis_of_a_tdms_is_used(tmp_path: Path) -> None:
+    axis = {"wf_increment": 1e3 / RATE, "wf_xunit_string": "ms"}
+    path = made(tmp_path, ("Hammer", "ACC"), {"unit_string": "N", **axis}, {"unit_string": "g", **axis})
+    assert blocks_in(kept(path, placed(proposed(path))))[0].sample_rate_hz == pytest.approx(RATE)
+
+
+def test_a_channel_may_be_the_time_axis_of_a_tdms(tmp_path: Path) -> None:
+    path = tmp_path / "made.tdms"
+    force = np.zeros(512)
+    force[40:44] = 10.0
+    columns = {"Time": (np.arange(512) / RATE, "s"), "Hammer": (force, "N"), "ACC": (np.roll(force, 2), "g")}
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment([nptdms.ChannelObject("Log", n, a, {"unit_string": u}) for n, (a, u) in columns.items()])
+    mapping = placed(proposed(path), sensitivity=None)
+    assert [c["variable"] for c in mapping["channels"]] == ["Log/Hammer", "Log/ACC"]
+    mapping = {"channels": mapping["channels"], "sample_rate_hz": {"variable": "Log/Time"}}
+    assert blocks_in(kept(path, mapping))[0].sample_rate_hz == pytest.approx(RATE)
+
+
+def test_what_cannot_be_read_of_a_tdms_is_refused_in_words(tmp_path: Path) -> None:
+    path = tmp_path / "made.tdms"
+    linear = {"Scale_Type": "Linear", "Linear_Slope": 0.1, "Linear_Y_Intercept": 0.0, "Linear_Input_Source": 0}
+    scale = {"NI_Number_Of_Scales": 2, **{f"NI_Scale[1]_{name}": value for name, value in linear.items()}}
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment([nptdms.ChannelObject("Log", "Hammer", np.arange(512, dtype=np.int16), scale)])
+    with pytest.raises(Invalid, match="it is damaged, or scaled in a way that is not known here; export it anew"):
+        kept(path, dry_run=True)

@@ -93,7 +93,8 @@ def frfs_of(
 
 _EMPTY = {
     "frequency_hz": 'state {"variable": name}, or {"start": …, "step": …}',
-    "frf": 'state {"variable": name}',
+    "frf": 'state {"variable": name} of complex values, or columns {"real": name, "imaginary": name} or {"magnitude": name, '
+    '"phase": name}',
     **{name: "state a point for each FRF, or one for all" for name in DOFS if name.endswith("point")},
     **{name: "state ±1 to ±3 along x, y, z, ±4 to ±6 about them" for name in DOFS if name.endswith("direction")},
 }
@@ -128,7 +129,11 @@ def _scale(
             why = "which is no response over a force that is known here; state `unit`, such as g/N, or `factor`"
             raise FormatError("mapping.unit", f"is {text!r}, {why}")
         if (known := quantity or otherwise) is None:
-            raise FormatError("quantity", "is missing: neither the request nor a unit says what the FRFs are")
+            raise FormatError(
+                "quantity",
+                "is missing: neither the request nor a unit says what the FRFs are; state it, or `unit` in the "
+                "mapping, such as g/N",
+            )
         return known, 1.0 if factor is None else float(factor)
     what = own[unit.dimension]
     if quantity not in (None, what):

@@ -8,7 +8,7 @@ those that the file states, or as stated here; a phase without any is asked for.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -37,17 +37,19 @@ Texts = Mapping[str, str]
 
 def texts_of(table: Table) -> dict[str, str]:
     """The texts beside the columns of a table: their units, and points of response and reference where its headings name
-    one pair, such as `2:+Z/1:+Z`.
+    one pair, such as `2:+Z/1:+Z`, or the columns one for each FRF.
     """
     texts = {f"{name}_unit": unit for name, unit in table.units.items()}
-    pairs = set()
-    for cell in table.layout.preamble:
-        for match in _PAIR.finditer(cell):
-            if all(dof_in_name(part) for part in match.groups()):
-                pairs.add(match.groups())
-    if len(pairs) == 1:
-        texts["heading.response"], texts["heading.reference"] = pairs.pop()
+    pairs = _pairs_in(table.names) or _pairs_in(table.layout.preamble)
+    if pairs and (len(pairs) == 1 or _pairs_in(table.names)):
+        texts["heading.response"], texts["heading.reference"] = ("\n".join(side) for side in zip(*pairs, strict=True))
     return texts
+
+
+def _pairs_in(cells: Iterable[str]) -> list[tuple[str, str]]:
+    """Response and reference that texts name, each pair once."""
+    matches = (match.group(1, 2) for cell in cells for match in _PAIR.finditer(cell))
+    return list(dict.fromkeys((one, two) for one, two in matches if dof_in_name(one) and dof_in_name(two)))
 
 
 def is_frequency(name: str, units: Mapping[str, str]) -> bool:
@@ -57,7 +59,7 @@ def is_frequency(name: str, units: Mapping[str, str]) -> bool:
     (True, True, False)
     """
     bare, unit = unit_in_name(name, "frequency")
-    unit = unit or units.get(name, "")
+    unit = unit or units.get(name, "") or bare  # a column may be called Hz
     return (bool(unit) and factor_of("frequency", unit) is not None) or bare.lower().startswith(_FREQUENCY)
 
 

@@ -14,6 +14,7 @@ from modalbase.formats.units import unit_beside
 _SPECTRA = ("cross", "spec", "psd", "csd")
 """Parts of the names of complex spectra that are no FRFs."""
 _MOST_EMPTY = 200  # points that are asked for one by one
+_MOST_LISTED = 20
 _ANGULAR = ("w", "om", "omega")
 _AXIS = {
     "start": ("start_value", "start", "xstart", "x0", "f0", "fstart", "f_start", "start_hz"),
@@ -35,7 +36,7 @@ def propose_frfs(variables: Variables, texts: Mapping[str, str] | None = None) -
     found: dict[str, Any] = {"frequency_hz": _axis(variables, texts)}
     complexes = [n for n, a in variables.items() if a.dtype.kind == "c"]
     frf = min(complexes, key=lambda name: any(part in name.lower() for part in _SPECTRA), default=None)
-    columns = [name for name, array in variables.items() if array.ndim == 1 and array.size > 1]
+    columns = [name for name, array in variables.items() if 1 < array.size == max(array.shape)]
     found["frf"] = propose_parts(columns, texts) if frf is None else {"variable": frf}
     valued = names_of(found["frf"] or {})
     if valued and (unit := unit_of_values(unit_beside(valued[0], texts), valued[0])):
@@ -56,6 +57,18 @@ def doubts(mapping: Any) -> list[str]:
     if not isinstance(name, str) or name.rpartition(".")[2].lower() not in _ANGULAR:
         return []
     return [f'the frequencies {name} are taken in Hz; state "unit": "rad/s" beside the variable where they are angular']
+
+
+def left_out(variables: Variables, mapping: Any) -> list[str]:
+    """That a file holds further arrays of complex numbers as long as the one that a mapping takes."""
+    frf = mapping.get("frf") if isinstance(mapping, dict) else None
+    name = frf.get("variable") if isinstance(frf, dict) else None
+    if not isinstance(name, str) or name not in variables:
+        return []
+    lines = max(variables[name].shape, default=0)
+    others = [n for n, a in variables.items() if n != name and a.dtype.kind == "c" and lines in a.shape]
+    listed = ", ".join(others[:_MOST_LISTED]) + (" …" if len(others) > _MOST_LISTED else "")
+    return [f"{name} alone is taken; import {listed} by a mapping of their own where they are FRFs"] if others else []
 
 
 def is_empty(given: Any) -> bool:

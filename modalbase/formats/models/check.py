@@ -96,7 +96,7 @@ def check(model: FiniteElementModel) -> None:
         FormatError: there is no element; elements have no size or fold over; a section weighs less than nothing; a node is
             led twice, or by itself in a circle, or held where it is led.
         IncompleteError: masses or springs hang on nothing; the model falls into parts, of which one is free. What was not read
-            is told first.
+            comes first.
     """
     if not model.elements:
         raise FormatError("", "the model has no shell or beam element; nothing would vibrate")

@@ -237,7 +237,7 @@ class IncompleteError(FormatError):
     """A model lacks what one of its parts needs; cards that were not read may be why."""
 
     def after(self, ignored: Iterable[Ignored]) -> IncompleteError:
-        """The same after the cards that were not read, which are told first."""
+        """The same after the cards that were not read, which come first."""
         unread = [
             (str(Where(each.lines[0], each.file)), f"{each.card}: {each.loss}; this may be why the model is incomplete")
             for each in ignored

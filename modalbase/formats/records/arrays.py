@@ -65,6 +65,9 @@ def sampling_rate(
         if values.size == 1:
             rate = float(values[0]) * _factor_of(given, "frequency", units or {})
         elif values.size == samples:
+            if (bad := np.flatnonzero(~np.isfinite(values))).size:
+                why = f"row {bad[0] + 1} of the data has no number; state the rate as a number"
+                raise FormatError(given, f"is not an evenly rising time axis: {why}")
             steps = np.diff(values)
             step = float(values[-1] - values[0]) / (samples - 1)
             uneven = float(np.abs(steps - step).max())

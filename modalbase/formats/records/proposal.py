@@ -4,7 +4,8 @@ What is empty (null) is the user's to fill in; a mapping that is sent with it is
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, get_args
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from modalbase.formats.records.arrays import ChannelQuantity, Variables
 from modalbase.formats.records.mapping import FEWEST_SAMPLES
 from modalbase.formats.records.scale import units_of
-from modalbase.formats.units import read_unit, unit_in_name
+from modalbase.formats.units import VOLTAGE, read_unit, unit_in_name
 
 _RATES = ("fs", "sr", "samplerate", "sampleratehz", "samplingrate", "samplingfrequency")
 _NAMES: dict[ChannelQuantity, tuple[str, ...]] = {
@@ -29,8 +30,8 @@ _OTHERS = ("resp",)  # names a channel, and not what it measures
 def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dict[str, Any]:
     """The mapping that names, units and shapes suggest.
 
-    Where neither a name nor a unit says what a channel is, every variable as long as the time axis is proposed with an
-    empty quantity.
+    Where names and units do not say both a force and a response, every variable of their length is proposed, with an empty
+    quantity where it is not known.
 
     Args:
         variables: arrays of a file.
@@ -40,11 +41,12 @@ def propose(variables: Variables, units: Mapping[str, str] | None = None) -> dic
     rate = next(
         (n for n, a in variables.items() if a.size == 1 and re.sub(r"[^a-z]", "", n.lower()).endswith(_RATES)), None
     )
-    times = [name for name in long if is_time(name)] or [name for name in long if _UNNAMED.fullmatch(name)][:1]
-    time = next((name for name in times if _ascends(long[name])), None)
+    times = [name for name in long if is_time(name, units)] or [name for name in long if _UNNAMED.fullmatch(name)][:1]
+    axes = [name for name in times if _ascends(long[name])]
+    time = axes[0] if axes else None
     point: Any = {"variable": "point"} if "point" in variables else None
     channels = []
-    for name in _channels(long, time, units or {}):
+    for name in _channels(long, axes, units or {}):
         channel = _channel(name, units or {})
         at = point if channel["quantity"] == "force" else None
         channels.append(channel if channel["point"] or at is None else channel | {"point": at})
@@ -60,7 +62,8 @@ def propose_recording(names: Iterable[str], units: Mapping[str, str] | None = No
     """The same of a recording of many hits, by the names of its channels. One such as `acceleration_33_-3`, as the channels
     of a UFF are called, says its point and direction, too.
     """
-    return {"recording": {"order": []}, "channels": [_channel(name, units or {}) for name in names]}
+    channels = [_channel(name, units or {}) for name in names if not is_time(name, units)]
+    return {"recording": {"order": []}, "channels": channels}
 
 
 def _channel(name: str, units: Mapping[str, str]) -> dict[str, Any]:
@@ -85,32 +88,55 @@ def _by_name(name: str) -> ChannelQuantity | None:
     return next((quantity for quantity, parts in _NAMES.items() if any(part in own for part in parts)), None)
 
 
-def _channels(long: Variables, time: str | None, units: Mapping[str, str]) -> list[str]:
-    """Names of the channels; by length alone where no name or unit says one."""
+def _channels(long: Variables, axes: Sequence[str], units: Mapping[str, str]) -> list[str]:
+    """Names of the channels: those that a name or unit says, and every other column of their length, its quantity empty,
+    where force or response are not among them.
+    """
+    others = [n for n, a in long.items() if n not in axes and a.dtype.kind in "fiu" and not _counts(a)]
+    known = {name: _channel(name, units)["quantity"] for name in others}
     named = [
         name
-        for name in long
-        if name != time
-        and not is_time(name)
-        and "time" not in name.lower()
-        and (_channel(name, units)["quantity"] or any(part in name.lower() for part in _OTHERS))
+        for name in others
+        if "time" not in name.lower()
+        and (known[name] or _is_voltage(name, units) or any(part in name.lower() for part in _OTHERS))
     ]
-    if named or time is None:
+    quantities = {known[name] for name in named}
+    if None in quantities or (len(quantities | {"force"}) > 1 and "force" in quantities):
         return named
-    samples = long[time].size
-    return [n for n, a in long.items() if n != time and samples in a.shape and a.dtype.kind in "fiu"]
+    lengths = Counter(max(long[name].shape) for name in [*named, *axes] or others)
+    samples = max(lengths, key=lambda length: (lengths[length], length), default=0)
+    return [n for n in others if samples in long[n].shape]
 
 
-def is_time(name: str) -> bool:
-    """Whether a column or variable is a time axis by its name.
+def _is_voltage(name: str, units: Mapping[str, str]) -> bool:
+    return any(
+        (unit := read_unit(text)) is not None and unit.dimension == VOLTAGE for text in units_of(name, None, units)
+    )
 
-    >>> [is_time(name) for name in ("time_ms", "X_Value", "Prüfzeit (s)", "m.t", "Temperature")]
-    [True, True, True, True, False]
+
+def _counts(array: np.ndarray[Any, Any]) -> bool:
+    """Whether an array only numbers its lines."""
+    values = np.ravel(array)
+    return values.size > 1 and values[0] in (0, 1) and bool(np.all(np.diff(values) == 1))
+
+
+def is_time(name: str, units: Mapping[str, str] | None = None) -> bool:
+    """Whether a column or variable is a time axis by its name, or by the unit that is stated of it.
+
+    >>> [is_time(name) for name in ("time_ms", "X_Value", "Prüfzeit (s)", "m.t", "X [ms]", "Timestamp", "Temperature")]
+    [True, True, True, True, True, True, False]
     """
     bare = unit_in_name(name, "time")[0].lower()
     parts = re.split(r"[_.\s]", bare)
-    return parts[0] in ("time", "t") or bare.endswith(_TIMES)
+    texts = units_of(name, None, units or {})
+    in_time = any((unit := read_unit(text)) is not None and unit.quantity == "time" for text in texts)
+    return in_time or parts[0] in ("time", "t", "timestamp", "zeitstempel") or bare.endswith(_TIMES)
 
 
 def _ascends(array: np.ndarray[Any, Any]) -> bool:
-    return array.dtype.kind in "fiu" and bool(np.all(np.diff(np.ravel(array)) > 0))
+    """Whether an array rises; one that is rounded or has gaps is refused by name where it is read."""
+    values = np.ravel(array)
+    if array.dtype.kind not in "fiu":
+        return False
+    steps = np.diff(values[np.isfinite(values)])
+    return steps.size > 0 and bool(np.all(steps >= 0) and steps.sum() > 0)

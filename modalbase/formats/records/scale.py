@@ -18,6 +18,11 @@ SI = {"force": "N", "acceleration": "m/s²", "velocity": "m/s", "displacement": 
 """The unit of each quantity that blocks are stored in."""
 
 
+def _per(quantity: str) -> str:
+    """The SI unit as it is written behind a stroke."""
+    return f"({SI[quantity]})" if "/" in SI[quantity] else SI[quantity]
+
+
 def units_of(name: str, quantity: Any, stated: Mapping[str, str]) -> tuple[str, ...]:
     """Units that a file states of a channel, in its own words: in its properties, and in the channel's name.
 
@@ -55,7 +60,7 @@ def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: st
     if unit is not None and unit.dimension != VOLTAGE:
         what = f"a unit of {unit.quantity}" if unit.quantity else "none of a force or motion"
         raise FormatError(f"{place}.quantity", f"is {quantity!r}, and the unit {text!r} is {what}; which is right?")
-    example = f'a number in volts per {SI[quantity]}, or a text such as "2.25 mV/{SI[quantity]}"'
+    example = f'a number in volts per {SI[quantity]}, or a text such as "2.25 mV/{_per(quantity)}"'
     if given is None and (unit is not None or text):
         why = "volts" if unit is not None else "no unit that is known here"
         raise FormatError(f"{place}.sensitivity", f"is missing: the file is in {text!r}, {why}; state {example}")
@@ -65,7 +70,7 @@ def sensitivity_of(channel: Mapping[str, Any], in_file: Sequence[str], place: st
     if isinstance(given, str):
         return _read(given, quantity, place) / (1.0 if unit is None else unit.factor)
     if unit is not None and unit.factor != 1.0:
-        both = " or ".join(f'"{given:g} {name}/{SI[quantity]}"' for name in (text, "V"))
+        both = " or ".join(f'"{given:g} {name}/{_per(quantity)}"' for name in (text, "V"))
         raise FormatError(f"{place}.sensitivity", f"is {given:g}, and the file is in {text!r}: state {both}")
     return 1.0 if given is None else float(given)
 
@@ -113,6 +118,6 @@ def _read(text: str, quantity: str, place: str) -> float:
     unit = read_unit(match[2]) if match else None
     if match is None or unit is None or unit.dimension != VOLTAGE.times(DIMENSIONS[quantity], -1):  # type: ignore[index]
         raise FormatError(
-            f"{place}.sensitivity", f'is {text!r}, expected a number, or a text such as "2.25 mV/{SI[quantity]}"'
+            f"{place}.sensitivity", f'is {text!r}, expected a number, or a text such as "2.25 mV/{_per(quantity)}"'
         )
     return float(match[1].replace(",", ".")) * unit.factor

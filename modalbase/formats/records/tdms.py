@@ -17,6 +17,7 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.records.arrays import SAMPLE_RATE, Variables, sampling_rate
 from modalbase.formats.records.wav import FRAMES
 from modalbase.formats.types import FloatArray
+from modalbase.formats.units import factor_of
 
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units", "Units")  # names of the property
 _WHOLE, _CLOCK_S = 0.01, 1e-6  # of a sample, and of a time stamp: what two channels may lie off whole samples
@@ -149,7 +150,7 @@ def read_tdms_head(path: Path) -> Tdms:
         return Tdms(
             path,
             {name: len(channel) for name, channel in channels.items()},
-            {name: _rate(channel.properties.get("wf_increment")) for name, channel in channels.items()},
+            {name: _rate(channel.properties) for name, channel in channels.items()},
             not file.file_status.incomplete_final_segment,
             {name: unit for name, channel in channels.items() if (unit := _unit(channel.properties))},
             _starts({name: channel.properties for name, channel in channels.items()}),
@@ -176,7 +177,9 @@ def _broken() -> Iterator[None]:
     except FormatError:
         raise
     except Exception as error:  # noqa: BLE001 - of damaged files npTDMS raises errors of many kinds
-        raise FormatError("", f"cannot be read as TDMS: {error}") from None
+        is_in_words = not isinstance(error, TypeError | LookupError | AttributeError | ArithmeticError | RecursionError)
+        why = str(error) if is_in_words else "it is damaged, or scaled in a way that is not known here"
+        raise FormatError("", f"cannot be read as TDMS: {why}; export it anew, or as wav or CSV") from None
 
 
 def _channels(file: Any) -> dict[str, Any]:
@@ -185,8 +188,11 @@ def _channels(file: Any) -> dict[str, Any]:
     return {name: channel for name, channel in found if len(channel) and channel.dtype.kind in "iuf"}
 
 
-def _rate(increment_s: float | None) -> float:
-    return float(np.round(1 / increment_s, 6)) if increment_s else np.nan
+def _rate(properties: Mapping[str, Any]) -> float:
+    """Samples a second by `wf_increment`, in s unless the channel states another unit of its axis; NaN where it says none."""
+    increment, unit = properties.get("wf_increment"), str(properties.get("wf_xunit_string", "")).strip()
+    factor = factor_of("time", unit) if unit else 1.0
+    return float(np.round(1 / (increment * factor), 6)) if increment and factor else np.nan
 
 
 def _unit(properties: Mapping[str, Any]) -> str:

@@ -44,7 +44,7 @@ class TextRecording:
     @property
     def rate_hz(self) -> float | None:
         """The sampling rate that a preamble states of a table without a time axis."""
-        has_axis = any(column.is_time or is_time(column.name) for column in self.table.layout.columns)
+        has_axis = any(column.is_time or is_time(column.name, self.units) for column in self.table.layout.columns)
         return None if has_axis else self.table.layout.sample_rate_hz
 
     def shapes(self) -> dict[str, str]:

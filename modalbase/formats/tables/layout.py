@@ -20,7 +20,8 @@ from typing import Any
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.tables.numbers import Kind, is_number, kind_of, number_reader
-from modalbase.formats.units import NO_UNIT, factor_of, read_unit, unit_in_name
+from modalbase.formats.tables.preamble import Row, bare_unit, is_units, labelled_units, padded, rate_of
+from modalbase.formats.units import read_unit
 
 SEPARATORS = {"tab": "\t", "semicolon": ";", "blank": " ", "comma": ","}
 """Names of separators, the likelier first: where two split a table alike, the first counts."""
@@ -28,14 +29,8 @@ SEPARATORS = {"tab": "\t", "semicolon": ";", "blank": " ", "comma": ","}
 ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "cp1252", "latin-1", "cp850")
 _COMMENTS = "#%"
 _MOST_WORDS = 200  # of a preamble that are looked at
+_MOST_HEADINGS = 5
 _DATA: tuple[Kind, ...] = ("number", "time", "date")
-_LABEL = re.compile(r"unit|einheit|unité|unidad", re.IGNORECASE)
-_RATE = re.compile(
-    r"(?:sampl\w*|scan|abtast\w*|mess)[ _-]*(?:rate|freq\w*)|fr[eé]quence d.[eé]chantillonnage|fs|sr", re.IGNORECASE
-)
-_STEP = re.compile(
-    r"delta[ _]?[xt]|d[xt]|(?:sampl\w*|time)[ _-]*(?:interval|period|step)|abtastintervall", re.IGNORECASE
-)
 
 
 @dataclass(frozen=True)
@@ -74,20 +69,6 @@ class Stated:
         if faults:
             raise FormatError(faults)
         return cls(**document)
-
-
-@dataclass(frozen=True)
-class Row:
-    """A line that is not blank."""
-
-    line: int  # from 1
-    cells: list[str]  # without blanks around them
-    is_comment: bool = False
-
-    @property
-    def width(self) -> int:
-        """Number of cells, those that are empty at the end apart."""
-        return max((i for i, cell in enumerate(self.cells, 1) if cell), default=0)
 
 
 @dataclass(frozen=True)
@@ -249,8 +230,9 @@ class _Split:
         if not headings and self.separator == "," and not stated.separator:
             _refuse_commas_both(data[0], cells)
         names, units, units_row = self._names(headings)
-        preamble = self.rows[: first - len(headings)]
-        units = self._labelled(preamble, units)
+        top = min((row.line for row in headings), default=data[0].line)
+        preamble = [row for row in self.rows[:first] if row.line < top]
+        units = labelled_units(preamble, units)
         columns = tuple(TableColumn(i, names[i], units[i], is_time=self.kinds[i] == "time") for i in places)
         left_out = [
             f"column {names[i]!r} holds {k}s, and is left out"
@@ -266,7 +248,7 @@ class _Split:
             units_line=None if units_row is None else units_row.line,
             first_line=data[0].line,
             preamble=tuple(cell for row in self.rows[:first] for cell in row.cells if cell)[:_MOST_WORDS],
-            sample_rate_hz=self._rate(preamble),
+            sample_rate_hz=rate_of(preamble, self.separator),
             notes=tuple(left_out),
         )
 
@@ -278,31 +260,42 @@ class _Split:
         return next(both, are_data.index(True))
 
     def _headings(self, first: int) -> list[Row]:
-        """Lines of words right above the data, the nearest first, at most one of units and two of names."""
-        found: list[Row] = []
-        width = len(self.kinds)
+        """Lines of words right above the data, the nearest first: at most one of units and two of names.
+
+        What stands between units and data, such as rates and sensors, is left out.
+        """
+        above: list[Row] = []
+        width, below = len(self.kinds), None
         for row in reversed(self.rows[:first]):
-            below = found[-1].line if found else None
-            if below is not None and below - row.line > 1:
+            if above and below is not None and below - row.line > 1:
                 break
+            below = row.line
             fitted = joined_brackets(row, self.separator)
+            if row.is_comment and fitted.width == 1 < width:  # a remark
+                continue
             mixed = any(is_number(c) for c, k in zip(fitted.cells, self.kinds, strict=False) if k in _DATA)
-            if mixed or not min(width, max(2, width - 1)) <= fitted.width <= width + 1 or len(found) == 3:
+            if mixed or not min(width, max(2, width - 1)) <= fitted.width <= width + 1 or len(above) == _MOST_HEADINGS:
                 break
-            found.append(fitted)
-        if len(found) > 1 and not _is_units(found[0]) and not _is_units(found[1]):
-            return found[: 2 if _is_doubtful(found[0], self.kinds) and found[1].width >= width else 1]
-        return found[:3] if len(found) > 2 and _is_doubtful(_names_row(found), self.kinds) else found[:2]
+            above.append(fitted)
+        at = next((i for i, row in enumerate(above) if is_units(row)), None)
+        if at is None:
+            return above[
+                : 2 if above and _is_doubtful(above[0], self.kinds) and above[1:] and above[1].width >= width else 1
+            ]
+        has_names = len(above) > at + 1 and not is_units(above[at + 1])
+        if has_names and (at > 1 or (at == 1 and _holds_values(above[0], self.kinds))):
+            above = above[at:]
+        return above[: 3 if len(above) > 2 and _is_doubtful(_names_row(above), self.kinds) else 2]
 
     def _names(self, headings: Sequence[Row]) -> tuple[list[str], list[str], Row | None]:
         """Names and units of all columns, and the line of units."""
-        units_row = next((row for row in headings[:2] if _is_units(row)), None)
+        units_row = next((row for row in headings[:2] if is_units(row)), None)
         named = [row for row in headings if row is not units_row]
         width = len(self.kinds)
-        cells = _padded(named[0] if named else units_row, width)
+        cells = padded(named[0] if named else units_row, width)
         if len(named) > 1:
             upper: list[str] = []
-            for cell in _padded(named[1], width):  # a name may stand over several columns
+            for cell in padded(named[1], width):  # a name may stand over several columns
                 upper.append(cell or (upper[-1] if upper else ""))
             cells = [" ".join(filter(None, pair)) for pair in zip(upper, cells, strict=True)]
         seen: Counter[str] = Counter()
@@ -311,39 +304,8 @@ class _Split:
             name = cell or f"column {i}"
             seen[name] += 1
             names.append(name if seen[name] == 1 else f"{name} {seen[name]}")
-        units = [cell if read_unit(cell) or cell.lower().startswith("db") else "" for cell in _padded(units_row, width)]
-        return names, [_bare_unit(unit) for unit in units], units_row
-
-    def _labelled(self, preamble: Sequence[Row], units: list[str]) -> list[str]:
-        """Units of a line of the preamble that begins with a label, where no line of units stands."""
-        for row in preamble:
-            cells = _padded(row, len(units))
-            if row.cells and _LABEL.search(row.cells[0]) and any(read_unit(cell) for cell in cells[1:]):
-                units = [
-                    own or (_bare_unit(cell) if i and read_unit(cell) else "")
-                    for i, (own, cell) in enumerate(zip(units, cells, strict=True))
-                ]
-        return units
-
-    def _rate(self, preamble: Sequence[Row]) -> float | None:
-        """The sampling rate that a preamble states; None where it states none, or several."""
-        rates = set()
-        for row in preamble:
-            cells = row.cells
-            if len(cells) == 1 or self.separator == " ":
-                cells = re.split(r"[:=]\s*", " ".join(cells), maxsplit=1)
-            name, text = cells[0].strip(), " ".join(cells[1:2]).strip()
-            bare, unit = unit_in_name(name.rstrip(":= "))
-            match = re.match(r"([0-9.,eE+-]+)\s*(\S*)", text)
-            is_step = _STEP.fullmatch(bare)
-            if match is None or not is_number(match[1]) or not (is_step or _RATE.fullmatch(bare)):
-                continue
-            unit = unit or match[2] or " ".join(cell for cell in cells[2:3] if not is_number(cell))
-            factor = factor_of("time" if is_step else "frequency", unit) if unit else 1.0
-            value = number_reader([match[1]], "," if "," in match[1] else ".", self.separator)[1](match[1])
-            if factor and value > 0:
-                rates.add(float(f"{1 / (value * factor) if is_step else value * factor:.9g}"))
-        return rates.pop() if len(rates) == 1 else None
+        units = [cell if read_unit(cell) or cell.lower().startswith("db") else "" for cell in padded(units_row, width)]
+        return names, [bare_unit(unit) for unit in units], units_row
 
 
 def _kind_of_column(kinds: Sequence[Kind]) -> Kind:
@@ -355,36 +317,19 @@ def _kind_of_column(kinds: Sequence[Kind]) -> Kind:
     return filled[0] if filled else "empty"
 
 
-def _padded(row: Row | None, width: int) -> list[str]:
-    cells = [] if row is None else row.cells[:width]
-    return [*cells, *[""] * (width - len(cells))]
-
-
-def _bare_unit(cell: str) -> str:
-    """A unit without brackets around it.
-
-    >>> _bare_unit("(mm)"), _bare_unit("(1/N)*(m/s²)")
-    ('mm', '(1/N)*(m/s²)')
-    """
-    return cell[1:-1].strip() if re.fullmatch(r"[(\[{<][^()\[\]{}<>]*[)\]}>]", cell) else cell
-
-
-def _is_units(row: Row) -> bool:
-    """Whether half of the words of a line, or more, are units."""
-    words = [_bare_unit(cell) for cell in row.cells if cell]
-    units = sum(read_unit(word) is not None for word in words)
-    none = sum(word.lower() in NO_UNIT for word in words)
-    return units > 0 and 2 * (units + none) >= len(words)
-
-
 def _names_row(headings: Sequence[Row]) -> Row:
-    return next((row for row in headings if not _is_units(row)), headings[0])
+    return next((row for row in headings if not is_units(row)), headings[0])
 
 
 def _is_doubtful(row: Row, kinds: Sequence[Kind]) -> bool:
     """Whether names are missing above numbers, or come twice."""
-    names = [cell for cell, kind in zip(_padded(row, len(kinds)), kinds, strict=True) if kind in ("number", "time")]
+    names = [cell for cell, kind in zip(padded(row, len(kinds)), kinds, strict=True) if kind in ("number", "time")]
     return not all(names) or len(set(names)) < len(names)
+
+
+def _holds_values(row: Row, kinds: Sequence[Kind]) -> bool:
+    """Whether a line holds settings rather than names: "2048 Hz", "SENSOR=a", or one word twice."""
+    return _is_doubtful(row, kinds) or any(re.match(r"\d+[.,]?\d*\s|[^(\[]*=", cell) for cell in row.cells)
 
 
 def _refuse_commas_both(row: Row, cells: Sequence[str]) -> None:

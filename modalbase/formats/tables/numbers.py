@@ -22,6 +22,7 @@ _TIME = re.compile(
     re.IGNORECASE,
 )
 _NOTHING = {"", "nan", "-nan", "n/a", "#n/a"}
+_INFINITE = re.compile(r"[+-]?inf(?:inity)?", re.IGNORECASE)  # as dB of 0 are written
 _HALF_DAY = 43_200.0
 
 
@@ -37,12 +38,12 @@ def is_number(cell: str) -> bool:
 def kind_of(cell: str) -> Kind:
     """What a cell holds.
 
-    >>> [kind_of(cell) for cell in ("1.5", "10:00:00,25", "3.3.2024 10:00:00.1", "03.03.2024", "NaN", "OVER")]
-    ['number', 'time', 'time', 'date', 'empty', 'text']
+    >>> [kind_of(cell) for cell in ("1.5", "10:00:00,25", "3.3.2024 10:00:00.1", "03.03.2024", "NaN", "-inf", "OVER")]
+    ['number', 'time', 'time', 'date', 'empty', 'number', 'text']
     """
     if _ONLY_DATE.fullmatch(cell):
         return "date"
-    if is_number(cell):
+    if is_number(cell) or _INFINITE.fullmatch(cell):
         return "number"
     if cell.lower() in _NOTHING:
         return "empty"
@@ -100,6 +101,8 @@ def number_reader(cells: Sequence[str], decimal: str | None, separator: str) -> 
     sign = decimal or _decimal_sign([_ungrouped(cell) for cell in cells], separator)
 
     def read(cell: str) -> float:
+        if _INFINITE.fullmatch(cell):
+            return float(cell)
         return float("nan") if cell.lower() in _NOTHING else float(number_text(cell, sign))
 
     return sign, read

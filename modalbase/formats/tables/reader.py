@@ -14,7 +14,6 @@ from modalbase.formats.errors import FormatError
 from modalbase.formats.tables.layout import (
     SEPARATORS,
     Layout,
-    Row,
     Stated,
     TableColumn,
     joined_brackets,
@@ -22,6 +21,7 @@ from modalbase.formats.tables.layout import (
     row_of,
 )
 from modalbase.formats.tables.numbers import Clock, is_number, number_reader, number_text
+from modalbase.formats.tables.preamble import Row
 
 _HEAD_LINES = 4000  # by which the layout is found
 _PART_BYTES = 1 << 20
