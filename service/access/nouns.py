@@ -171,7 +171,7 @@ class NounRoutes(Generic[Row, Out]):
             return shown
 
         post.__annotations__["body"] = model
-        named = "name" in model.model_fields
+        named = "name" in model.model_fields and hasattr(self._find.table, "name")  # a job's name is of what it makes
         without = {"confirm": measured, "unless_named": named}
         taken = signature(post)
         post.__signature__ = taken.replace(  # type: ignore[attr-defined]

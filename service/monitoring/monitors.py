@@ -99,6 +99,9 @@ def _checked(session: Session, user: User, structure: Structure, body: MonitorIn
         raise Invalid(
             "/recipe/mode_set", "a mode set is of one campaign; say with `modes` where each run takes its from"
         )
+    for name, kind in (("weight", "ewma"), ("reference", "cusum")):
+        if body.chart.kind != kind and getattr(body.chart, name) != ChartIn.model_fields[name].default:
+            raise Invalid(f"/chart/{name}", f"is of the chart {kind}, and the chart is {body.chart.kind}: leave it out")
     check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
     recipe.inputs.to_core()
     specimen = body_for(session, described, body.boundary or usual_boundary(described), recipe)

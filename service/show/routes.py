@@ -48,7 +48,7 @@ router = api_router(tags=[])  # each figure stands beside what it shows
 
 _CAMPAIGN_FIGURES = {
     "frf": ("point", "direction", "reference", "fmin", "fmax"),
-    "hits": ("point", "direction", "response"),
+    "hits": ("point", "direction", "response", "fmin", "fmax", "tmin", "tmax"),
 }
 _MODE_SET_FIGURES = {"mac": ("mode_set",), "shapes": ()}
 """Figures by name, with the parameters of the query that each uses."""

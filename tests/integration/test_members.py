@@ -14,7 +14,8 @@ from service.app.supervisor import LocalService
 from service.db.engine import make_engine, make_sessions
 from tests.support.member_lab import furnished
 from tests.support.member_rows import MEMBERS
-from tests.support.members import JSON, Lab, Node, faults, walk
+from tests.support.member_rows_within import WITHOUT_ROW
+from tests.support.members import JSON, Lab, Node, faults, walk, within
 from tests.support.rest import client_of
 
 
@@ -45,4 +46,14 @@ def test_every_operation_with_members_has_its_rows(document: Node) -> None:
 @pytest.mark.parametrize("name", MEMBERS)
 def test_each_member_has_its_effect_or_is_refused_by_name(document: Node, lab: Lab, name: str) -> None:
     operation, kind, members = next(one for one in walk(document) if named(*one[:2]) == name)
-    assert faults(lab, operation, kind, members, MEMBERS[name]) == []
+    assert faults(lab, operation, kind, members, MEMBERS[name], within(document).get((operation, kind))) == []
+
+
+def test_the_members_within_members_that_have_no_row_become_fewer(document: Node) -> None:
+    """Each is listed once, by its schema, wherever it can be sent; a row in one operation is enough."""
+    inner = {named(*key): found for key, found in within(document).items()}
+    there = {one for found in inner.values() for names in found.values() for one in names}
+    with_row = {
+        one for name, found in inner.items() for path in found if path in MEMBERS[name].members for one in found[path]
+    }
+    assert there - with_row == WITHOUT_ROW

@@ -31,6 +31,7 @@ RECIPE: dict[str, Any] = {
     "damping_models": ["rayleigh"],
     "parameters": [{"name": "Ex"}, {"name": "Gxy", "tied_to": "Ex"}, {"name": "Gxz", "tied_to": "Ex"}],
 }
+OF_GIVEN_MODES = {name: value for name, value in RECIPE.items() if name != "identification"}
 JOINT_RECIPE = {name: value for name, value in RECIPE.items() if name != "damping_models"}
 MODES = [{"frequency_hz": hz, "damping_ratio": ratio} for hz, ratio in ((26.0, 0.02), (160.0, 0.015), (440.0, 0.02))]
 RAISED = [{**mode, "frequency_hz": 1.01 * mode["frequency_hz"]} for mode in MODES]
@@ -79,6 +80,8 @@ FRFS_CSV = _table({"frequency_hz": HERTZ, **DOFS, "real": VALUES.real, "imag": V
 FRFS_NPZ = _npz(frequency_hz=HERTZ, values=VALUES[np.newaxis], **DOFS)
 FRFS_MAT = _mat(f=HERTZ, H=VALUES)
 MORE_NPZ = _npz(f=2 * SAMPLES, a=SAMPLES[::-1])
+LONG = np.random.default_rng(0).standard_normal(8192) * np.exp(-np.arange(8192) / 2000)
+LONG_NPZ = _npz(f=np.where(np.arange(8192) < 5, 1.0, 0.0), a=LONG)  # more samples than a figure shows at once
 HITS_NPZ, HITS_CSV = _npz(f=SAMPLES, a=SAMPLES[::-1]), _table({"f": SAMPLES, "a": SAMPLES[::-1]})
 OF_NPZ = {
     "frequency_hz": {"variable": "frequency_hz"},
@@ -133,6 +136,9 @@ class Furnishing:
             self.api.post(f"campaigns/{self.lab.ids[name]}/complete").raise_for_status()
         for name in ("hits_id", "deleted_campaign_id", "small_id"):
             self.make(name, "structures/{structure_id}/campaigns", {"name": name, "boundary": "free"})
+        self.make("long_id", "structures/{structure_id}/campaigns", {"name": "long", "boundary": "free"})
+        self.make("long_record_id", "campaigns/{long_id}/records", content=LONG_NPZ, headers=RAW, params={
+            "filename": "long.npz", "mapping": json.dumps(MAPPING)})  # fmt: skip
         self.make("frf_id", "campaigns/{small_id}/frfs", frfs())
         self.make("second_frf_id", "campaigns/{small_id}/frfs", frfs(2))
 
@@ -148,8 +154,8 @@ class Furnishing:
                 "campaigns/{campaign_id}/mode-sets",
                 {"name": name, "modes": MODES if name == "mode_set_id" else RAISED},
             )
-        for name in ("first_decision", "second_decision"):
-            self.made("campaigns/{hits_id}/hit-decisions", {"point": 1, "hit": 1, "good": True, "why": name})
+        for hit in (1, 2):
+            self.made("campaigns/{hits_id}/hit-decisions", {"point": 1, "hit": hit, "good": True, "why": "short"})
         for name, frf in (("second_import_id", "second_frf_id"), ("import_id", "frf_id")):
             sent = self.api.get(f"frfs/{self.lab.ids[frf]}/data", params={"format": "uff-ascii"}).content
             self.make(
@@ -192,7 +198,9 @@ class Furnishing:
             self.make("later_id", "structures/{structure_id}/campaigns", body)
             modes = [{**mode, "frequency_hz": (1 - month / 1000) * mode["frequency_hz"]} for mode in MODES]
             self.make("later_set_id", "campaigns/{later_id}/mode-sets", {"name": "typed", "modes": modes})
-            self.make("later_job_id", "campaigns/{later_id}/update-jobs", {**RECIPE, "mode_set": "{later_set_id}"})
+            self.make(
+                "later_job_id", "campaigns/{later_id}/update-jobs", {**OF_GIVEN_MODES, "mode_set": "{later_set_id}"}
+            )
         joint = {
             "recipe": JOINT_RECIPE,
             "joint": True,
@@ -225,7 +233,10 @@ class Furnishing:
             "state": "failed",
         }
         with self.sessions.begin() as session:  # that a monitor sends takes many campaigns
-            session.execute(insert(Base.metadata.tables["deliveries"]), [{**row, "message_id": n} for n in ("1", "2")])
+            table = Base.metadata.tables["deliveries"]
+            for number, name in enumerate(("second_delivery_id", "delivery_id")):
+                sent = insert(table).values({**row, "message_id": str(number)}).returning(table.c.id)
+                self.lab.ids[name] = str(session.execute(sent).scalar_one())
         self.lab.alarm = self.alarm
         self.lab.ids |= {"alarm_id": self.alarm(), "second_alarm_id": self.alarm("cleared")}
 

@@ -16,12 +16,13 @@ from tests.support.member_lab import (
     MODES,
     MORE_NPZ,
     OF_CSV,
+    OF_GIVEN_MODES,
     OF_MAT,
     OF_NPZ,
     RECIPE,
     STIFFER,
 )
-from tests.support.member_rows_of_things import CAMPAIGN, FRF_FILTER, NEW, SPECIMEN
+from tests.support.member_rows_of_things import CAMPAIGN, FRF_FILTER, NEW, SPECIMEN, SUPERSEDED, unless_named
 from tests.support.members import Body, Refused, To
 
 _MAPPING, _ONE_FILE = json.dumps(MAPPING), {"file": ["f.csv", FRFS_CSV]}
@@ -45,10 +46,14 @@ def _imports(hits: Any) -> dict[str, Any]:
 
 UPDATED = {"then": "update-jobs/{id}/result"}
 _TYPED = {"mode_set": "{mode_set_id}"}
+_IDENTIFIED = {"mode_set": None, "identification": RECIPE["identification"]}
 RECIPE_ROWS: dict[str, Any] = {
-    "method": To("joint", "estimate", {"mode_set": None}),
+    "method": To("joint", "estimate", _IDENTIFIED),
     "mode_set": To("{second_mode_set_id}", "measured_hz"),
-    "identification": To({"band_hz": [5, 300], "highest_order": 10}, "measured_hz", {"mode_set": None}),
+    "identification": (
+        To({"band_hz": [5, 300], "highest_order": 10}, "measured_hz", _IDENTIFIED),
+        Refused({"highest_order": 10}),
+    ),
     "springs": To([{"name": "k", "stiffness": 1e5, "direction": 3, "point_m": [0.4, 0.0]}], "estimate"),
     "zones_m": To([0.25], "initial_hz"),
     "junctions": Refused("off"),
@@ -152,11 +157,12 @@ FILES: dict[str, Body] = {
         fresh=CAMPAIGN,
     ),
     "GET /campaigns/{campaign_id}/frfs": Body(
-        {**FRF_FILTER, "fmin": 100, "fmax": 0.5}, ids={"campaign_id": "small_id"}
+        {**FRF_FILTER, "fmin": 100, "fmax": 0.5, **SUPERSEDED}, ids={"campaign_id": "small_id"}
     ),
     "PUT /campaigns/{campaign_id}/frfs/labels": Body(
         {
             **{name: To(value, "count") for name, value in {**FRF_FILTER, "fmin": 100, "fmax": 0.5}.items()},
+            "superseded": To(True, "count", ids={"campaign_id": "hits_id"}),
             "tags": ["t {n}"],
             "meta": {"a": 1},
         },
@@ -172,6 +178,7 @@ FILES: dict[str, Body] = {
             "quantity": To("mobility", status=404),
             "import_id": To("{import_id}", status=404),
             **DATA,
+            **SUPERSEDED,
         }
     ),
     "GET /frfs/{frf_id}/data": Body(DATA, ids={"frf_id": "measured_frf_id"}),
@@ -196,8 +203,11 @@ FILES: dict[str, Body] = {
         then="campaigns/{hits_id}/frfs",
     ),
     "GET /campaigns/{campaign_id}/processings": Body(ids={"campaign_id": "hits_id"}),
-    "POST /campaigns/{campaign_id}/mode-sets": Body({"name": NEW, "modes": MODES[:1]}, {"name": "m", "modes": MODES}),
-    "GET /campaigns/{campaign_id}/mode-sets": Body(),
+    "POST /campaigns/{campaign_id}/mode-sets": Body(
+        {"name": NEW, "modes": MODES[:1], "unless_named": unless_named("mode_set_id")},
+        {"name": "m {n}", "modes": MODES},
+    ),
+    "GET /campaigns/{campaign_id}/mode-sets": Body({"superseded": True}),
     "POST /mode-sets/{mode_set_id}/edits": Body(
         {"name": NEW, "decisions": To([{"frequency_hz": 160.0, "keep": False, "reason": "r"}], "modes")},
         {"name": "e", "decisions": [{"frequency_hz": 26.0, "keep": False, "reason": "r"}]},
@@ -223,6 +233,7 @@ FILES: dict[str, Body] = {
             "sets": (Refused(["web"]), To(["web"], ids={"structure_id": "angle_id"})),
             "published": {"Ex": {"mean": 30e9}},
             "conditions": {"speed": "2 mm/min"},
+            "unless_named": unless_named("batch_id"),
             "confirm": To(True, without=422, beside={"published": {"Ex": {"mean": 33.0}}}),
         },
         {"name": "b {n}", "constants": ["Ex"]},
@@ -269,8 +280,8 @@ FILES: dict[str, Body] = {
     "POST /structures/{structure_id}/forecasts": Body(
         {
             "boundary": To("free", "model_modes"),
-            "modes": To(4, "model_modes"),
-            "highest_hz": To(100, "model_modes"),
+            "modes": (To(4, "model_modes"), Refused(4, {"highest_hz": 100})),
+            "highest_hz": To(100, "model_modes", {"modes": None}),
             "points": To([{"label": n, "x_m": 0.05 * n, "y_m": 0.01, "z_m": 0} for n in range(1, 9)], "points"),
             "points_to_measure": To(3, "points"),
             "references": To(2, "points"),
@@ -281,5 +292,5 @@ FILES: dict[str, Body] = {
         then="forecasts/{id}/frfs/data",
     ),
     "GET /structures/{structure_id}/forecasts": Body(),
-    "POST /campaigns/{campaign_id}/update-jobs": Body(RECIPE_ROWS, {**RECIPE, **_TYPED}, **UPDATED),
+    "POST /campaigns/{campaign_id}/update-jobs": Body(RECIPE_ROWS, {**OF_GIVEN_MODES, **_TYPED}, **UPDATED),
 }

@@ -9,7 +9,7 @@ from tests.support.member_lab import (
     RECIPE,
 )
 from tests.support.member_rows_of_files import DATA
-from tests.support.member_rows_of_things import LABELS, MONITOR, NEW
+from tests.support.member_rows_of_things import LABELS, MONITOR, NEW, cancelled, unless_named
 from tests.support.members import Body, Refused, To
 
 
@@ -28,6 +28,7 @@ def _search(noun: str) -> dict[str, Any]:
 
 _LATER = {"campaign_id": "{later_id}", "recipe": {"mode_set": "{later_set_id}"}}
 _TWO_SPECIMENS = [{"campaign_id": f"{{{name}}}", "specimen": name} for name in ("campaign_id", "second_campaign_id")]
+_LONG_HITS = {"campaign_id": "long_id", "name": "hits"}
 _OF_RESULT = {
     "campaign": "{second_campaign_id}",
     "structure": "{second_structure_id}",
@@ -68,6 +69,11 @@ RESULTS: dict[str, Body] = {
     "GET /update-jobs/{job_id}/events": Body({"last-event-id": To("{update_event}", status=204)}),
     "GET /joint-updates/{joint_id}/events": Body({"last-event-id": To("{joint_event}", status=204)}),
     "GET /update-jobs/{job_id}/result": Body({"include": "convergence"}),
+    "POST /update-jobs/{job_id}/cancel": Body(),
+    "POST /update-jobs/{job_id}/retry": Body(fresh=cancelled),
+    "POST /joint-updates/{joint_id}/cancel": Body(),
+    "POST /forecasts/{forecast_id}/cancel": Body(),
+    "POST /identifications/{identification_id}/cancel": Body(),
     "PUT /update-jobs/{job_id}/labels": Body(LABELS, {}),
     "GET /projects/{project_id}/joint-updates": Body(),
     "POST /structures/{structure_id}/plans": Body(
@@ -134,8 +140,10 @@ RESULTS: dict[str, Body] = {
             "direction": To(2, status=404),
             "response": (Refused(1), To(9, status=404, ids={"campaign_id": "hits_id", "name": "hits"})),
             "reference": (2, Refused(2, ids={"campaign_id": "hits_id", "name": "hits"})),
-            "fmin": (100, Refused(2, ids={"campaign_id": "hits_id", "name": "hits"})),
-            "fmax": (100, Refused(2, ids={"campaign_id": "hits_id", "name": "hits"})),
+            "fmin": (100, To(300, ids=_LONG_HITS)),
+            "fmax": (100, To(100, ids=_LONG_HITS)),
+            "tmin": (To(5, ids=_LONG_HITS), Refused(5)),
+            "tmax": (To(1, ids=_LONG_HITS), Refused(1)),
         },
         ids={"name": "frf"},
     ),
@@ -165,6 +173,7 @@ RESULTS: dict[str, Body] = {
             "schedule": To("0 3 * * 1", without=422, beside={"runs_on": "schedule"}),
             "mail_to": Refused(["a@example.org"]),
             "active": False,
+            "unless_named": unless_named("monitor_id", structure_id="structure_id"),
             "confirm": To(True, without=422, beside={"recipe": {"inputs": {"thickness_sd_m": 0.5}}}),
         },
         {"name": "m {n}"},
@@ -180,7 +189,12 @@ RESULTS: dict[str, Body] = {
     "DELETE /monitors/{monitor_id}": Body(),
     "POST /monitors/{monitor_id}/runs": Body(
         {
-            "campaign": To("{second_campaign_id}", "campaign_id", {"*": {"campaign": "{campaign_id}"}}),
+            "campaign": To(
+                "{second_campaign_id}",
+                "campaign_id",
+                {"*": {"campaign": "{campaign_id}"}},
+                ids={"monitor_id": "second_monitor_id"},
+            ),
             "rerun": To(True, "series"),
             "reason": To("why", "", {"rerun": True}),
         },
@@ -193,6 +207,8 @@ RESULTS: dict[str, Body] = {
         {"note": "n {n}"}, {"note": "first"}, fresh=lambda lab: {"alarm_id": lab.alarm()}
     ),
     "GET /monitors/{monitor_id}/deliveries": Body(),
+    "POST /deliveries/{delivery_id}/replay": Body(),
+    "POST /webhooks/{webhook_id}/test": Body(),
     "POST /webhooks": Body(
         {"project": To("{second_project_id}", "project_id"), "url": f"{HOOK}?other", "events": ["alarm.raised"]},
         {"project": "{project_id}", "url": HOOK},

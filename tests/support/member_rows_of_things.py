@@ -5,11 +5,12 @@ from typing import Any
 from service.app.demo import paper
 from tests.support.member_lab import (
     MESH,
+    RECIPE,
 )
 from tests.support.members import Body, Lab, Refused, To
 from tests.support.places import ROOT
 from tests.support.profiles import ANGLE
-from tests.support.rest import posted
+from tests.support.rest import finished, posted
 
 # What a request changes, made anew each time.
 
@@ -27,14 +28,32 @@ STRUCTURE = _made("structure_id", "projects/{project_id}/structures", {**paper.S
 CAMPAIGN = _made("campaign_id", "structures/{structure_id}/campaigns", {**paper.CAMPAIGN, "name": "c {n}"})
 INSTRUMENT = _made("instrument_id", "projects/{project_id}/instruments", {"kind": "sensor", "serial": "fresh {n}"})
 MONITOR = _made("monitor_id", "structures/{structure_id}/monitors", {"name": "m {n}", "runs_on": "hand"})
+
 SPECIMEN = _made("coupon_id", "coupon-batches/{second_batch_id}/coupons", {"specimen": "s {n}", "E_Pa": 3e10})
+
+
+def cancelled(lab: Lab) -> dict[str, str]:
+    """An update that was cancelled."""
+    made = posted(lab.api, lab.filled("campaigns/{campaign_id}/update-jobs", {}), RECIPE)
+    posted(lab.api, f"update-jobs/{made['id']}/cancel")
+    assert finished(lab.api, f"update-jobs/{made['id']}")["status"] == "cancelled"
+    return {"job_id": made["id"]}
+
 
 _SECTIONS = '{"1": {"thickness_m": 0.01, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}}'
 _WALL = '{"thickness_m": 0.002, "isotropic": {"E_Pa": 7e10, "nu": 0.3, "density_kg_m3": 2700}}'
 _OF_SETS = f'{{"flange": {_WALL}, "the_web": {_WALL}}}'
 LABELS = {"tags": ["a tag"], "meta": {"client": "ACME"}}
 NEW = "another {n}"
+
+
+def unless_named(name: str, **ids: str) -> To:
+    """The row of `unless_named`: the thing of that name which is there is the answer."""
+    return To(True, beside={"name": name}, status=200, ids=ids)
+
+
 FRF_FILTER = {"point": 1, "direction": 2, "reference": 2, "quantity": "mobility", "import_id": "{import_id}"}
+SUPERSEDED: Any = {"superseded": To(True, ids={"campaign_id": "hits_id"})}
 STRUCTURE_ROWS: dict[str, Any] = {
     "name": NEW,
     "geometry": {"length_m": 0.6, "width_m": 0.04, "thickness_m": 0.011},
@@ -70,7 +89,9 @@ INSTRUMENT_ROWS: dict[str, Any] = {
     "calibrations": [{"performed_on": "2026-01-15"}],
 }
 THINGS: dict[str, Body] = {
-    "POST /projects": Body({"name": NEW, "description": "x", **LABELS}, {"name": "p {n}"}),
+    "POST /projects": Body(
+        {"name": NEW, "description": "x", **LABELS, "unless_named": unless_named("project_id")}, {"name": "p {n}"}
+    ),
     "GET /projects": Body(),
     "PATCH /projects/{project_id}": Body(
         {
@@ -91,10 +112,15 @@ THINGS: dict[str, Body] = {
     "GET /projects/{project_id}/members": Body(),
     "PUT /projects/{project_id}/members/{member}": Body({"role": "viewer"}, {}),
     "GET /users": Body({"name": "{member}"}),
+    "POST /session": Body(),
     "GET /users/{user_id}/api-keys": Body(),
     "PATCH /users/{user_id}/api-keys/{key_id}": Body({"expires_at": "2999-01-01T00:00:00Z"}, {}),
     "POST /projects/{project_id}/structures": Body(
-        {**STRUCTURE_ROWS, "model": Refused("{model_id}", drop=("geometry", "material"))},
+        {
+            **STRUCTURE_ROWS,
+            "model": Refused("{model_id}", drop=("geometry", "material")),
+            "unless_named": unless_named("structure_id"),
+        },
         {**paper.STRUCTURE, "name": "s {n}"},
     ),
     "GET /projects/{project_id}/structures": Body(),
@@ -138,7 +164,9 @@ THINGS: dict[str, Body] = {
     ),
     "GET /structures/{structure_id}/models": Body(ids={"structure_id": "bare_id"}),
     "GET /structures/{structure_id}/model/mesh": Body({"boundary": "cantilever"}),
-    "POST /structures/{structure_id}/campaigns": Body(CAMPAIGN_ROWS, {"name": "c {n}", "boundary": "cantilever"}),
+    "POST /structures/{structure_id}/campaigns": Body(
+        {**CAMPAIGN_ROWS, "unless_named": unless_named("campaign_id")}, {"name": "c {n}", "boundary": "cantilever"}
+    ),
     "GET /structures/{structure_id}/campaigns": Body(),
     "PATCH /campaigns/{campaign_id}": Body(CAMPAIGN_ROWS, {}, fresh=CAMPAIGN),
     "DELETE /campaigns/{campaign_id}": Body(),

@@ -9,6 +9,7 @@ that mean the same everywhere, such as `limit` or `If-Match`, have their effect 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count
@@ -105,6 +106,53 @@ def walk(document: Node) -> Iterator[tuple[str, str, dict[str, Node]]]:
                     yield f"{method.upper()} {path.removeprefix(PREFIX)}", kind, members
 
 
+Inner = dict[str, set[str]]
+
+
+def within(document: Node) -> dict[tuple[str, str], Inner]:
+    """Of each operation and type of body the members of what is within the body, by path: `Schema.member`.
+
+    A list is its first item in a path, a member of any name is `*`, as in `walls.*.thickness_m`.
+    """
+    found: dict[tuple[str, str], Inner] = {}
+    for path, methods in document["paths"].items():
+        for method, operation in methods.items():
+            for kind, body in operation.get("requestBody", {}).get("content", {}).items():
+                inner = found.setdefault((f"{method.upper()} {path.removeprefix(PREFIX)}", kind), {})
+                for name, place in _inner(document, body.get("schema", {}), "", "", ()):
+                    inner.setdefault(place, set()).add(name)
+    return found
+
+
+def _inner(document: Node, schema: Node, name: str, place: str, above: tuple[str, ...]) -> Iterator[tuple[str, str]]:
+    """`Schema.member` and path of all members below a place; what holds itself is entered once."""
+    if "$ref" in schema:
+        name = schema["$ref"].rsplit("/", 1)[1]
+    if name in above:
+        return
+    schema = resolved(document, schema)
+    for one in (*schema.get("anyOf", ()), *schema.get("oneOf", ()), *schema.get("allOf", ())):
+        yield from _inner(document, one, name, place, above)
+    if isinstance(items := schema.get("items"), dict):
+        yield from _inner(document, items, name, place, above)
+    if isinstance(any_name := schema.get("additionalProperties"), dict):
+        yield from _inner(document, any_name, name, f"{place}.*", above)
+    for member, one in schema.get("properties", {}).items():
+        at = f"{place}.{member}".removeprefix(".")
+        if name:
+            yield f"{name}.{member}", at
+        yield from _inner(document, one, "", at, (*above, *filter(None, (name,))))
+
+
+def placed(body: Any, path: list[str], value: Any) -> Any:
+    """A body with another value at a path, whose lists have an item there."""
+    name, *rest = path
+    if isinstance(body, list):
+        return [placed(body[0], path, value), *body[1:]]
+    name = next(iter(body)) if name == "*" else name
+    return {**body, name: placed(body.get(name, {}), rest, value) if rest else value}
+
+
 class Trial:
     """Sends the request of a `Body` with and without a member."""
 
@@ -137,6 +185,7 @@ class Trial:
         if self.method in ("PATCH", "PUT", "DELETE") and "If-Match" not in how["headers"]:
             how["headers"]["If-Match"] = "*"
         client = self.lab.chief if path.startswith("users") else self.lab.api
+        client.cookies.clear()  # of a session that was begun
         return client.request(self.method, path, **how)
 
     def ask(self, place: str, name: str, row: To | Refused, *, with_it: bool) -> tuple[int, Any]:
@@ -151,7 +200,10 @@ class Trial:
         if with_it:
             for one in row.drop:
                 body.pop(one)
-            {"query": query, "header": headers, "body": body}[place][name.removeprefix("body.")] = row.value
+            if place == "within":
+                body = placed(body, name.split("."), row.value)
+            else:
+                {"query": query, "header": headers, "body": body}[place][name.removeprefix("body.")] = row.value
         ids = self.ids(row.ids)
         if self.method == "PATCH" and not body:
             return 200, content_of(self.lab.api.get(self.lab.filled(self.path, ids).lstrip("/")))
@@ -180,7 +232,7 @@ class Trial:
             before, plain = self.plain(place, name, row)  # first, since what is asked may change what is there
         status, content = self.ask(place, name, row, with_it=True)
         if isinstance(row, Refused):
-            name = name.removeprefix("body.")
+            name = name.rsplit(".", 1)[-1]
             named = status == 422 and any(name in one["pointer"] for one in content.get("errors", []))
             failed = isinstance(content, dict) and content.get("status") == "failed" and name in str(content["error"])
             return None if named or failed else f"{status} {str(content)[:400]}, expected a refusal by name"
@@ -189,7 +241,7 @@ class Trial:
                 return f"with it {status}, without {before}: {str(what)[:400]}"
         if row.status or row.without:
             return None
-        at = (name.removeprefix("body.") if self.method != "GET" else "") if row.at is None else row.at
+        at = (name.rsplit(".", 1)[-1] if self.method != "GET" else "") if row.at is None else row.at
         values, others = (shown(one, at) for one in (content, plain))
         if not values:
             return f"no {at} in {str(content)[:400]}"
@@ -258,8 +310,17 @@ def _idempotency_key(trial: Trial) -> str | None:
     answers = [trial.send({}, body, one, ids) for one in (key, key, {})]
     if any(one.is_error for one in answers[:2]):
         return f"{[one.status_code for one in answers]} {answers[0].text[:200]} {answers[1].text[:200]}"
-    made = [one.status_code if one.is_error or not one.content else shown(one.json(), "id") for one in answers]
-    return None if made[0] == made[1] != made[2] else f"made {made}"
+    made = [one.status_code if one.is_error else shown(one.json(), "id") or one.content for one in answers]
+    if made[0] == made[1] != made[2]:
+        return None
+    # What the same bytes or the same act give anyway: there the key shows in that another request with it is refused.
+    other = trial.ids() if trial.asked.fresh else {}
+    other = {
+        name: other.get(name) or trial.lab.ids.get(f"second_{name}", "") for name in re.findall(r"{(\w+)}", trial.path)
+    }
+    status, content = (answer := trial.send({}, body, key, other)).status_code, answer.text
+    good = made[0] == made[1] and status == 422 and "Idempotency-Key" in content
+    return None if good else f"made {made}; another request with the key is {status} {content[:200]}"
 
 
 ALIKE: dict[str, Callable[[Trial], str | None]] = {
@@ -283,8 +344,12 @@ def _formats(trial: Trial, stated: Node) -> str | None:
     return None if len({one.content for one in answers.values()}) == len(names) else "two formats give the same"
 
 
-def faults(lab: Lab, operation: str, kind: str, members: Mapping[str, Node], asked: Body) -> list[str]:
-    """What is wrong with the members of an operation with a type of body."""
+def faults(
+    lab: Lab, operation: str, kind: str, members: Mapping[str, Node], asked: Body, inner: Inner | None = None
+) -> list[str]:
+    """What is wrong with the members of an operation with a type of body, and with those within that have a row."""
+    of_inner = {name: {"in": "within"} for name in inner or () if name in asked.members and name not in members}
+    members = {**members, **of_inner}
     found, trial = [], Trial(lab, operation, kind, asked)
     for name, stated in members.items():
         row = asked.members.get(name)

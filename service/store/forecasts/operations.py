@@ -16,6 +16,7 @@ from fecore.updating.forecasts import MOST_MODES, ForecastOrder
 from service.access import Lookup, User
 from service.compute.forecasting import ForecastInputs, ForecastOutput, compute_forecast
 from service.db.base import Base
+from service.errors import Invalid
 from service.jobs.kinds import CORE_LIBRARIES
 from service.jobs.resource import JobNoun
 from service.store.campaigns.schemas import Boundary, GridPoint, labels_once
@@ -53,7 +54,9 @@ class ForecastIn(StrictModel):
         le=MOST_MODES,
         description="how many of the lowest, where no band is stated; default: 10, or all where there are fewer",
     )
-    highest_hz: Hertz | None = Field(None, description="of the band; all modes in it are solved for")
+    highest_hz: Hertz | None = Field(
+        None, description="of the band; all modes in it are solved for, so `modes` is left out"
+    )
     points: Annotated[list[ForecastPointIn], AfterValidator(labels_once)] | None = Field(
         None,
         min_length=1,
@@ -129,9 +132,12 @@ def start_forecast(session: Session, user: User, structure_id: UUID, asked: Fore
     """Queue a forecast of a structure as it is now, in the caller's transaction.
 
     Raises:
+        Invalid: both a number of modes and a band are stated.
         InputError: the structure lacks what a model needs, or the boundary is none of it.
         QuotaExceeded: the project has no room for a result.
     """
+    if asked.modes is not None and asked.highest_hz is not None:
+        raise Invalid("/modes", "is stated beside `highest_hz`, whose band has all its modes solved for: leave one out")
     structure = structure_for(session, user, structure_id, "editor")
     version, described = present_structure(session, structure.id)
     _body(session, described, asked)

@@ -18,7 +18,7 @@ from service.store.storage import require_room
 from service.store.structures.operations import present_structure
 from service.store.updating.bodies import coupon_constants
 from service.store.updating.loading import joint_body, parameters_of
-from service.store.updating.operations import JOINT_UPDATES, check_mode_set, start_update
+from service.store.updating.operations import JOINT_UPDATES, check_mode_set, require_used, start_update
 from service.store.updating.schemas import USUAL, UpdateBatchIn
 from service.store.updating.tables import JointUpdate, UpdateJob
 
@@ -35,6 +35,8 @@ def start_batch(session: Session, user: User, batch: UpdateBatchIn, priority: in
     faults: list[Fault] = []
     for index, job in enumerate(batch.jobs):
         try:
+            if job.recipe is not None:
+                require_used(session, user, job.campaign_id, job.recipe)
             rows.append(start_update(session, user, job.campaign_id, job.recipe or common, priority))
         except (ServiceError, FecoreError) as error:
             faults += _placed(error, index)
@@ -142,6 +144,11 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
             at = f"/jobs/{number}/recipe/mode_set"
             with pointing(faults, at):
                 check_mode_set(session, user, job.recipe.mode_set, job.campaign_id, at)
+        if job.recipe is not None:
+            try:
+                require_used(session, user, job.campaign_id, job.recipe)
+            except Invalid as error:
+                faults += _placed(error, number)
     if request.recipe is not None and request.recipe.mode_set is not None:
         faults.append(Fault("/recipe/mode_set", "belongs to one campaign: state it in that job's recipe"))
     return faults

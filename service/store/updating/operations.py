@@ -142,11 +142,14 @@ def require_used(session: Session, user: User, campaign_id: UUID, recipe: Recipe
     to come, so this is asked of requests alone.
 
     Raises:
-        Invalid: how time blocks become FRFs is stated, and the campaign has FRFs.
+        Invalid: how time blocks become FRFs is stated, and the campaign has FRFs; or how modes are identified, beside the
+            modes.
     """
     campaign = campaign_for(session, user, campaign_id, "editor")
     if recipe.processing != USUAL.processing and frf_extents(session, campaign.id):
         raise Invalid("/processing", "is of campaigns with time blocks and no FRFs; this one has FRFs: leave it out")
+    if recipe.mode_set is not None and recipe.identification != USUAL.identification:
+        raise Invalid("/identification", "is of updates that find their modes; `mode_set` gives them: leave one out")
 
 
 def check_mode_set(session: Session, user: User, key: UUID, campaign_id: UUID, pointer: str) -> None:
