@@ -206,7 +206,7 @@ def _single_hits(inputs: ReadingInputs) -> Iterator[Found | TimeBlock]:
     named = [each.get("variable") for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
     names = [name for name in file.names if name in named]
     variables = _faults_as(_dotted, lambda: file.arrays(names, limit_of(inputs.path)))
-    axis = stated.get("sample_rate_hz") if isinstance(stated, dict) else None
+    axis: Any = stated.get("sample_rate_hz") if isinstance(stated, dict) else None
     if is_named(axis) and axis["variable"] in file.names:
         variables |= _faults_as(_dotted, lambda: file.arrays([axis["variable"]], limit_of(inputs.path)))
     if SAMPLE_RATE in variables and isinstance(stated, dict):

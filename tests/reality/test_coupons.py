@@ -155,3 +155,14 @@ def test_a_small_offset_is_noted(tmp_path: Path) -> None:
     found = reduced(path, {"strain": "Weg", "force": "Kraft"}, BAR)
     assert "was not tared" in found.reading["notes"][0]
     assert not reduced(path, {"strain": "Weg", "force": "Kraft"}, BAR, zero={"strain": "first"}).reading["notes"]
+
+
+def test_a_force_that_was_not_tared_is_noted(tmp_path: Path) -> None:
+    path = tmp_path / "bar.csv"
+    body = "\n".join(f"{w};{float(f) + 500:.4f}" for _, w, f in rows())
+    path.write_text(f"Weg (mm);Kraft (N)\n{body}\n")
+    columns = {"strain": "Weg", "force": "Kraft"}
+    assert "force begins at 500 N with hardly any strain, and counts" in reduced(path, columns, BAR).reading["notes"][0]
+    tared = reduced(path, columns, BAR, zero={"force": "first"})
+    assert tared.coupon.strength_Pa == pytest.approx(700e6)
+    assert not tared.reading["notes"]

@@ -88,7 +88,7 @@ def _zero(values: FloatArray, name: Series, unit: str, request: CurveCouponIn) -
 
 
 def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:
-    """What helps where a strain begins far from 0 while the force begins near it; else nothing."""
+    """What helps where a strain begins far from 0 while the force begins near it, or the other way; else nothing."""
     force = np.abs(series["force"])
     begins_unloaded = force.size and force[0] <= _UNLOADED * np.nanmax(force)
     for name in GAUGE:
@@ -99,6 +99,12 @@ def _untared(series: dict[str, FloatArray], file: MachineFile) -> str:
                 "tared, zero it at its first reading, or at the reading that it has without load. A script states that "
                 f'(`"zero": {{"{name}": "first"}}`)'
             )
+    begins_loaded = force.size and force[0] > _UNLOADED * np.nanmax(force)
+    if begins_loaded and all(abs(series[name][0]) <= _TARED for name in GAUGE if name in series):
+        return (
+            f"force begins at {series['force'][0]:.4g} N with hardly any strain, and counts in the strength: where it was not "
+            'tared, state "zero": {"force": "first"}'
+        )
     return ""
 
 
