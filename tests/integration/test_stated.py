@@ -11,7 +11,7 @@ import pytest
 from examples.monitoring import State, measured_frfs, send_measurement, structure_body
 from modalbase.formats.registry import FORMATS, JSON
 from tests.support.furnished import frfs, record
-from tests.support.member_lab import FRFS_CSV, FRFS_NPZ, HITS_CSV, MAPPING, RECIPE
+from tests.support.member_lab import FRFS_CSV, FRFS_MAT, FRFS_NPZ, HITS_CSV, MAPPING, OF_CSV, OF_MAT, RECIPE
 from tests.support.rest import RAW, finished, ok, pointers, posted
 
 NPZ = {"Content-Type": "application/x-npz"}
@@ -189,3 +189,15 @@ def test_every_format_says_what_it_takes() -> None:
     assert [name for name, form in FORMATS.items() if form.name != name] == []
     assert all(form.kinds for form in (*FORMATS.values(), JSON))
     assert np.all(["quantity" not in form.takes.get("hits", ()) for form in FORMATS.values()])
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "mapping"),
+    [(FRFS_MAT, "application/x-matlab-data", OF_MAT), (FRFS_CSV, "text/csv", OF_CSV)],
+)
+def test_a_unit_in_the_mapping_says_the_quantity(
+    api: httpx.Client, campaign: str, content: bytes, kind: str, mapping: dict[str, Any]
+) -> None:
+    query = {"mapping": json.dumps({**mapping, "unit": "m/N"})}
+    sent = api.post(f"campaigns/{campaign}/frfs", content=content, params=query, headers={"Content-Type": kind})
+    assert [frf["quantity"] for frf in ok(sent, 201)["items"]] == ["receptance"]
