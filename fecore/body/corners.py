@@ -63,17 +63,22 @@ class Corner:
         """The deepest overlap of a stack with its neighbours, m."""
         return float(max(T / 2 * factor for T, factor in self._sides(stack)))
 
-    def cut(self, widths: Sequence[float]) -> Corner:
-        """With factors that take no overlap beyond a third of any width."""
-        most = 2 * _MOST * np.array(widths) / np.maximum(np.roll(self.thickness, -1), np.roll(self.thickness, 1))
+    def cut(self, widths: Sequence[float], share: float = _MOST) -> Corner:
+        """With factors that take no overlap beyond a share, a third, of any width."""
+        most = 2 * share * np.array(widths) / np.maximum(np.roll(self.thickness, -1), np.roll(self.thickness, 1))
         parts = np.array([np.maximum(np.abs(self.factors), _LEAST), most, np.roll(most, -1)])
         least = parts.min(axis=0)
         size = least * np.sum((least / parts) ** _SHARPNESS, axis=0) ** (-1 / _SHARPNESS)
         return replace(self, factors=np.copysign(size, self.factors))
 
     def left(self, cut: Corner) -> float:
-        """The largest share of a factor that a cut took."""
-        return float(np.max(1 - np.abs(cut.factors) / np.maximum(np.abs(self.factors), _LEAST)))
+        """How many right angles' worth of a factor a cut took at most."""
+        return float(np.max(np.abs(self.factors) - np.abs(cut.factors)))
+
+    @property
+    def size(self) -> float:
+        """How many right angles' worth its largest factor is; where more than two meet 1 at least."""
+        return max(float(np.abs(self.factors).max()), 0.0 if self.is_simple else 1.0)
 
     @cached_property
     def straight(self) -> FloatArray:

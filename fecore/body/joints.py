@@ -46,6 +46,7 @@ class Piece:
     """A straight piece of a junction's line."""
 
     edges: Sequence[Edge]
+    whole: Corner  # as it is; no overlap is wider than a wall
     corner: Corner  # as far as it is modelled
     starts: Sequence["Start"]  # of its walls
 
@@ -135,7 +136,7 @@ class Joints:
     @cached_property
     def corners(self) -> list[tuple[Corner, Corner]]:
         """Of all straight pieces of lines their corners as they are, and as far as they are modelled."""
-        return [(piece.edges[0].corner, piece.corner) for piece in self._pieces]
+        return [(piece.whole, piece.corner) for piece in self._pieces]
 
     @cached_property
     def _starts(self) -> Starts:
@@ -283,7 +284,7 @@ def pieces_of(strips: Strips, groups: Sequence[Sequence[Edge]]) -> list[Piece]:
             own_part = slice(bounds[k], bounds[k + 1])
             near = found.nearest[own_part] < max(reach, whole / MOST) * (1 - _ROUNDING)
             starts.append(Start(wall, begin, whole, reach, truly[2:], found.elements[own_part][near]))
-        pieces.append(Piece(edges, corner, starts))
+        pieces.append(Piece(edges, edges[0].corner.cut(widths, 1.0), corner, starts))
     return pieces
 
 

@@ -88,7 +88,7 @@ class Structure:
 
         Fixed beforehand, by solids of another code: .3 %, and .45 % where walls enclose a cell or their thicknesses differ by
         more than half. Where walls meet at their middle surfaces instead it is 1.6 %. Of lines at which two walls turn by less
-        than a right angle it is as much less as what is modelled; of sharp edges nearer to 1.6 % by what is not.
+        than a right angle it is as much less as what is modelled, and of sharp edges as much more; with 1.6 % of what is not.
         """
         if not self.with_joints:
             lines = find_junctions(self.mesh, self._thickness) if len(self.dofs) == 6 else ()
@@ -100,7 +100,7 @@ class Structure:
         for whole, modelled in self.model.joints.corners:
             unlike = whole.thickness.max() > UNLIKE_WALLS * whole.thickness.min()
             own = HARD_JOINTS_ERROR if hard or unlike else JOINTS_ERROR
-            errors.append(whole.turn * (own + (NAIVE_ERROR - own) * whole.left(modelled)))
+            errors.append(own * modelled.size + NAIVE_ERROR * whole.left(modelled))
         return max(errors)
 
     @property
