@@ -137,7 +137,7 @@ TWICE = {f"{k}.inp": f"*INCLUDE, INPUT={k + 1}.inp\n".encode() * 2 for k in rang
 LIMITS: list[tuple[object, str, int, str, str]] = [
     (mesh, "MOST_NODES", 5, PLATE, r"^line 9: \*NODE is node 6; at most 5 are read"),
     (mesh, "MOST_ELEMENTS", 1, PLATE, r"^line 12: \*ELEMENT is element 2; at most 1 are read"),
-    (lines, "MOST_LINES", 20, PLATE, r"^the deck has more than 20 lines, which is the most"),
+    (lines, "MOST_LINES", 20, PLATE, r"^the deck has more than 20 lines with what it includes: at most 20 are read"),
     (lines, "MOST_LINES", 500, "*INCLUDE, INPUT=0.inp\n", r"the deck has more than 500 lines"),
     (mesh, "MOST_MEMBERS", 1000, PLATE.replace("*STEP", "*BOUNDARY\n" + "NALL, 1\n" * 200 + "*STEP", 1),
      r"\*BOUNDARY takes the members of all sets above 1000"),
