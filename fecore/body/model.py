@@ -163,6 +163,20 @@ def assemble(
     return K, M
 
 
+def idle(stiffness: AffineMatrix, mass: AffineMatrix) -> BoolArray:
+    """(dofs,) whether nothing resists a dof and nothing weighs in it, as a turn of a mass that hangs on springs alone: no
+    mode has it.
+    """
+    free = stiffness.pattern.free
+    acts = np.zeros_like(free)
+    for group in (*stiffness.groups, *mass.groups):
+        rows = np.abs(group.operators[:, :, group.terms.any(axis=(0, 1))]).max(axis=(1, 2), initial=0.0)
+        own = (rows > _ALONG * rows.max(initial=0.0))[group.which].reshape(*group.nodes.shape, -1)
+        for node, dof in np.ndindex(own.shape[1:]):
+            acts[group.nodes[own[:, node, dof], node], dof] = True
+    return np.asarray(~acts[free])
+
+
 def _matrix(parts: Sequence[Part], pattern: Pattern, slots: dict[int, IntArray], dofs: tuple[int, ...]) -> AffineMatrix:
     number: dict[str, int] = {}
     groups, places, blocks = [], [], {}

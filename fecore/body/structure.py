@@ -20,7 +20,7 @@ from fecore.body.joints import Joints
 from fecore.body.junctions import Junction, encloses, find_junctions
 from fecore.body.locate import TOLERANCE, Surfaces
 from fecore.body.mesh import Block, Mesh
-from fecore.body.model import Model, Part, assemble, unresisted
+from fecore.body.model import Model, Part, assemble, idle, unresisted
 from fecore.body.operators import Operators, beam_operators, shell_operators
 from fecore.body.overlaps import Overlap, given_up, kept
 from fecore.body.sections import INERTIAS, OF_INERTIAS, ShellSection, inertia_blocks, inertia_matrices
@@ -142,6 +142,11 @@ class Structure:
                 raise InputError("spring", f"{spring.name} acts on nothing that moves in this model")
         motions = rigid_motions(self.mesh.nodes, self.links)[:, list(self.dofs)]
         rigid = unresisted(motions, used, free, K, len(K.names) - len(held))
+        loose = idle(K, M)
+        if loose.any():
+            rigid, left = rigid[~loose], free.copy()
+            left[free] = ~loose
+            K, M = assemble(stiffness, mass, left, self.dofs)
         return Model(self.mesh, joints, surfaces, self.dofs, stiffness=K, mass=M, rigid_modes=rigid, links=self.links)
 
     @cached_property

@@ -25,7 +25,7 @@ from fecore.body.constants import Body
 from fecore.body.kinds import mode_kinds
 from fecore.body.locate import evenly_spread
 from fecore.body.mesh import Mesh
-from fecore.body.model import observed_at
+from fecore.body.model import Model, observed_at
 from fecore.correlation import auto_mac
 from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.eigen import FewModesError, NormalModes, modes_below
@@ -41,6 +41,7 @@ MOST_MODES, MOST_LINES = 300, 20_000
 
 _USUAL_MODES = 10  # where neither a number nor a band is stated
 _COVERED = 1.5  # times the highest frequency: modes up to there are summed, those beyond are in the residual's series
+_STILL = 1e-6  # share of what turns would move at the body's size, below which a displacement is round-off
 _LITTLE = 1e-3  # of a lively point's information, known beforehand so that the determinant is never 0
 
 
@@ -95,9 +96,8 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
     highest = order.highest_hz or float(modes.frequency_hz[modes.rigid + count - 1])
     elastic = slice(modes.rigid, modes.rigid + count)
     shapes, frequency = modes.shapes[:, elastic], modes.frequency_hz[elastic]
-    everywhere = fine.model.at_nodes(shapes)
-    largest = np.linalg.norm(everywhere, axis=2).max(axis=1)
-    rows = _Rows.of(fine, shapes / largest, order)
+    everywhere, largest = _displacements(fine.model, shapes)
+    rows = _Rows.of(fine, shapes * np.where(largest > 0, 1 / np.where(largest > 0, largest, 1), 0), order)
     references = rows.shown_least(order.references)
     measured = rows.independent(order.points)
     kept = np.unique([*references, *measured])
@@ -116,10 +116,24 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
         seen=np.abs(rows.shares[:, kept]),
         references=among[0],
         measured=among[1],
-        mac=auto_mac(rows.shares[:, measured]),
+        mac=np.nan_to_num(auto_mac(rows.shares[:, measured])),
         lines_hz=lines,
         frfs=nominal.frfs(modes, rows.observation[kept], among, lines, order.damping_ratio or 0.0),
     )
+
+
+def _displacements(model: Model, shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(n, nodes, 3) displacements in (dofs, n) shapes, and (n,) the largest of each; 0 in place of round-off.
+
+    A straight stick twists about its own nodes, which turn and do not move.
+    """
+    motion = model.everywhere(shapes)
+    moved = np.ascontiguousarray(motion[:, :3].transpose(2, 0, 1))
+    largest = np.linalg.norm(moved, axis=2).max(axis=1)
+    turned = np.abs(motion[:, 3:]).max(axis=(0, 1)) * np.linalg.norm(np.ptp(model.mesh.nodes, axis=0))
+    still = largest <= _STILL * turned
+    moved[still], largest[still] = 0.0, 0.0
+    return moved, largest
 
 
 def _solved(body: Body, order: ForecastOrder) -> tuple[Body, _Nominal, NormalModes, int]:

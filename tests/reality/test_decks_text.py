@@ -5,6 +5,8 @@ import re
 import numpy as np
 import pytest
 
+from fecore.errors import ModelError
+from fecore.updating.forecasts import ForecastOrder, forecast
 from service.errors import Invalid
 from tests.support.imported import imported
 from tests.support.places import shared_file
@@ -197,3 +199,74 @@ def test_steps_that_ask_for_modes_again_are_noted() -> None:
     again = "*STEP\n*BOUNDARY, OP=NEW\n*FREQUENCY\n3\n*END STEP\n"
     deck = TWICE.format(units="MASS PER AREA", value="1.e-9", more=again)
     assert imported("a.inp", deck).notes()["*FREQUENCY"] == ([35], False)
+
+
+MASS_ASIDE = "GRID,30,,1000.,0.,{z}\nCONM2,102,30,,1.-4{inertia}\n"
+
+
+def test_a_mass_on_springs_without_turns() -> None:
+    """What nothing turns and what weighs nothing in turns has no mode, and is no fault."""
+    springs = "".join(f"CELAS2,{60 + k},10.,11,{k},30,{k}\n" for k in (1, 2, 3))
+    deck = stick(more=MASS_ASIDE.format(z="0.", inertia="") + springs)
+    np.testing.assert_allclose(imported("a.bdf", deck).frequencies(2), 5.492, rtol=1e-3)
+    for inertia, more, said in [
+        ("\n,1.,,1.,,,1.", springs, r"nothing resists a turn of 1 of 12 nodes.*\(1, 0, 0\) m"),
+        ("", springs[: len(springs) // 3], r"nothing resists a motion of 1 of 12 nodes.*\(1, 0, 0\) m"),
+    ]:
+        model = imported("a.bdf", stick(more=MASS_ASIDE.format(z="0.", inertia=inertia) + more))
+        with pytest.raises(ModelError, match=said):
+            model.frequencies(2)
+
+
+def test_connectors_beyond_all_digits_are_named() -> None:
+    bush = "CBUSH,60,9,11,30,1.,0.,0.\nPBUSH,9,K" + ",1.+{0}" * 6 + "\n"
+    more = MASS_ASIDE.format(z="100.", inertia="") + bush
+    for digits in (9, 12):
+        found = imported("a.bdf", stick(more=more.format(digits))).frequencies(1)
+        assert found[0] == pytest.approx(5.491, rel=1e-3)
+    with pytest.raises(ModelError, match=r"stiffnesses from .* N/m stand side by side.*or join it rigidly"):
+        imported("a.bdf", stick(more=more.format(17))).frequencies(1)
+
+
+def test_a_straight_stick_twists_without_displacements() -> None:
+    """A torsion mode of a stick is forecast, and no point is said to show it."""
+    inertia = stick(rho="").replace("CONM2,101,11,,2.0-3\n", "CONM2,101,11,,2.0-3\n,10.,,10.,,,10.\n")
+    found = forecast(imported("a.bdf", inertia).body, ForecastOrder())
+    torsion = np.sqrt(70000 / 2.66 * 22500 / 1000 / 10) / (2 * np.pi)
+    np.testing.assert_allclose(found.frequency_hz[2], torsion, rtol=1e-3)
+    assert not found.seen[2].any()
+    assert np.isfinite(found.mac).all()
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [("+BA1         10.     10.\n", PBAR.format("QBA1", "").splitlines(keepends=True)[0])],
+)
+def test_a_continuation_before_its_card(before: str, after: str) -> None:
+    assert imported("a.bdf", stick(pbar=before + after)).frequencies(1)[0] == pytest.approx(FIRST_HZ, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("deck", "said"),
+    [
+        (stick().replace("BEGIN BULK\n", ""), "line 6: a card stands before any BEGIN BULK; add this line before"),
+        (stick().replace("CEND\n", "").replace("BEGIN BULK\n", ""), "a card stands before any BEGIN BULK"),
+        (stick(pbar="PBAR           1       1   400,0 13333,3 13333,3 22500,0\n"), "a decimal comma has to be a point"),
+        (stick(pbar=PBAR.format("+BA1", "+BA2")), r"'\+BA2' continues no card; behind its first character"),
+        (stick(pbar="PBAR*                  1               1            400.         13333.3\n         13333.3\n"),
+         r"second half of a line of large fields begins with \*"),
+    ],
+)  # fmt: skip
+def test_texts_that_are_refused_with_their_cure(deck: str, said: str) -> None:
+    with pytest.raises(Invalid, match=said):
+        imported("a.bdf", deck)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [" DEQATN 8       F(A,B)=A+B,1,2,3,4,5,6,7,8,9,10\n", "DEQATN,8,F(A,B)=A;\n,C=MAX(A,B,1,2,3,4,5,6,7,8,9,10)\n",
+     "DEQATN  8       F(A,B)=A+B;\n   C=MAX(A,B,1,2,3,4,5,6,7,8,9,10)\n"],
+)  # fmt: skip
+def test_equations_of_other_columns(text: str) -> None:
+    model = imported("a.bdf", stick(more=text + " GRID,60,,0.,0.,0.\n"))
+    assert model.notes()["DEQATN"] == ([32], False)

@@ -1,11 +1,12 @@
-"""A deck and its INCLUDE files to lines, and these to cards, whose fields are numbers with their places."""
+"""Lines of a deck to cards, whose fields are numbers with their places."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.files import DEEPEST_INCLUDE, included_file, lines_of
+from modalbase.formats.models.bdf.lines import Line
 from modalbase.formats.models.model import Place, Where
 
 _REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[ED][+-]?\d+|[+-]\d+)?")
@@ -178,114 +179,16 @@ def numbered(cards: Iterable[Card], noun: str, field: str) -> dict[int, Card]:
 
 
 _SMALL = tuple(range(8, 72, 8))
+_MOST_COMMAS = 10  # of a line of fields; more are prose
+_NAME = 16  # letters of a name with its star or of a continuation, and some to spare
 _LARGE = tuple(range(8, 72, 16))
-_PROSE = re.compile(r"DEQATN\b")
+_PROSE = re.compile(r"\s*DEQATN\b")
 """Cards of text that no commas part into fields."""
-_QUOTED = re.compile(r"['\"]([^'\"]*)")
+_CARD = re.compile(r"\s{1,7}[A-Z][A-Z0-9]*\*?\s*(,|\s\d|$)")
+"""A card that begins behind blanks."""
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A line: as it stands, and in capitals without its comment."""
-
-    where: Where
-    raw: str
-    text: str
-
-
-@dataclass
-class Sections:
-    """A deck's lines: control before BEGIN BULK, and bulk data up to ENDDATA."""
-
-    control: list[Line] = field(default_factory=list)
-    bulk: list[Line] = field(default_factory=list)
-    unended: Where | None = None  # its last line, where no ENDDATA follows BEGIN BULK
-
-
-def split_deck(content: bytes, included: Mapping[str, bytes] | None) -> Sections:
-    """The lines of a deck by section; a deck that has neither CEND nor BEGIN BULK is bulk data alone.
-
-    INCLUDE files are left out where `included` is None.
-
-    Raises:
-        FormatError: the deck is not text, is cut, or an INCLUDE file is missing. ENDDATA may be missing (MSC Nastran) where the
-            last line is whole.
-    """
-    if b"\0" in content:
-        raise FormatError("", "the file holds NUL bytes; expected the text of a Nastran deck")
-    found = Sections()
-    current = found.control
-    controlled = ended = False
-    for line in _lines(content, ("",), included, set()):
-        word = line.text.replace(",", " ").split(None, 1)[:1]
-        if word == ["ENDDATA"]:
-            ended = True
-            break
-        begins = bool(word) and word[0].startswith("BEGI")
-        if begins and current is found.control:
-            current, controlled = found.bulk, True
-        elif begins:
-            raise FormatError(
-                str(line.where), "a second BEGIN: superelements are not read; send the whole as one model"
-            )
-        else:
-            controlled |= word == ["CEND"]
-            current.append(line)
-    if controlled and current is found.control:
-        raise FormatError(_last(found.control), "the deck ends before BEGIN BULK; it seems to be cut")
-    if not controlled:
-        return Sections([], found.control)
-    if not ended:
-        if not content.endswith((b"\n", b"\r")):
-            raise FormatError(
-                _last(found.bulk or found.control),
-                "the deck ends within a line and without ENDDATA; it seems to be cut. Add the line ENDDATA if it is whole",
-            )
-        found.unended = (found.bulk or found.control)[-1].where
-    return found
-
-
-def _last(lines: list[Line]) -> str:
-    return str(lines[-1].where) if lines else ""
-
-
-def _lines(
-    content: bytes, within: tuple[str, ...], included: Mapping[str, bytes] | None, seen: set[str]
-) -> Iterator[Line]:
-    """Lines of a file with those of the files that it includes in their place; `within` names what leads to it."""
-    raws, texts = lines_of(content), lines_of(content.upper())
-    number, file = 0, within[-1]
-    while number < len(raws):
-        raw, text = raws[number], texts[number].split("$", 1)[0].rstrip()
-        number += 1
-        if not text.startswith("INCLUDE") and text.lstrip()[:8].rstrip() != "INCLUDE":
-            if text or raw[:1] == "$":
-                yield Line(Where(number, file), raw, text.expandtabs(8) if "\t" in text else text)
-            continue
-        where, name = str(Where(number, file)), raw.strip()[7:]
-        first = number
-        while name.count("'") == 1 and number < len(raws) and number < first + 10:  # a long path goes on
-            name += raws[number].strip()
-            number += 1
-        if included is None:
-            continue
-        quoted = _QUOTED.search(name)
-        name = (quoted.group(1) if quoted else name.partition("$")[0]).strip(" \t,=")
-        inner = included_file(name, included)
-        if inner is None:
-            raise FormatError(where, f"INCLUDE {name!r} is not here; send that file with the deck")
-        if inner in seen:
-            raise FormatError(where, f"INCLUDE {name!r} stands for the second time; its cards would be there twice")
-        if len(within) > DEEPEST_INCLUDE:
-            raise FormatError(
-                where,
-                f"INCLUDE {name!r} lies more than {DEEPEST_INCLUDE} files deep, which is the most that is read",
-            )
-        seen.add(inner)
-        yield from _lines(included[inner], (*within, inner), included, seen)
-
-
-def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
+def cards_of(lines: Sequence[Line]) -> Iterator[Card | Line]:
     """Cards in their order, whole, each after the comments that stand before it.
 
     Raises:
@@ -296,16 +199,21 @@ def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
     strays: list[tuple[str, Line, list[str], str]] = []
     card: Card | None = None
     tail = ""
+
+    @cache
+    def names() -> set[str]:
+        return {_joint(_fields(line)[2]) for line in lines if line.text and line.text.count(",") < _MOST_COMMAS}
+
     for line in lines:
         text = line.text
         if not text:
             found.append(line)
             continue
         if _PROSE.match(text):
-            card = Card(text[:6], [text[8:16].strip(" ,")], [Row(0, text, line.where)])
+            card = Card("DEQATN", [text.lstrip()[8:16].strip(" ,")], [Row(0, text, line.where)])
             found.append(card)
             continue
-        if card is not None and _PROSE.match(card.name) and (text[0] in "+*" or not text[:8].strip()):
+        if card is not None and _PROSE.match(card.name) and text[0] in "+*, " and not _CARD.match(text):
             card.rows.append(Row(len(card), text, line.where))
             continue
         head, fields, mark = _fields(line)
@@ -325,7 +233,7 @@ def cards_of(lines: Iterable[Line]) -> Iterator[Card | Line]:
         elif own in waiting:
             card = waiting.pop(own)
             _continue(card, fields, line)
-        elif card is not None and not _joint(tail):
+        elif card is not None and not _joint(tail) and own not in names():
             _continue(card, fields, line)
         else:
             strays.append((own, line, fields, mark))
@@ -344,7 +252,11 @@ def _join(strays: list[tuple[str, Line, list[str], str]], waiting: dict[str, Car
         if not fitting:
             own, line, _, _ = strays[0]
             place = str(line.where)
-            raise FormatError(place, f"the continuation {f'+{own}' if own else line.text[:20]!r} continues no card")
+            named = f"+{own}" if own else line.text[:20]
+            raise FormatError(
+                place,
+                f"the continuation {named!r} continues no card; behind its first character it has to be as field 10 of one",
+            )
         strays = [stray for stray in strays if stray[0] not in waiting]
         for own, line, fields, mark in fitting:
             if own not in waiting:
@@ -373,6 +285,11 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
         mark = parts[count] if len(parts) > count else ""
         if len(fields) < count - 1:
             fields += [""] * (count - 1 - len(fields))
+        if len(parts[0]) > _NAME:
+            message = (
+                f"no card has the name {parts[0][:40]!r}; commas part fields, so a decimal comma has to be a point"
+            )
+            raise FormatError(str(line.where), message)
         return parts[0], fields, mark
     head = text[:8].strip()
     starts, width = (_LARGE, 16) if "*" in head else (_SMALL, 8)
@@ -383,6 +300,8 @@ def _fields(line: Line) -> tuple[str, list[str], str]:
 def _continue(card: Card, fields: list[str], line: Line) -> None:
     width = len(fields)
     missing = -len(card.fields) % width
+    if missing and any(fields):
+        raise FormatError(str(line.where), "the second half of a line of large fields begins with *")
     card.fields += [""] * missing
     card.rows.append(Row(len(card.fields), line.text, line.where))
     card.fields += fields

@@ -12,8 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card, Line, cards_of, numbered, split_deck
+from modalbase.formats.models.bdf.card import Card, cards_of, numbered
 from modalbase.formats.models.bdf.frames import Grids, read_grids
+from modalbase.formats.models.bdf.lines import Line, split_deck
 from modalbase.formats.models.bdf.materials import Materials
 from modalbase.formats.models.model import Losses, Where
 from modalbase.formats.uff.text import decoded

@@ -9,7 +9,8 @@ from textwrap import wrap
 
 from modalbase.formats.errors import FormatError
 from modalbase.formats.models.bdf.beams import rod_key
-from modalbase.formats.models.bdf.card import Card, cards_of, number, split_deck, whole
+from modalbase.formats.models.bdf.card import Card, cards_of, number, whole
+from modalbase.formats.models.bdf.lines import split_deck
 from modalbase.formats.models.bdf.materials import FIELDS
 from modalbase.formats.models.changes import Constants, Edits, Number, Writing
 from modalbase.formats.models.model import FiniteElementModel, Material, Where

@@ -79,12 +79,14 @@ def _own_material(card: Card, name: str, materials: Materials) -> str:
         raise card.error("has no line of E and G, the third (an empty second one stands for the default direction)")
     values = rows[0].numbers("E and G", 2)
     try:
-        density = float(card.needs("DENSITY"))
+        density = float(card.get("DENSITY") or 0)  # a stick whose masses stand apart has none
     except ValueError:
         raise card.error(f"has DENSITY={card.get('DENSITY')}, expected a number") from None
     E, G = values[:2]
-    if not (0 < E < 1e20 and 0 < G < 1e20 and 0 < density < 1e12):
-        raise rows[0].error(f"E = {E:g}, G = {G:g} and density {density:g}: expected numbers above 0")
+    if not (0 < E < 1e20 and 0 < G < 1e20 and 0 <= density < 1e12):
+        raise rows[0].error(
+            f"E = {E:g}, G = {G:g} and density {density:g}: expected E and G above 0, and no density below 0"
+        )
     places: dict[str, Place] = {"E": rows[0].place(0), "G": rows[0].place(1)}
     constants = {"E": E, "G": G, "nu": E / (2 * G) - 1, "density": density}
     return materials.add(Material(name, constants, card.where, places))

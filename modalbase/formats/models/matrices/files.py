@@ -17,8 +17,9 @@ import scipy
 from numpy.typing import NDArray
 
 from modalbase.formats.errors import FormatError
-from modalbase.formats.models.bdf.card import Card, cards_of, split_deck
+from modalbase.formats.models.bdf.card import Card, cards_of
 from modalbase.formats.models.bdf.frames import read_grids
+from modalbase.formats.models.bdf.lines import split_deck
 from modalbase.formats.models.model import Floats, Integers
 from modalbase.formats.npy import Array, members_of, read_array
 from modalbase.formats.tables import read_rows, real, whole, whole_rows
