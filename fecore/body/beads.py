@@ -110,3 +110,8 @@ def bead_matrices(
     stiffness[:, 1, 3, 3] = thickness**3 * begin / 3
     stiffness[:, 2, 1:3, 1:3] = SHEAR_CORRECTION * area * up[:, :, None] * up[:, None]
     return stiffness, mass
+
+
+def beads_of(name: str, degrees: int) -> str:
+    """Prefix of the coefficients of a set's beads along lines at an angle, in degrees, from its axis 1."""
+    return f"{name}.joint at {degrees}°" if degrees else f"{name}.joint"

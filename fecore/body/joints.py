@@ -207,14 +207,14 @@ class Joints:
             wall = np.concatenate([np.arange(low, high) for low, high in zip(first, after, strict=True)])
             found.append(
                 Bead(
-                    np.array(nodes),
-                    axes[first],
-                    beam,
-                    starts.rank[wall],
-                    self._angles[wall],
-                    starts.turn[wall],
-                    stiffness[wall],
-                    mass[wall],
+                    nodes=np.array(nodes),
+                    axes=axes[first],
+                    beam=beam,
+                    rank=starts.rank[wall],
+                    angle=self._angles[wall],
+                    turn=starts.turn[wall],
+                    stiffness=stiffness[wall],
+                    mass=mass[wall],
                 )
             )
         return tuple(found)

@@ -12,7 +12,7 @@ import numpy as np
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.affine import distinct
-from fecore.body.beads import between, weighed
+from fecore.body.beads import beads_of, between, weighed
 from fecore.body.beams import BeamSection
 from fecore.body.carried import KNOWN, mass_parts, spring_parts
 from fecore.body.constants import SIGNED, kind_of
@@ -205,7 +205,7 @@ class Structure:
             some = rows[which[own]] * np.sqrt(share[own])[:, None, None, None, None]
             chosen, again = distinct(some)
             operators = Operators(block.nodes[overlap.elements[which[own]]], again, some[chosen])
-            names = _named(_joint(block.set, angle), _STRIP)
+            names = _named(beads_of(block.set, angle), _STRIP)
             yield Part(operators, -_STRIP_MATRICES, names, (np.array([[0, 1], [1, 2]]),))
 
     def _beads(self, joints: Joints) -> Iterator[tuple[list[Part], list[Part]]]:
@@ -215,7 +215,7 @@ class Structure:
             kind = f"beam{bead.nodes.shape[1]}"
             strains, motions = beam_operators(bead.nodes, kind, self.mesh.nodes, bead.axes)
             for rank, angle, beams, stiffness, mass in bead.by_set:
-                prefix, nodes = _joint(self.mesh.sets[rank], angle), bead.nodes[beams]
+                prefix, nodes = beads_of(self.mesh.sets[rank], angle), bead.nodes[beams]
                 K, M = (
                     [
                         Part(weighed(rows, nodes, beams, forms[:, k]), one, (f"{prefix}.{name}",), _ONE)
@@ -260,7 +260,7 @@ class Structure:
                 values |= dict(zip(_named(name, section.terms), section.coefficients(of[name]), strict=True))
         for name, angle in self._joint_walls:
             along = self._shell(name).along(of[name], np.radians(angle))
-            values |= dict(zip(_named(_joint(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True))
+            values |= dict(zip(_named(beads_of(name, angle), ("E", "G", "Gt", *_STRIP)), along, strict=True))
         values |= {clamp.name: clamp.spring.stiffness / of[""][clamp.name] for clamp in self.clamps}
         names = self.model.stiffness.names
         return self._stretched(names[: len(names) - len(self.springs)], values, of.get("", {}))
@@ -277,7 +277,7 @@ class Structure:
             else:
                 values |= dict(zip(_named(name, section.motions), section.inertias(of[name]), strict=True))
         for name, angle in self._joint_walls:
-            values |= dict.fromkeys(_named(_joint(name, angle), _DENSITIES), of[name]["density"])
+            values |= dict.fromkeys(_named(beads_of(name, angle), _DENSITIES), of[name]["density"])
         return self._stretched(self.model.mass.names, values, of.get("", {}))
 
     def are_physical(self, constants: FloatArray) -> BoolArray:
@@ -396,8 +396,3 @@ _ONE = (np.array([[0]]),)
 
 def _named(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f"{prefix}.{name}" for name in names)
-
-
-def _joint(name: str, degrees: int) -> str:
-    """Prefix of the coefficients of a set in joints along lines at an angle from its axis 1."""
-    return f"{name}.joint at {degrees}°" if degrees else f"{name}.joint"

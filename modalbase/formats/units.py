@@ -187,8 +187,8 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
 
     >>> unit_in_name("ACC (g)"), unit_in_name("Hammer [lbf] 1"), unit_in_name("Strain 1 (left)")
     (('ACC', 'g'), ('Hammer 1', 'lbf'), ('Strain 1 (left)', ''))
-    >>> unit_in_name("time_ms", "time"), unit_in_name("time_s")
-    (('time', 'ms'), ('time_s', ''))
+    >>> unit_in_name("time_ms", "time"), unit_in_name("time_s"), unit_in_name("Strain 1", "strain")
+    (('time', 'ms'), ('time_s', ''), ('Strain 1', ''))
     """
     for match in reversed(list(_IN_BRACKETS.finditer(name))):
         inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""  # "Strain 1 (Strain (%))"
@@ -198,7 +198,7 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
             return " ".join(f"{name[: match.start()]} {name[match.end() :]}".split()), match[1].strip()
     for match in _AT_THE_END.finditer(name):
         unit = match[1].replace("_", "/")
-        if quantity is not None and factor_of(quantity, unit) is not None:
+        if quantity is not None and not unit.isdigit() and factor_of(quantity, unit) is not None:
             return name[: match.start()], unit
     return name, ""
 

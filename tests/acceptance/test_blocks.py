@@ -23,6 +23,7 @@ from scipy.io import wavfile
 
 import modalbase
 from modalbase.formats.frfs.mat import frfs_of
+from modalbase.formats.tables import Stated
 from service.app.demo.paper import uff_file
 from service.app.supervisor import LocalService
 from service.store.campaigns.schemas import CampaignIn
@@ -228,7 +229,10 @@ def test_json_is_what_the_service_takes(reader: Reader) -> None:
     shown: dict[str, list[Any]] = {}
     for block in of("json"):
         shown.setdefault(block.page, []).append(json.loads(block.text.replace('"…"', f'"{uuid4()}"')))
-    (mapping,) = shown.pop("docs/hammer.md")
+    stated, mapping, magnitudes = shown.pop("docs/hammer.md")
+    assert Stated.of(stated["table"], "mapping.table").decimal == ","
+    columns = {name: np.arange(8.0) for name in ("Frequency", "Mag 2", "Mag 3", "Phase 2", "Phase 3")}
+    assert len(frfs_of(columns, magnitudes, "accelerance").values) == 2
     table = np.ones((3, 8))
     exported = {"m.f": np.arange(8.0), "m.H": table + 1j, "m.coh": table, "m.points": np.arange(1, 4)}
     assert len(frfs_of(exported, mapping, "accelerance").values) == 3

@@ -52,7 +52,9 @@ def test_the_main_job_reads_well(lab: modalbase.Laboratory, uff: Path, tmp_path:
     for choose in (campaign.frfs, campaign.list_frfs, campaign.records):
         with pytest.raises(modalbase.ClientError, match=r"no 'referense' to choose by; there is .*point"):
             choose(referense=3)
-    with pytest.raises(modalbase.ClientError, match=r"no 'f_max' to choose by; there is point, .*fmax, stride"):
+    with pytest.raises(
+        modalbase.ClientError, match=r"no 'f_max' to choose by; there is point, .*fmax, superseded, stride"
+    ):
         campaign.export(tmp_path / "part.csv", f_max=900)
 
     modes = campaign.new_mode_set("Table 3", paper.MODES)

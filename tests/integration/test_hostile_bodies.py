@@ -68,6 +68,7 @@ def frfs(count: int, lines: int) -> bytes:
         response_direction=one,
         reference_point=one,
         reference_direction=one,
+        quantity=stored(np.array("accelerance")),
     )
 
 
