@@ -193,10 +193,12 @@ def test_bad_general_sections() -> None:
     card = "*BEAM GENERAL SECTION, ELSET=RIBS, SECTION=GENERAL{}\n1., 1., {}, 1., 1.\n0., 1., 0.{}"
     for density, mixed, rest, said in [
         (", DENSITY=1.", "2.", "\n1., 1.", "expected A, I11, I12, I22 and J of a real section"),
-        ("", "0.", "\n1., 1.", "has no DENSITY="),
+        (", DENSITY=-1.", "0.", "\n1., 1.", "no density below 0"),
         (", DENSITY=x", "0.", "\n1., 1.", "has DENSITY=x, expected a number"),
         (", DENSITY=1.", "0.", "", "has no line of E and G, the third"),
-        (", DENSITY=1.", "0.", "\n1., -1.", "expected numbers above 0"),
+        (", DENSITY=1.", "0.", "\n1., -1.", "expected E and G above 0"),
     ]:
         with pytest.raises(FormatError, match=said):
             beams(card.format(density, mixed, rest))
+    without = beams(card.format("", "0.", "\n1., 1."))  # of a stick whose masses stand apart
+    assert without.materials["ribs"].constants["density"] == 0
