@@ -9,5 +9,5 @@ FloatArray = NDArray[np.floating[Any]]
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
 IntArray = NDArray[np.integer[Any]]
 
-Quantity = Literal["receptance", "mobility", "accelerance"]
+Quantity = Literal["accelerance", "mobility", "receptance"]
 """Displacement, velocity or acceleration per force."""
