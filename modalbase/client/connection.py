@@ -76,14 +76,10 @@ class Connection:
         """Close its connections."""
         self._http.close()
 
-    def request(self, method: str, path: str, *, params: Mapping[str, Any] | None = None, **how: Any) -> httpx.Response:
-        """The answer to a request that the service has accepted, with its headers.
-
-        `params` of the query that are None are not stated; `how` is as httpx takes it.
-        """
-        stated = {name: value for name, value in (params or {}).items() if value is not None}
+    def request(self, method: str, path: str, **how: Any) -> httpx.Response:
+        """The answer to a request that the service has accepted, with its headers; `how` is as httpx takes it."""
         try:
-            answer = self._http.request(method, self._at(path), params=stated or None, **how)
+            answer = self._http.request(method, self._at(path), **how)
         except httpx.HTTPError as error:
             raise self._unreachable(error) from error
         self._check(answer)
@@ -91,11 +87,11 @@ class Connection:
 
     def get(self, path: str, **params: Any) -> dict[str, Any]:
         """The JSON object at a path."""
-        return self._json(self.request("GET", path, params=params))
+        return self._json(self.request("GET", path, params=_given(params)))
 
     def post(self, path: str, body: Any, headers: dict[str, str] | None = None, **params: Any) -> dict[str, Any]:
         """Send a JSON body, with headers such as `Idempotency-Key` beside the key; returns the JSON that answers it."""
-        return self._json(self.request("POST", path, json=body, headers=headers, params=params))
+        return self._json(self.request("POST", path, json=body, headers=headers, params=_given(params)))
 
     def call(self, method: str, path: str, *, params: Mapping[str, Any] | None = None, **how: Any) -> Any:
         """Any call of the contract.
@@ -109,7 +105,7 @@ class Connection:
         Returns:
             The JSON that answers it, the bytes of any other answer, None of an empty one.
         """
-        answer = self.request(method, path, params=params, **how)
+        answer = self.request(method, path, params=_given(dict(params or {})), **how)
         if not answer.content:
             return None
         kind = answer.headers.get("content-type", "")
@@ -162,13 +158,13 @@ class Connection:
                     yield block
 
         headers = {"Content-Type": "application/octet-stream", "Content-Length": str(size)}
-        return self._json(self.request("POST", path, params=params, content=blocks(), headers=headers))
+        return self._json(self.request("POST", path, params=_given(params), content=blocks(), headers=headers))
 
     def submit(self, path: str, file: Path, fields: dict[str, str], **params: Any) -> dict[str, Any]:
         """Send a multipart form whose field `file` is a file, beside other fields; returns the JSON that answers it."""
         with file.open("rb") as stream:
             form = {"data": fields, "files": {"file": (file.name, stream)}}
-            return self._json(self.request("POST", path, params=params, **form))
+            return self._json(self.request("POST", path, params=_given(params), **form))
 
     def download(self, path: str, target: Path | None, watch: Watch, **params: Any) -> int:
         """Write what is at a path to a file, or to standard output. The file is whole, or not there.
@@ -186,7 +182,7 @@ class Connection:
             ClientError: as all methods, or the target cannot be written.
         """
         try:
-            with self._http.stream("GET", self._at(path), params=params) as answer:
+            with self._http.stream("GET", self._at(path), params=_given(params)) as answer:
                 self._check(answer)
                 length = answer.headers.get("content-length")
                 blocks = _watched(answer.iter_bytes(), watch, int(length) if length else None)
@@ -229,6 +225,10 @@ class Connection:
             f"no answer from {self.url}: {reason}; is the service up (`modalbase up`), and is MODALBASE_URL or --url right?",
             Exit.UNREACHABLE,
         )
+
+
+def _given(params: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in params.items() if value is not None}
 
 
 def _watched(blocks: Iterator[bytes], watch: Watch, size: int | None) -> Iterator[bytes]:

@@ -75,7 +75,7 @@ def make(
     service: Connection, kind: Kind, body: dict[str, Any], above: str | None, reuse: bool, confirm: bool = False
 ) -> dict[str, Any]:
     """A new thing below another; with `reuse` the one that has its name already."""
-    query = {"confirm": confirm or None}
+    query = {"confirm": True} if confirm else {}
     if reuse:
         return find_or_make(service, kind, body, above, **query)
     made: dict[str, Any] = service.call("POST", kind.below.format(above), params=query, json=body)
