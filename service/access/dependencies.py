@@ -98,3 +98,8 @@ class Beforehand:
 
 CurrentKey = Annotated[ApiKey, Depends(_key)]
 CurrentUser = Annotated[User, Depends(_user)]
+
+
+def token_of(request: Request) -> str:
+    """The API key or session token of a request that was let in; a session's cookie comes as its token."""
+    return request.headers["authorization"].partition(" ")[2].strip()

@@ -20,7 +20,7 @@ from fastapi import Depends, Header, Request, Response
 from pydantic import BaseModel
 from sqlalchemy.orm import Session
 
-from service.access.dependencies import CurrentUser, SessionDep
+from service.access.dependencies import CurrentUser, SessionDep, token_of
 from service.access.tables import IdempotencyKey, User
 from service.db.base import Base, one_at_a_time
 from service.errors import Conflict, Invalid
@@ -89,7 +89,7 @@ class Once:
         self._scope, self._session, self._user, self._key = request.scope, session, user, key
         self._operation = str(request.scope["route"].label)
         self._later = request.scope["route"].status_code == 201  # so that 202 says that nothing is made yet
-        self._token = request.headers["authorization"].partition(" ")[2].strip().encode("utf-8", "surrogatepass")
+        self._token = token_of(request).encode("utf-8", "surrogatepass")
 
     def answer(self, given: Mapping[str, Any]) -> Response | None:
         """The answer to the same request before; None to a new one, whose answer will be kept.

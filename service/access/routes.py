@@ -13,7 +13,7 @@ from sqlalchemy import func, or_, select
 from sqlalchemy.dialects.postgresql import insert
 from sqlalchemy.orm import Session
 
-from service.access.dependencies import CurrentKey, CurrentUser, SessionDep
+from service.access.dependencies import CurrentKey, CurrentUser, SessionDep, token_of
 from service.access.keys import (
     COOKIE,
     LIFETIME,
@@ -289,7 +289,7 @@ def sign_in(
     The cookie is not readable by scripts and is sent to this host alone. A request that changes something and comes with
     the cookie needs `X-CSRF-Token` as well, which the answer holds.
     """
-    if is_session_token(_token(request)):
+    if is_session_token(token_of(request)):
         raise Conflict("this is a session already; sign in with a key")
     row, token = open_session(session, key)
     audit(session, user, "session.create", "session", row.id)
@@ -308,16 +308,12 @@ def sign_in(
 @router.delete("/session", status_code=204)
 def sign_out(session: SessionDep, user: CurrentUser, request: Request, response: Response) -> None:
     """End the session of this request's cookie, here and for whoever has its cookie."""
-    token = _token(request)
+    token = token_of(request)
     if not is_session_token(token):
         raise Conflict("the request comes with a key and not with a session's cookie; revoke the key to end it")
     close_session(session, token)
     audit(session, user, "session.delete", "session", None)
     response.delete_cookie(COOKIE, httponly=True, samesite="strict")
-
-
-def _token(request: Request) -> str:
-    return request.headers["authorization"].partition(" ")[2].strip()
 
 
 def _administrator(user: CurrentUser) -> None:
