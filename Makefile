@@ -67,7 +67,7 @@ lock:
 	$(COMPILE) --upgrade --extra dev --output-file requirements-dev.lock pyproject.toml
 	echo setuptools | $(COMPILE) --constraint requirements-dev.lock --extra server --output-file requirements.lock pyproject.toml -
 
-COMPILE := build/uv/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
+COMPILE := build/uv/bin/uv pip compile --quiet --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-header --no-annotate
 
 # What the service needs; and what the tests and checks need beside it. Each is installed as it was tested, by its SHA-256.
 $(SERVER): pyproject.toml requirements.lock
