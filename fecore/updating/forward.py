@@ -18,9 +18,10 @@ from fecore.body.constants import Body
 from fecore.body.model import observed_at
 from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.eigen import modes_below
-from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel
+from fecore.dynamics.reduction import FREQUENCY_TOLERANCE, ReducedModel, ReducedSystem
 from fecore.errors import InputError
 from fecore.frf import Dof
+from fecore.updating.mesh_error import Finer, MeshError
 from fecore.updating.parameters import Parametrisation
 from fecore.updating.state import ForwardState
 
@@ -53,6 +54,8 @@ class ForwardModel:
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
     # up to where a reduced basis meets the full model's frequencies; beyond, modes count for their tails
     held_hz: float = np.inf
+    finer: Finer | None = None  # meshes by which the error of the body's own is known and taken out, on a reduced basis
+    about: FloatArray | None = None  # (p,) parameters about which it is known; None: the prior means
 
     def __post_init__(self) -> None:
         if self.places.shape[1] == 2:
@@ -74,17 +77,18 @@ class ForwardModel:
         Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
         """
         places = np.array([[*coordinates[dof.point], 0.0][:3] for dof in dofs]).reshape(-1, 3)
-        count, reduced = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES), not roving_mass
+        count, finer = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES), Finer.of(parametrisation.body)
         return cls(
             parametrisation.body,
             parametrisation,
             tuple(dofs),
             places,
             count,
-            reduced=reduced,
+            reduced=not roving_mass or finer is not None,
             roving_mass=roving_mass,
             axes=axes or {},
             held_hz=_HELD_IN_SPACE * highest_hz if _is_in_space(parametrisation) else np.inf,
+            finer=finer,
         )
 
     @property
@@ -128,9 +132,45 @@ class ForwardModel:
     def unverified(self) -> ForwardModel:
         """The same on the basis as it is now, for a search that is verified afterwards."""
         loose = replace(self, verified=False)
-        if self.reduced:  # the cached properties: the basis, and what it holds
-            loose.__dict__.update(basis=self.basis, _covered=self._covered)
+        if self.reduced:
+            self._hand_on(loose)
         return loose
+
+    def with_mesh_error_about(self, theta: FloatArray) -> ForwardModel:
+        """The same with the error of the body's own mesh as it is at parameters θ."""
+        other = replace(self, about=theta)
+        self._hand_on(other)
+        return other
+
+    def _hand_on(self, other: ForwardModel) -> None:
+        """The cached properties: the basis, what it holds, and the error of the mesh."""
+        other.__dict__.update(basis=self.basis, _covered=self._covered)
+        if other.about is self.about and self.finer is not None:
+            other.__dict__.update(mesh_error=self.mesh_error, _on_finest=self._on_finest)
+
+    @cached_property
+    def mesh_error(self) -> MeshError | None:
+        """What the body's own mesh misses, about the prior means or where it was asked for."""
+        if self.finer is None:
+            return None
+        prior = self.parametrisation
+        theta = prior.prior_mean if self.about is None else self.about
+        c = prior.coefficients(theta)
+        modes = self.basis.modes(c.stiffness, c.mass)
+        held = (2 * np.pi * self.held_hz) ** 2
+        return self.finer.error(modes, self.basis.basis, *prior.split(prior.constants(theta)), held)
+
+    @cached_property
+    def _on_finest(self) -> list[tuple[ReducedSystem, ReducedSystem]]:
+        """The basis's last system, and the same with the finest mesh's matrices of the modes."""
+        return []
+
+    def _without_mesh_error(self, system: ReducedSystem) -> ReducedSystem:
+        if self.mesh_error is None:
+            return system
+        if not self._on_finest or self._on_finest[0][0] is not system:
+            self._on_finest[:] = [(system, self.mesh_error.corrected(system))]
+        return self._on_finest[0][1]
 
     def on_basis(self) -> ForwardModel:
         """The same on a reduced basis; itself where it has one."""
@@ -163,11 +203,9 @@ class ForwardModel:
         """
         model, c = self.specimen.model, self.parametrisation.coefficients(theta)
         if self.reduced:
-            reduced = self.basis.system
-            if self.verified:
-                modes = self.basis.modes(c.stiffness, c.mass)
-                reduced = self.basis.system  # as it has grown
-            else:
+            modes = self.basis.modes(c.stiffness, c.mass) if self.verified else None
+            reduced = self._without_mesh_error(self.basis.system)  # as it has grown
+            if modes is None or reduced is not self.basis.system:
                 modes = reduced.modes(c.stiffness, c.mass, self.count)
             return ForwardState(
                 c, modes, list(reduced.stiffness), list(reduced.mass), reduced.basis, forward=self, theta=theta

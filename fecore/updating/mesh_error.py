@@ -1,0 +1,211 @@
+"""What a body's own mesh misses, mode by mode, and the model without it.
+
+The modes φ of the body are carried to finer meshes (`fecore.body.refine`) and moved there into the space of the lowest modes by
+(K - σM)⁻¹M. In that space, turned as near to φ as it goes, the finer mesh's own matrices ZᵀK_kZ and ZᵀM_jZ stand for φᵀK_kφ and
+φᵀM_jφ. So a basis that holds φ has the finer mesh's frequencies where φ are modes, their derivatives by all constants, and what
+close modes do to each other; elsewhere it is right to the first order in constants times mesh.
+
+With the size h of elements the error goes with h⁴ where motion is smooth and at least with h² about the corner of a cut-out, so
+what the finest mesh misses is taken to be a quarter of what it moved.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy
+
+from fecore.arrays import FloatArray
+from fecore.body.affine import AffineMatrix
+from fecore.body.constants import Body
+from fecore.body.refine import Refined, element_size, is_faceted, refined
+from fecore.body.structure import Structure
+from fecore.dynamics.eigen import NormalModes, mass_orthonormal
+from fecore.dynamics.factor import factorise
+from fecore.dynamics.reduction import ReducedSystem
+
+MOST_DOFS = 300_000
+"""Of a finer mesh; the mesh of a body with more is taken on trust."""
+
+_CHEAP = 30_000  # dofs up to which a finer mesh is made finer still, …
+_ROUNDS = 3  # … at most so often, …
+_CLOSE = 2e-3  # … while a mode moves by more
+_LEFT = 0.25  # share of what the last refinement moved that the finest mesh may still miss
+_SETTLED, _SWEEPS = 1e-5, 3  # relative change of an eigenvalue by one more sweep; sweeps
+
+
+@dataclass(frozen=True)
+class Forms:
+    """Differences of the matrices of the m modes at the reference, by the coefficients of the body's own model."""
+
+    stiffness: FloatArray  # (k, m, m)
+    mass: FloatArray  # (j, m, m)
+
+    def __sub__(self, other: Forms) -> Forms:
+        return Forms(self.stiffness - other.stiffness, self.mass - other.mass)
+
+    def shift(self, along: FloatArray, value: FloatArray, stiffness: FloatArray, mass: FloatArray) -> FloatArray:
+        """(n,) first-order relative changes of frequency of mass-normalised (m, n) motions with eigenvalues (n,)."""
+        energy = np.einsum("mn,mo,on->n", along, np.tensordot(stiffness, self.stiffness, 1), along)
+        inertia = np.einsum("mn,mo,on->n", along, np.tensordot(mass, self.mass, 1), along)
+        return np.asarray((energy / value - inertia) / 2)
+
+
+@dataclass(frozen=True)
+class MeshError:
+    """What a body's mesh misses, about some constants."""
+
+    images: FloatArray  # (dofs, m) Mφ of the elastic modes φ there
+    whole: Forms  # from the body's own mesh to the finest
+    last: Forms  # from the finest but one to the finest
+    flat: Forms | None  # from a curved surface to flat facets, where the mesh does not say which
+    size: float  # of the body's elements, m
+    finest: float  # of those of the finest mesh
+
+    def corrected(self, system: ReducedSystem) -> ReducedSystem:
+        """A basis with the finest mesh's matrices of the modes."""
+        W = system.basis.T @ self.images
+        return replace(
+            system,
+            stiffness=system.stiffness + W @ self.whole.stiffness @ W.T,
+            mass=system.mass + W @ self.whole.mass @ W.T,
+        )
+
+
+class Finer:
+    """Finer meshes of a body, made once."""
+
+    def __init__(self, body: Structure) -> None:
+        self.body = body
+        self._levels: list[Refined] = []
+
+    @classmethod
+    def of(cls, body: Body) -> Finer | None:
+        """Of a body with a mesh of its own that can be made finer; None of strips, of matrices and of large ones."""
+        if not isinstance(body, Structure):
+            return None
+        grown = 4 if any(b.kind in ("quad8", "tri6") for b in body.mesh.blocks) else 3
+        return cls(body) if grown * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
+
+    @cached_property
+    def _flat(self) -> Refined | None:
+        return refined(self.body, curved=False) if is_faceted(self.body.mesh) else None
+
+    def level(self, number: int) -> Refined:
+        """The body on a mesh that was refined so often, with the interpolation from its own."""
+        while len(self._levels) < number:
+            finer = refined(self._levels[-1].body if self._levels else self.body)
+            if self._levels:
+                finer = Refined(finer.body, finer.interpolation @ self._levels[-1].interpolation)
+            self._levels.append(finer)
+        return self._levels[number - 1]
+
+    def error(
+        self, modes: NormalModes, basis: FloatArray, constants: FloatArray, springs: FloatArray, held: float
+    ) -> MeshError:
+        """What the mesh misses about some constants.
+
+        Args:
+            modes: of the body's own mesh there, in a basis.
+            basis: (dofs, r).
+            constants: of the body, in the order of `nominal`.
+            springs: stiffnesses of its springs.
+            held: eigenvalue up to which modes count.
+        """
+        shapes = basis @ modes.shapes[:, modes.rigid :]
+        value = modes.eigenvalue[modes.rigid :]
+        own = _Values.of(self.body, constants, springs)
+        base = own.forms(shapes)
+        model = self.body.model
+
+        def solved(level: Refined) -> Forms:
+            fine = _Values.of(level.body, constants, springs)
+            motion = level.interpolation @ model.everywhere(shapes).reshape(len(model.free), -1)
+            motion = motion.reshape(-1, 6, shapes.shape[1])[:, list(model.dofs)][level.body.model.free]
+            return fine.named_as(fine.forms(_moved(fine, motion, modes.shift)), own)
+
+        def off(change: Forms) -> float:
+            own_shift = np.abs(change.shift(np.eye(len(value)), value, own.stiffness, own.mass))
+            return float(own_shift[value <= held].max(initial=0.0))
+
+        before, after, number = base, solved(self.level(1)), 1
+        while number < _ROUNDS and off(after - before) > _CLOSE and self._next_size(number) <= _CHEAP:
+            number += 1
+            before, after = after, solved(self.level(number))
+        flat = None
+        if self._flat is not None:
+            flat = solved(self._flat) - solved(self.level(1))
+        sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
+        return MeshError(model.mass.at(own.mass) @ shapes, after - base, after - before, flat, *sizes)
+
+    def _next_size(self, number: int) -> int:
+        return 4 * len(self.level(number).body.mesh.nodes) * len(self.body.dofs)
+
+
+@dataclass(frozen=True)
+class _Values:
+    """A body's model with the coefficients of some constants."""
+
+    body: Structure
+    stiffness: FloatArray  # (k,)
+    mass: FloatArray  # (j,)
+
+    @classmethod
+    def of(cls, body: Structure, constants: FloatArray, springs: FloatArray) -> _Values:
+        stiffness = np.concatenate([body.stiffness_coefficients(constants), springs])
+        return cls(body, stiffness, body.mass_coefficients(constants))
+
+    def forms(self, shapes: FloatArray) -> Forms:
+        """The matrices' parts between (dofs, m) shapes."""
+        model, all_of = self.body.model, slice(0, shapes.shape[1])
+        return Forms(model.stiffness.project(shapes, all_of), model.mass.project(shapes, all_of))
+
+    def named_as(self, forms: Forms, own: _Values) -> Forms:
+        """This model's forms by the coefficients of another's, of the same constants."""
+        mine, other = self.body.model, own.body.model
+        return Forms(
+            _by_names(forms.stiffness, mine.stiffness, other.stiffness, self.stiffness, own.stiffness),
+            _by_names(forms.mass, mine.mass, other.mass, self.mass, own.mass),
+        )
+
+
+def _by_names(
+    forms: FloatArray, of: AffineMatrix, names: AffineMatrix, values: FloatArray, others: FloatArray
+) -> FloatArray:
+    """Forms by another matrix's coefficients; what that has not, such as a joint's, goes with the largest of its set."""
+    place = {name: k for k, name in enumerate(names.names)}
+    found = np.zeros((len(names.names), *forms.shape[1:]))
+    for k, name in enumerate(of.names):
+        if name in place:
+            found[place[name]] += forms[k]
+            continue
+        prefix = name.split(".joint")[0].rpartition(".")[0] or name.split(".joint")[0]
+        like = [j for j, each in enumerate(names.names) if each.startswith(prefix)] or range(len(others))
+        target = max(like, key=lambda j: others[j])
+        found[target] += forms[k] * values[k] / others[target]
+    return found
+
+
+def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:
+    """(dofs, m) M-orthonormal vectors of the space of the lowest modes, as near to (dofs, m) motions as it has them."""
+    model = fine.body.model
+    K, M = model.stiffness.at(fine.stiffness), model.mass.at(fine.mass)
+    rigid, factor = mass_orthonormal(model.rigid_modes, M), factorise(K - shift * M)
+    images = M @ rigid
+
+    def upright(vectors: FloatArray) -> FloatArray:
+        return vectors - rigid @ (images.T @ vectors)
+
+    first = upright(motion)
+    vectors, before = first, np.zeros(motion.shape[1])
+    for _ in range(_SWEEPS):
+        vectors = upright(factor.solve(M @ vectors))
+        value, turn = scipy.linalg.eigh(vectors.T @ (K @ vectors), vectors.T @ (M @ vectors))
+        vectors = vectors @ turn
+        if np.all(np.abs(value - before) <= _SETTLED * value):
+            break
+        before = value
+    left, _, right = np.linalg.svd(vectors.T @ (M @ first))
+    return np.asarray(vectors @ (left @ right))
