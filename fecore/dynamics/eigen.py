@@ -93,7 +93,7 @@ def modes_below(
     stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, eigenvalue: float, like: Factor | None = None
 ) -> int:
     """Number of modes with λ < `eigenvalue`, from the inertia of K - λM; `like` as in `factorise`."""
-    return negative_eigenvalues(_shifted(stiffness, mass, eigenvalue), like)
+    return negative_eigenvalues(shifted(stiffness, mass, eigenvalue), like)
 
 
 def normal_modes(
@@ -200,17 +200,17 @@ def _near_first(
     good shift.
     """
     shift = -_ABOVE_ROUND_OFF * float(np.max(stiffness.diagonal() @ rigid**2))
-    factor = factorise(_shifted(stiffness, mass, shift), like)
+    factor = factorise(shifted(stiffness, mass, shift), like)
     start = np.random.default_rng(0).standard_normal(mass.shape[0])
     vector = factor.solve(mass @ (start - rigid @ (rigid.T @ (mass @ start))))
     vector = vector - rigid @ (rigid.T @ (mass @ vector))
     scale = float((vector @ (stiffness @ vector)) / (vector @ (mass @ vector)))
     if scale <= 0 or _NEAR * scale <= -shift <= scale:  # below 0 is round-off, of a mechanism
         return shift, factor
-    return -scale, factorise(_shifted(stiffness, mass, -scale), factor)
+    return -scale, factorise(shifted(stiffness, mass, -scale), factor)
 
 
-def _shifted(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, shift: float) -> scipy.sparse.csc_array:
+def shifted(stiffness: scipy.sparse.csc_array, mass: scipy.sparse.csc_array, shift: float) -> scipy.sparse.csc_array:
     """K - σM, which is a difference of arrays where both have one pattern."""
     if not shift:
         return stiffness

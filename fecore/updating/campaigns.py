@@ -19,7 +19,7 @@ from fecore.updating.campaign_layout import (
 from fecore.updating.contradictions import Agreement, Conflict, compare_sources
 from fecore.updating.elastic_findings import USUAL_MISS, contradiction, pairing_findings, points_beyond
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.elastic_starts import update_from_several_starts
+from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.findings import Level, found, judge, modes_of, ordered, warnings
 from fecore.updating.laws import common_damping
@@ -117,7 +117,11 @@ def update_campaigns(
     progress("laying out the campaigns", 0.0)
     ready = as_updated(campaigns)
     layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons)
-    elastic = update_from_several_starts(layout, lambda share: progress("updating the material", 0.1 + 0.6 * share))
+
+    def shown(share: float) -> None:
+        progress("updating the material", 0.1 + 0.6 * share)
+
+    elastic = update_on_finest_mesh(layout, lambda at: update_from_several_starts(at, shown))
     progress("comparing the campaigns", 0.7)
     against, alone = compare_sources(elastic)
     progress("making intervals", 0.9)

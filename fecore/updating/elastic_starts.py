@@ -41,6 +41,7 @@ _FAR = 1.5  # and prior standard deviations that a parameter has moved
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
 _STARTS, _VERIFIED = 6, 2  # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _HELD = 6  # pairings that are held
+_OF_MESH = 0.003  # relative error of a frequency by a mesh from which how it goes with the constants matters
 _PRICE_ALONE = 8.0  # in log evidence, of a measured mode without a partner, beside another pairing
 
 Found = ElasticResult | UpdatingError
@@ -98,6 +99,19 @@ def update_from_several_starts(
     torn = found[0].torn if isinstance(found[0], SwingingError) else ()
     starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in found)
     return replace(best, starts=starts_tried, rivals=_rivals(best, found), torn=torn)
+
+
+def update_on_finest_mesh(layout: Layout, update: Callable[[Layout], ElasticResult]) -> ElasticResult:
+    """An update with what each body's own mesh misses as it is at the estimate, where it is enough to go with the constants."""
+    elastic = update(layout)
+    moved = [
+        np.abs(state.by_mesh[0][[column for _, column in pairing.pairs]]).max(initial=0.0)
+        for state, pairing in zip(elastic.states, elastic.pairings, strict=True)
+        if state.by_mesh is not None
+    ]
+    if max(moved, default=0.0) < _OF_MESH:
+        return elastic
+    return update(layout.with_mesh_errors_at(elastic.x))
 
 
 def _first(layout: Layout, run: Callable[[Layout, FloatArray | None, float, float], Found]) -> Found:

@@ -9,6 +9,7 @@ to where they would be something. What each does to the natural frequencies is e
   translations, about its middle J = mean(r²1 − rrᵀ) + t²/12 for rotations, so δλ = -c Rᵀ diag(1, J)⁻¹ R, and c is that which
   lowers the first mode by what EI/kL lowers a strip's, δλ/λ = -4 EI/kL;
 - a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²;
+- what a mesh misses is the same sort of error in all modes (`fecore.updating.mesh_error`);
 - fibres askew by an angle change it by the angle's square, so the model is solved with them at one standard deviation.
 """
 
@@ -27,6 +28,9 @@ from fecore.body.supports import CLAMP, PointMass
 from fecore.normal import Z_95
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
+
+MESH = "mesh"
+"""The budget's source for what meshes miss."""
 
 _SOLVED_TO = 1e-5  # relative, of a frequency on the reduced basis: a difference below is round-off
 
@@ -71,7 +75,7 @@ def excursions(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int])
         inputs: what the laboratory says of its inputs.
         fixed_points: points at which a sensor stood through the test, if one was not stated.
     """
-    found = [*_clamp(state, inputs), *_sensor(state, inputs, fixed_points), *_fibres(state, inputs)]
+    found = [*_clamp(state, inputs), *_sensor(state, inputs, fixed_points), *_fibres(state, inputs), *_mesh(state)]
     return tuple(each for each in found if np.any(each.shift))
 
 
@@ -167,6 +171,17 @@ def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:
         Excursion("fibre_angle", even, "square", stated, amount),
         Excursion("fibre_angle_linear", np.where(np.abs(odd) > _SOLVED_TO, odd, 0.0), "both", stated, amount),
     ]
+
+
+def _mesh(state: ForwardState) -> list[Excursion]:
+    """What the finest mesh may still miss, and facets of a surface that was taken to be curved."""
+    if state.by_mesh is None:
+        return []
+    _, missed, flat = state.by_mesh
+    words = f"at most {100 * np.abs(missed).max(initial=0.0):.2g} % of a frequency"
+    if flat.any():
+        words += f", and {100 * np.abs(flat).max():.2g} % were the facets flat"
+    return [Excursion(MESH, missed, "both", False, words), Excursion(MESH, flat, "one-sided", False, words)]
 
 
 def _mirrored(body: Specimen | LayeredSpecimen) -> bool:

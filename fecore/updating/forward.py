@@ -54,8 +54,8 @@ class ForwardModel:
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
     # up to where a reduced basis meets the full model's frequencies; beyond, modes count for their tails
     held_hz: float = np.inf
-    finer: Finer | None = None  # meshes by which the error of the body's own is known and taken out, on a reduced basis
-    about: FloatArray | None = None  # (p,) parameters about which it is known; None: the prior means
+    # (p,) parameters about which the error of the body's own mesh is known; None: the prior means
+    about: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.places.shape[1] == 2:
@@ -77,18 +77,19 @@ class ForwardModel:
         Under a roving sensor a basis would have to hold the static deflections of every point: the full model is quicker.
         """
         places = np.array([[*coordinates[dof.point], 0.0][:3] for dof in dofs]).reshape(-1, 3)
-        count, finer = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES), Finer.of(parametrisation.body)
+        count = modes_to_cover(parametrisation, highest_hz, modes + EXTRA_MODES)
+        # (what a mesh misses is taken out on a basis)
+        reduced = not roving_mass or Finer.of(parametrisation.body) is not None
         return cls(
             parametrisation.body,
             parametrisation,
             tuple(dofs),
             places,
             count,
-            reduced=not roving_mass or finer is not None,
+            reduced=reduced,
             roving_mass=roving_mass,
             axes=axes or {},
             held_hz=_HELD_IN_SPACE * highest_hz if _is_in_space(parametrisation) else np.inf,
-            finer=finer,
         )
 
     @property
@@ -144,14 +145,19 @@ class ForwardModel:
 
     def _hand_on(self, other: ForwardModel) -> None:
         """The cached properties: the basis, what it holds, and the error of the mesh."""
-        other.__dict__.update(basis=self.basis, _covered=self._covered)
-        if other.about is self.about and self.finer is not None:
+        other.__dict__.update(basis=self.basis, _covered=self._covered, finer=self.finer)
+        if other.about is self.about:
             other.__dict__.update(mesh_error=self.mesh_error, _on_finest=self._on_finest)
+
+    @cached_property
+    def finer(self) -> Finer | None:
+        """Finer meshes by which the error of the body's own is known and taken out; None where that is taken on trust."""
+        return Finer.of(self.specimen)
 
     @cached_property
     def mesh_error(self) -> MeshError | None:
         """What the body's own mesh misses, about the prior means or where it was asked for."""
-        if self.finer is None:
+        if self.finer is None or not self.reduced:
             return None
         prior = self.parametrisation
         theta = prior.prior_mean if self.about is None else self.about

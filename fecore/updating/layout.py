@@ -293,8 +293,16 @@ class Layout:
         """The same on bases as they are now, for a search that is verified afterwards."""
         return replace(self, campaigns=tuple(replace(c, forward=c.forward.unverified()) for c in self.campaigns))
 
+    def with_mesh_errors_at(self, x: FloatArray) -> Layout:
+        """The same with the error of each body's own mesh as it is at x."""
+        moved = [replace(c, forward=c.forward.with_mesh_error_about(c.theta(x))) for c in self.campaigns]
+        return replace(self, campaigns=tuple(moved))
+
     def with_prior(self, prior: Parametrisation, **of_model: Any) -> Layout:
         """The layout of one campaign with other parameters and their body, its model changed in these attributes."""
         (only,) = self.campaigns
-        forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **of_model)
+        known = {"about": None, **of_model}
+        forward = replace(only.forward, specimen=prior.body, parametrisation=prior, **known)
+        if prior.body is only.forward.specimen:
+            forward.__dict__["finer"] = only.forward.finer
         return Layout.of_one(forward, only.modes, only.inputs, only.fixed_points)

@@ -19,7 +19,7 @@ from fecore.updating.damping_stage import fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
 from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.elastic_starts import update_from_several_starts
+from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.excursions import fixed_points
 from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
@@ -170,7 +170,10 @@ def _elastic(
     fixed = () if data.frfs is None else fixed_points(*data.frfs.points)
     if data.modes is not None:
         layout = Layout.of_one(forward, data.modes, inputs, fixed)
-        elastic = update_from_several_starts(layout, progress, use_shapes=recipe.use_shapes, seed=recipe.seed)
+        elastic = update_on_finest_mesh(
+            layout,
+            lambda at: update_from_several_starts(at, progress, use_shapes=recipe.use_shapes, seed=recipe.seed),
+        )
         if elastic.unlike:
             return elastic, data.modes
         return with_stretches(with_sparse_factors(elastic, recipe), recipe), data.modes

@@ -121,6 +121,13 @@ class ForwardState:
         return {name: {each: round(float(of[mode]), 4) for each, of in found.items()} for name, found in both.items()}
 
     @cached_property
+    def by_mesh(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """What meshes do to the elastic frequencies, as `MeshError.moved`; None where the mesh is taken on trust."""
+        error, c = self.forward.mesh_error, self.coefficients
+        value = self.modes.eigenvalue[self.modes.rigid :]
+        return None if error is None else error.moved(self.full_shapes, value, c.stiffness, c.mass)
+
+    @cached_property
     def hidden(self) -> tuple[int, ...]:
         """Elastic modes that no measured row sees: their points move across the measured directions."""
         forward = self.forward
