@@ -17,7 +17,14 @@ from fecore.updating.campaign_layout import (
     yielding,
 )
 from fecore.updating.contradictions import Agreement, Conflict, compare_sources
-from fecore.updating.elastic_findings import USUAL_MISS, contradiction, pairing_findings, points_beyond
+from fecore.updating.elastic_findings import (
+    USUAL_MISS,
+    contradiction,
+    mesh_findings,
+    mesh_on_trust,
+    pairing_findings,
+    points_beyond,
+)
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.estimates import constant_estimates, own_estimates
@@ -130,7 +137,7 @@ def update_campaigns(
     parts = tuple(_part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready))
     findings = [*map(contradiction, against), *_findings(elastic, parts)]
     for model, campaign in zip(layout.campaigns, ready, strict=True):
-        findings += points_beyond(model.forward, campaign.inputs, campaign.name)
+        findings += [*points_beyond(model.forward, campaign.inputs, campaign.name), *mesh_on_trust(model.forward)]
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
     sd = np.sqrt(np.diag(total))
     progress("done", 1.0)
@@ -183,7 +190,7 @@ def _odd_one_out(against: Sequence[Conflict], campaigns: Sequence[Campaign]) -> 
 
 
 def _findings(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
-    findings = pairing_findings(elastic)
+    findings = [*pairing_findings(elastic), *mesh_findings(elastic)]
     for part, at, pairing in zip(parts, elastic.rows, elastic.pairings, strict=True):
         alone, count = len(pairing.unpaired_measured), len(part.modes)
         if alone:

@@ -3,8 +3,10 @@
 import numpy as np
 
 from fecore.body.locate import place_in_words
+from fecore.body.matrices import MatrixBody
 from fecore.body.named import OfStructure
 from fecore.body.specimen import EDGE_ROUNDING
+from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.contradictions import Check, Conflict, compare_sources
@@ -43,6 +45,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
+        *mesh_findings(elastic),
         *map(contradiction, compare_sources(elastic)[0]),
         *_changed(elastic),
         *_confounded(elastic),
@@ -128,6 +131,52 @@ def _missed_frequencies(elastic: ElasticResult) -> list[Finding]:
         return []
     level: Level | None = "do_not_use" if elastic.misfit > HOPELESS_MISS else None
     return [found("frequencies_missed", level=level, percent=100 * elastic.misfit)]
+
+
+def mesh_findings(elastic: ElasticResult) -> list[Finding]:
+    """Where the bodies' own meshes would have given other constants, and which a finer one still decides."""
+    shared, findings = elastic.layout.shared, []
+    errors = [error for campaign in elastic.layout.campaigns if (error := campaign.forward.mesh_error) is not None]
+    if not errors:
+        return []
+    sd = np.sqrt(np.diag(elastic.spanning.total) + elastic.by_mesh)[: len(shared)]
+    away = elastic.on_own_mesh[: len(shared)]
+    theta = elastic.layout.material(elastic.x)
+    moved = [i for i in np.argsort(-np.abs(away) / sd) if abs(away[i]) > sd[i]]
+    if moved:
+        log = elastic.layout.prior.logarithmic
+        share = [np.expm1(away[i]) if log[i] else away[i] / theta[i] for i in moved]
+        coarsest = max(errors, key=lambda error: error.size)
+        enough = coarsest.size_for(float(sd[moved[0]] / abs(away[moved[0]])) / 2)
+        findings.append(
+            found(
+                "mesh_moves",
+                size=1e3 * coarsest.size,
+                finest=1e3 * coarsest.finest,
+                moved=listed(
+                    [f"{shared[i]} by {100 * each:+.2g} %" for i, each in zip(moved, share, strict=True)], _NAMED
+                ),
+                enough=1e3 * enough,
+            )
+        )
+    decided = [name for i, name in enumerate(shared) if elastic.by_mesh[i] > sd[i] ** 2 / 2 and _is_lost(elastic, i)]
+    if decided:
+        findings.append(found("mesh_decides", names=listed(decided, _NAMED)))
+    return findings
+
+
+def _is_lost(elastic: ElasticResult, number: int) -> bool:
+    return not elastic.identifiability[number].identifiable
+
+
+def mesh_on_trust(forward: ForwardModel) -> list[Finding]:
+    """That nobody knows what a body's mesh misses."""
+    body = forward.specimen
+    if isinstance(body, MatrixBody):
+        return [found("mesh_on_trust", why="matrices have no elements that could be refined")]
+    if isinstance(body, Structure) and forward.finer is None:
+        return [found("mesh_on_trust", why=f"it is too large to be refined ({len(body.mesh.nodes)} nodes)")]
+    return []
 
 
 def contradiction(conflict: Conflict) -> Finding:

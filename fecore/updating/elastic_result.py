@@ -15,7 +15,7 @@ from fecore.correlation import Pairing
 from fecore.modal import turn_real
 from fecore.modes import MeasuredModes
 from fecore.updating.belief import over_sets, weights_of
-from fecore.updating.excursions import Excursion, excursions
+from fecore.updating.excursions import MESH, Excursion, excursions
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import CampaignModel, Layout
 from fecore.updating.mixing import Mixing, mixings
@@ -150,7 +150,9 @@ class ElasticResult:
         """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
         sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        return known if self.spanning is self.given else spread_over(known, self.spanning.total, sd)
+        if self.spanning is self.given and not self.by_mesh.any():
+            return known
+        return spread_over(known, self.spanning.total + np.diag(self.by_mesh), sd)
 
     @property
     def in_doubt(self) -> bool:
@@ -230,6 +232,24 @@ class ElasticResult:
             pulls += [-self.gain[:, at] @ each.shift[columns][:, None] for each in found]
         return np.hstack(pulls)
 
+    @cached_property
+    def by_mesh(self) -> FloatArray:
+        """(X,) mean square of what x may be off by as even the finest mesh misses something."""
+        found = np.zeros(self.x.size)
+        for each, pull in zip(self.every_excursion, self.pulls.T, strict=True):
+            if each.name == MESH:
+                found += (each.rms * pull) ** 2
+        return found
+
+    @cached_property
+    def on_own_mesh(self) -> FloatArray:
+        """(X,) change of x if the bodies' own meshes were taken to be right."""
+        off = np.zeros(self.problem.residual.size)
+        for state, pairing, at in zip(self.states, self.pairings, self.rows, strict=True):
+            if state.by_mesh is not None:
+                off[at] = np.log1p(state.by_mesh[0][[column for _, column in pairing.pairs]])
+        return np.asarray(-self.gain @ off)
+
     @property
     def partners(self) -> tuple[Partners, ...]:
         """Who is paired with whom, in each campaign."""
@@ -240,6 +260,7 @@ class ElasticResult:
     ) -> tuple[ModeComparison, ...]:
         """A campaign's measured modes beside its model's; `predicted` gives the damping ratio of a model's elastic mode."""
         pairing, updated = self.pairings[number], self.states[number]
+        moved = updated.by_mesh
         first, last = dict(self.initial_pairings[number].pairs), dict(pairing.pairs)
         found = []
         for row, measured in enumerate(map(float, modes.frequency_hz)):
@@ -258,6 +279,7 @@ class ElasticResult:
                     measured_damping=_finite(modes.damping_ratio, row),
                     predicted_damping=None if after is None else predicted(after),
                     measured_damping_sd=_finite(modes.damping_sd, row),
+                    own_mesh_hz=None if hz is None or moved is None else hz * float(1 + moved[0][after]),
                     **({} if after is None else updated.shares(after)),
                 )
             )

@@ -56,6 +56,22 @@ FINDINGS = {
         "the finest mesh allowed, {nx} × {ny} elements, may give frequencies that are wrong by {percent:.2g} %",
         "choose a band that ends lower",
     ),
+    "mesh_moves": Row(
+        None,
+        7,
+        "on the model's own mesh, of elements of {size:.2g} mm, the result would move: {moved}; the constants are those of "
+        "elements of {finest:.2g} mm",
+        "elements of {enough:.2g} mm would do",
+    ),
+    "mesh_decides": Row(
+        "with_care",
+        20,
+        "the mesh decides {names}, whatever was measured",
+        "make its elements smaller, and its facets as many as the curve needs",
+    ),
+    "mesh_on_trust": Row(
+        None, 1, "what the model's mesh misses is not known, as {why}: it is taken on trust, and is in no interval"
+    ),
     "without_joints": Row(
         None,
         4,

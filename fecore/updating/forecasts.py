@@ -32,6 +32,7 @@ from fecore.dynamics.eigen import FewModesError, NormalModes, modes_below
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
 from fecore.updating.discretisation import meshed, nominal_matrices
+from fecore.updating.mesh_error import on_finer_mesh
 from fecore.updating.state import PointPairs
 
 CANDIDATES = 200
@@ -67,7 +68,8 @@ class ModelForecast:
 
     mesh: Mesh  # the mesh that was solved
     rigid: int  # number of rigid-body modes, which are not among the others
-    frequency_hz: FloatArray  # (n,) of the elastic modes
+    frequency_hz: FloatArray  # (n,) of the elastic modes, on that mesh
+    finer_hz: FloatArray | None  # (n,) the same modes' on a finer one; None where the mesh is taken on trust
     kinds: tuple[str, ...]  # of them, in words
     everywhere: FloatArray  # (n, nodes, 3) mass-normalised shapes on the mesh
     numbers: IntArray  # (p,) of the chosen points, of the places or else of the nodes, from 0
@@ -95,6 +97,7 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
     fine, nominal, modes, count = _solved(body, order)
     highest = order.highest_hz or float(modes.frequency_hz[modes.rigid + count - 1])
     elastic = slice(modes.rigid, modes.rigid + count)
+    finer = nominal.on_finer_mesh(modes)
     shapes, frequency = modes.shapes[:, elastic], modes.frequency_hz[elastic]
     everywhere, largest = _displacements(fine.model, shapes)
     rows = _Rows.of(fine, shapes * np.where(largest > 0, 1 / np.where(largest > 0, largest, 1), 0), order)
@@ -107,6 +110,7 @@ def forecast(body: Body, order: ForecastOrder) -> ModelForecast:
         mesh=fine.model.mesh,
         rigid=modes.rigid,
         frequency_hz=frequency,
+        finer_hz=None if finer is None else finer[:count],
         kinds=mode_kinds(fine.model, shapes),
         everywhere=everywhere,
         numbers=rows.numbers[kept],
@@ -181,6 +185,11 @@ class _Nominal:
             found = f"holds {in_band} modes; the first is at {first:.4g} Hz"
             raise InputError("highest_hz", f"is {highest_hz:g} Hz and {found}, expected 1 to {MOST_MODES} modes")
         return self._modes(min(covered, self.stiffness.shape[0] - rigid)), in_band
+
+    def on_finer_mesh(self, modes: NormalModes) -> FloatArray | None:
+        """(n,) frequencies of the elastic modes on a finer mesh, Hz; None where there is none."""
+        constants, springs = np.array(list(self.body.nominal.values())), [each.stiffness for each in self.body.springs]
+        return on_finer_mesh(self.body, modes, constants, np.array(springs))
 
     def _modes(self, elastic: int) -> NormalModes:
         return body_modes(self.body.model, self.stiffness, self.mass, elastic)

@@ -164,7 +164,8 @@ class ForwardModel:
         c = prior.coefficients(theta)
         modes = self.basis.modes(c.stiffness, c.mass)
         held = (2 * np.pi * self.held_hz) ** 2
-        return self.finer.error(modes, self.basis.basis, *prior.split(prior.constants(theta)), held)
+        whole = replace(modes, shapes=self.basis.basis @ modes.shapes)
+        return self.finer.error(whole, *prior.split(prior.constants(theta)), held)
 
     @cached_property
     def _on_finest(self) -> list[tuple[ReducedSystem, ReducedSystem]]:

@@ -6,8 +6,8 @@ The modes φ of the body are carried to finer meshes (`fecore.body.refine`) and 
 close modes do to each other; elsewhere it is right to the first order in constants times mesh.
 
 With the size h of elements the error goes with h⁴ where motion is smooth and at least with h² about the corner of a cut-out, so
-what the finest mesh misses is taken to be a quarter of what it moved. Of ten meshes of facets that turn little one is taken
-to be of a body of facets, the others of a curved one.
+what the finest mesh misses is taken to be a tenth of what it moved. Facets that turn little are taken for a curve, the more
+surely the less they turn.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.body.affine import AffineMatrix
 from fecore.body.constants import Body
-from fecore.body.refine import Refined, element_size, is_faceted, refined
+from fecore.body.facets import SMOOTH, facet_turn
+from fecore.body.refine import Refined, element_size, refined
 from fecore.body.structure import Structure
 from fecore.dynamics.eigen import NormalModes, mass_orthonormal, shifted
 from fecore.dynamics.factor import factorise
@@ -33,8 +34,8 @@ MOST_DOFS = 300_000
 _CHEAP = 30_000  # dofs up to which a finer mesh is made finer still, …
 _ROUNDS = 3  # … at most so often, …
 _CLOSE = 2e-3  # … while a mode moves by more
-_LEFT = 0.25  # share of what the last refinement moved that the finest mesh may still miss
-_FACETED = np.sqrt(0.1)  # of the difference between flat and curved: its root mean square
+_LEFT = 0.1  # share of what the last refinement moved that the finest mesh may still miss
+_FACETED = 0.1  # probability that facets are those of the body where they turn by 30°; in proportion where by less
 _LEAST = 0.01  # of an eigenvalue, that the body's own mesh gives at least
 _SETTLED, _SWEEPS = 1e-5, 3  # relative change of an eigenvalue by one more sweep; sweeps
 
@@ -64,8 +65,14 @@ class MeshError:
     whole: Forms  # from the body's own mesh to the finest
     last: Forms  # from the finest but one to the finest
     flat: Forms | None  # from a curved surface to flat facets, where the mesh does not say which
+    turn: float  # of the facets, rad
     size: float  # of the body's elements, m
     finest: float  # of those of the finest mesh
+    order: int  # of the size, with which the error of the body's elements goes
+
+    def size_for(self, share: float) -> float:
+        """Size of elements that miss such a share of what the body's miss, m."""
+        return float(self.size * min(share, 1.0) ** (1 / self.order))
 
     def moved(
         self, shapes: FloatArray, value: FloatArray, stiffness: FloatArray, mass: FloatArray
@@ -83,8 +90,17 @@ class MeshError:
         """
         rest = self.images.T @ shapes, value, stiffness, mass
         own = np.sqrt(np.maximum(1 - 2 * self.whole.shift(*rest), _LEAST)) - 1
-        flat = np.zeros(value.size) if self.flat is None else _FACETED * self.flat.shift(*rest)
+        share = np.sqrt(_FACETED * self.turn / SMOOTH)  # of the difference: its root mean square
+        flat = np.zeros(value.size) if self.flat is None else share * self.flat.shift(*rest)
         return own, _LEFT * self.last.shift(*rest), flat
+
+    def frequencies(self, value: FloatArray, stiffness: FloatArray, mass: FloatArray) -> FloatArray:
+        """(m,) frequencies in Hz on the finest mesh of the modes at the reference, whose own eigenvalues are (m,)."""
+        K = np.diag(value) + np.tensordot(stiffness, self.whole.stiffness, 1)
+        M = np.eye(value.size) + np.tensordot(mass, self.whole.mass, 1)
+        fine, turn = scipy.linalg.eigh(K, M)
+        row, column = scipy.optimize.linear_sum_assignment(-(turn**2))
+        return np.asarray(np.sqrt(fine[column[np.argsort(row)]]) / (2 * np.pi))
 
     def corrected(self, system: ReducedSystem) -> ReducedSystem:
         """A basis with the finest mesh's matrices of the modes."""
@@ -108,12 +124,17 @@ class Finer:
         """Of a body with a mesh of its own that can be made finer; None of strips, of matrices and of large ones."""
         if not isinstance(body, Structure):
             return None
-        grown = 4 if any(b.kind in ("quad8", "tri6") for b in body.mesh.blocks) else 3
+        grown = 4 if _is_quadratic(body) else 3
         return cls(body) if grown * len(body.mesh.nodes) * len(body.dofs) <= MOST_DOFS else None
 
     @cached_property
     def _flat(self) -> Refined | None:
-        return refined(self.body, curved=False) if is_faceted(self.body.mesh) else None
+        return refined(self.body, curved=False) if self.turn else None
+
+    @cached_property
+    def turn(self) -> float:
+        """Of facets that may be a curved surface, rad; 0 where there are none."""
+        return facet_turn(self.body.mesh)
 
     def level(self, number: int) -> Refined:
         """The body on a mesh that was refined so often, with the interpolation from its own."""
@@ -124,19 +145,16 @@ class Finer:
             self._levels.append(finer)
         return self._levels[number - 1]
 
-    def error(
-        self, modes: NormalModes, basis: FloatArray, constants: FloatArray, springs: FloatArray, held: float
-    ) -> MeshError:
+    def error(self, modes: NormalModes, constants: FloatArray, springs: FloatArray, held: float = np.inf) -> MeshError:
         """What the mesh misses about some constants.
 
         Args:
-            modes: of the body's own mesh there, in a basis.
-            basis: (dofs, r).
+            modes: of the body's own mesh there, with shapes over its dofs.
             constants: of the body, in the order of `nominal`.
             springs: stiffnesses of its springs.
             held: eigenvalue up to which modes count.
         """
-        shapes = basis @ modes.shapes[:, modes.rigid :]
+        shapes = modes.shapes[:, modes.rigid :]
         value = modes.eigenvalue[modes.rigid :]
         own = _Values.of(self.body, constants, springs)
         base = own.forms(shapes)
@@ -160,10 +178,15 @@ class Finer:
         if self._flat is not None:
             flat = solved(self._flat) - solved(self.level(1))
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
-        return MeshError(model.mass.at(own.mass) @ shapes, after - base, after - before, flat, *sizes)
+        order = 4 if _is_quadratic(self.body) else 2
+        return MeshError(model.mass.at(own.mass) @ shapes, after - base, after - before, flat, self.turn, *sizes, order)
 
     def _next_size(self, number: int) -> int:
         return 4 * len(self.level(number).body.mesh.nodes) * len(self.body.dofs)
+
+
+def _is_quadratic(body: Structure) -> bool:
+    return any(block.kind in ("quad8", "tri6") for block in body.mesh.blocks)
 
 
 @dataclass(frozen=True)
@@ -231,3 +254,20 @@ def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:
         before = value
     left, _, right = np.linalg.svd(vectors.T @ (M @ first))
     return np.asarray(vectors @ (left @ right))
+
+
+def on_finer_mesh(body: Body, modes: NormalModes, constants: FloatArray, springs: FloatArray) -> FloatArray | None:
+    """(n,) frequencies in Hz of a body's elastic modes on a finer mesh; None where its mesh is taken on trust.
+
+    Args:
+        body: solved on its own mesh.
+        modes: over its dofs, at these constants.
+        constants: in the order of `nominal`.
+        springs: stiffnesses of its springs.
+    """
+    finer = Finer.of(body)
+    if finer is None:
+        return None
+    own = _Values.of(finer.body, constants, springs)
+    error = finer.error(modes, constants, springs)
+    return error.frequencies(modes.eigenvalue[modes.rigid :], own.stiffness, own.mass)

@@ -17,7 +17,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
-from fecore.updating.elastic_findings import HOPELESS_MISS, points_beyond
+from fecore.updating.elastic_findings import HOPELESS_MISS, mesh_on_trust, points_beyond
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.excursions import fixed_points
@@ -93,6 +93,7 @@ def update(
         *remarks("measurement", data.warnings),
         *([] if mesh is None else _coarse(mesh)),
         *_without_joints(body),
+        *mesh_on_trust(forward),
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
     ]

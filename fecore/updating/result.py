@@ -109,6 +109,9 @@ class ModeComparison:
     measured_damping_sd: float | None = None
     motion: Mapping[str, float] | None = None
     energy: Mapping[str, float] | None = None
+    own_mesh_hz: float | None = (
+        None  # of the updated model on the body's own mesh, where a finer one gives `updated_hz`
+    )
 
 
 @dataclass(frozen=True)

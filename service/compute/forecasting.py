@@ -61,6 +61,7 @@ def _document(found: ModelForecast, labels: list[int], order: ForecastOrder) -> 
             {
                 "number": k + 1,
                 "frequency_hz": float(found.frequency_hz[k]),
+                "finer_mesh_hz": None if found.finer_hz is None else float(found.finer_hz[k]),
                 "kind": found.kinds[k],
                 "share_at_references": float(reference[k]),
                 "share_at_points": float(seen[k]),

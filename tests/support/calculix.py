@@ -38,7 +38,7 @@ def displacements(table: str, nodes: Sequence[int]) -> np.ndarray:
 
 _CORNERS, _SIDES = ((0, 0), (2, 0), (2, 2), (0, 2)), ((1, 0), (2, 1), (1, 2), (0, 1))
 _RINGS = ((_CORNERS, 0), (_CORNERS, 2), (_SIDES, 0), (_SIDES, 2), (_CORNERS, 1))
-_PLACES = [(x, y, z) for ring, z in _RINGS for x, y in ring]  # of the nodes of C3D20R, in half elements
+BRICK = [(x, y, z) for ring, z in _RINGS for x, y in ring]  # of the nodes of C3D20R, in half elements
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def solid(
     bricks: dict[str, list[list[int]]] = {name: [] for name in materials}
     for i, j, k in product(*(range(len(v) - 1) for v in cells)):
         if name := part(halves[1][2 * j + 1], halves[2][2 * k + 1]):
-            at = [(2 * i + x, 2 * j + y, 2 * k + z) for x, y, z in _PLACES]
+            at = [(2 * i + x, 2 * j + y, 2 * k + z) for x, y, z in BRICK]
             bricks[name].append([numbers.setdefault(each, len(numbers) + 1) for each in at])
     places = np.array([[v[i] for v, i in zip(halves, key, strict=True)] for key in numbers])
     deck = ["*NODE, NSET=ALL", *(f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(places, start=1))]

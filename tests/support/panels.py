@@ -1,6 +1,6 @@
-"""Free panels of solids by another code, stored, and as decks of shells with meshes of their own: with a cut-out, curved, tapered.
+"""Free panels with a cut-out, curved, tapered: solids by another code, stored, and decks of shells with meshes of their own.
 
-`python -m tests.support.panels` solves the solids anew (CalculiX) and prints `SOLIDS`.
+`solve` has them solved anew by CalculiX.
 """
 
 from itertools import product
@@ -15,7 +15,7 @@ from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
-from tests.support.calculix import Solid, modes, orthotropic
+from tests.support.calculix import BRICK, Solid, modes, orthotropic
 
 LENGTH, WIDTH, THICKNESS, RADIUS = 0.3, 0.2, 0.01, 0.18
 TRUTH = {"E1": 26e9, "E2": 9.5e9, "G12": 3.4e9, "G13": 2.6e9, "G23": 2.2e9, "nu12": 0.27}
@@ -66,12 +66,10 @@ def deck(kind: str, along: int, across: int, element: str, constants: dict[str, 
 
 
 def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Solid:
-    from tests.support.calculix import _PLACES
-
     numbers: dict[tuple[int, int, int], int] = {}
     bricks = []
     for (i, j), k in product(_cells(kind, along, across), range(layers)):
-        at = [(2 * i + x, 2 * j + y, 2 * k + z) for x, y, z in _PLACES]
+        at = [(2 * i + x, 2 * j + y, 2 * k + z) for x, y, z in BRICK]
         bricks.append([numbers.setdefault(each, len(numbers) + 1) for each in at])
     u, v, w = (np.array(list(numbers)) / [2 * along, 2 * across, 2 * layers]).T
     places = place(kind, u, v, THICKNESS * (w - 0.5))
@@ -84,7 +82,9 @@ def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Sol
     flat = (c["E1"], c["E2"], through, c["nu12"], c["nu12"], 0.4, c["G12"], c["G13"], c["G23"])
     # About the axis x: radial, tangential, axial.
     turned = (through, c["E2"], c["E1"], 0.4, nu21, nu21, c["G23"], c["G13"], c["G12"])
-    material = orthotropic("E", turned if kind == "curved" else flat, DENSITY, "0,0,0,1,0,0" if kind == "curved" else "1,0,0,0,1,0")
+    material = orthotropic(
+        "E", turned if kind == "curved" else flat, DENSITY, "0,0,0,1,0,0" if kind == "curved" else "1,0,0,0,1,0"
+    )
     if kind == "curved":
         material[0] = material[0].replace("RECTANGULAR", "CYLINDRICAL")
     return Solid(places, len(bricks), lines + material)

@@ -9,6 +9,7 @@ from fecore.arrays import FloatArray
 from fecore.body.constants import kind_of
 from fecore.body.structure import SIZES, Structure
 from fecore.dynamics.bodies import body_modes
+from fecore.updating.mesh_error import on_finer_mesh
 from modalbase.formats.models.model import BeamSection, FiniteElementModel
 from modalbase.formats.models.units import Units, in_si, unit_of, units_of
 from modalbase.formats.models.write import write_deck
@@ -62,32 +63,29 @@ def _in_deck(model: FiniteElementModel, constants: Mapping[str, float], units: U
 
 def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
     """What a solver is expected to find, mode by mode, as its own model has none of the joints of walls."""
-    body = body_of_model(model, order.boundary)
+    body = replace(body_of_model(model, order.boundary), with_joints=order.with_joints)
     as_sent = replace(order, constants={name: value for name, value in order.constants.items() if name not in SIZES})
-    plain = _frequencies(replace(body, with_joints=False), as_sent)  # the deck's nodes stay
-    expected = [f"mode {k}: {hz:.6g} Hz" for k, hz in enumerate(plain, start=1)]
-    if not body.junctions:
+    plain, _ = _frequencies(replace(body, with_joints=False), as_sent)  # the deck's nodes stay
+    own, finer = _frequencies(body, order)
+    lacks = ["the mesh's error taken out"] if finer is not None else []
+    lacks += ["a model of the joints of walls"] if body.junctions else []
+    if not lacks:
         return ["no walls meet at an angle: this model and the solver's differ by elements alone"]
-    if not order.with_joints:
-        return [
-            "the constants were found without a model of the joints of walls, as this deck has none; expected are",
-            *expected,
-        ]
-    joined = _frequencies(body, order)
-    return [
-        "the constants were found with a model of the joints of walls, which this deck has not; a solver is expected to find",
-        *(
-            f"{said}, {100 * (hz / with_joints - 1):+.2f} % from {with_joints:.6g} Hz with joints"
-            for said, hz, with_joints in zip(expected, plain, joined, strict=True)
-        ),
+    said = [
+        f"the constants were found with {' and '.join(lacks)}, which this deck has not; a solver is expected to find"
     ]
+    right = own if finer is None else finer
+    for k, (hz, mesh, of_body) in enumerate(zip(plain, own, right, strict=True), start=1):
+        row = f"mode {k}: {hz:.6g} Hz, {100 * (hz / of_body - 1):+.2f} % from {of_body:.6g} Hz of the updated model"
+        said.append(row if finer is None else f"{row}, {100 * (mesh / of_body - 1):+.2f} % of it by this mesh")
+    return said
 
 
-def _frequencies(body: Structure, order: DeckOrder) -> FloatArray:
-    """The lowest elastic natural frequencies with the updated constants, Hz."""
+def _frequencies(body: Structure, order: DeckOrder) -> tuple[FloatArray, FloatArray | None]:
+    """The lowest elastic natural frequencies with the updated constants, Hz, and those on a finer mesh."""
     known = {**body.nominal, **{name: value for name, value in order.constants.items() if name in body.nominal}}
     q, model = np.array(list(known.values())), body.model
-    springs = [order.constants.get(spring.name, spring.stiffness) for spring in body.springs]
+    springs = np.array([order.constants.get(spring.name, spring.stiffness) for spring in body.springs])
     K = model.stiffness.at(np.concatenate([body.stiffness_coefficients(q), springs]))
     modes = body_modes(model, K, model.mass.at(body.mass_coefficients(q)), order.modes)
-    return modes.frequency_hz[modes.rigid :]
+    return modes.frequency_hz[modes.rigid :], on_finer_mesh(body, modes, q, springs)

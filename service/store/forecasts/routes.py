@@ -16,7 +16,11 @@ class ForecastModeOut(StrictModel):
     """A mode of the nominal model."""
 
     number: int = Field(description="from 1, rigid-body modes left out")
-    frequency_hz: float
+    frequency_hz: float = Field(description="on the structure's own mesh, Hz")
+    finer_mesh_hz: float | None = Field(
+        None,
+        description="on a finer mesh, Hz; null of strips, whose mesh is fine, and where the mesh is taken on trust",
+    )
     kind: str = Field(description="bending, torsion, in-plane; of a body in space also axial and walls")
     share_at_references: float = Field(description="of its largest displacement, at the reference that shows it best")
     share_at_points: float = Field(description="of its largest displacement, at the point that shows it best")

@@ -120,6 +120,9 @@ class ModeComparisonOut(Part):
     measured_damping_sd: Number = Field(None, description="standard deviation of the measured ratio")
     motion: dict[str, float] | None = Field(None, description="shares of the updated model's motion, by kind, 0 to 1")
     energy: dict[str, float] | None = Field(None, description="shares of its strain energy, by set and spring, 0 to 1")
+    own_mesh_hz: Number = Field(
+        None, description="of the updated model on the structure's own mesh, Hz; null where a finer one was not needed"
+    )
 
 
 class AgreementOut(Part):

@@ -1,0 +1,99 @@
+"""A finer mesh is of the same body: its area, its surface, its supports, and frequencies that converge as its elements do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fecore.body.facets import facet_turn
+from fecore.body.generators import profile
+from fecore.body.mesh import Block, Mesh
+from fecore.body.refine import element_size, refined
+from fecore.body.sections import ShellSection
+from fecore.body.structure import Structure
+from fecore.body.supports import Link, Support
+from tests.support.panels import RADIUS, deck
+from tests.support.stored_solids import frequencies
+
+
+def _area(body: Structure) -> float:
+    """From the mass of a body of one section."""
+    q = np.array(list(body.nominal.values()))
+    moved = body.model.motions[:, 0]
+    mass = moved @ body.model.mass.at(body.mass_coefficients(q)) @ moved
+    section = body.sections["skin"]
+    assert isinstance(section, ShellSection)
+    return float(mass / section.nominal["density"] / section.thickness)
+
+
+@pytest.mark.parametrize("element", ["quad4", "quad8"])
+def test_flat_elements_keep_nodes_and_area(element: str) -> None:
+    body = deck("cut-out", 6, 4, element)
+    found = refined(body)
+    fine = found.body.mesh
+    assert np.array_equal(fine.nodes[: len(body.mesh.nodes)], body.mesh.nodes)
+    assert _area(found.body) == pytest.approx(_area(body), rel=1e-12)
+    assert found.interpolation @ body.mesh.nodes == pytest.approx(fine.nodes, abs=1e-15)
+    assert element_size(fine) == pytest.approx(element_size(body.mesh) / (1 if element == "quad4" else 2))
+    assert facet_turn(body.mesh) == 0
+
+
+def test_new_nodes_of_facets_lie_on_the_cylinder_to_the_fourth_order_up_to_its_edges() -> None:
+    off = []
+    for across in (6, 12):
+        body = deck("curved", 3, across, "quad4")
+        assert facet_turn(body.mesh) == pytest.approx(0.2 * 1.25 / RADIUS / across, rel=0.01)
+        fine, flat = refined(body).body.mesh.nodes, refined(body, curved=False).body.mesh.nodes
+        off.append(np.abs(np.hypot(fine[:, 1], fine[:, 2]) - RADIUS).max())
+        assert np.abs(np.hypot(flat[:, 1], flat[:, 2]) - RADIUS).max() > 50 * off[-1]
+    assert off[1] < off[0] / 14
+    assert facet_turn(deck("curved", 3, 6, "quad8").mesh) == 0  # its sides are curved already
+
+
+def test_frequencies_converge_as_the_order_says() -> None:
+    bodies = [deck("curved", 6, 4, "quad4")]
+    for _ in range(3):
+        bodies.append(refined(bodies[-1]).body)
+    hz = np.array([frequencies(body, 6) for body in bodies])
+    off = np.abs(hz[:-1] / hz[-1] - 1).max(axis=1)
+    assert off[0] > 0.03
+    assert off[1] < off[0] / 4  # one order higher
+    assert off[2] < off[1] / 8  # halved
+
+
+def test_folds_stay_folds_and_triangles_bars_and_thickness_go_along() -> None:
+    wall = ShellSection(deck("tapered", 1, 1, "quad4").sections["skin"].plies)
+    body = Structure(profile("angle", 0.6, 0.06, 0.05, 0.006, 0.006, elements=2), {"flange": wall, "web": wall})
+    fine = refined(body).body
+    assert len(fine.junctions) == len(body.junctions)
+    assert np.abs(frequencies(fine, 6) / frequencies(body, 6) - 1).max() < 0.003
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]])
+    blocks = (
+        Block("tri3", np.array([[0, 1, 2], [0, 2, 3]]), "a", thickness=np.array([[1.0, 1, 3], [1, 3, 1]])),
+        Block("quad4", np.array([[1, 4, 2, 2]]), "a"),  # a triangle by its nodes
+    )
+    skin = Structure(Mesh(x, blocks), {"a": wall})
+    raised = refined(skin).body.mesh.blocks[0]
+    assert raised.kind == "tri6"
+    assert raised.thickness is not None
+    assert raised.thickness[0] == pytest.approx([1, 1, 3, 1, 2, 2])
+    halved = refined(refined(skin).body).body.mesh.blocks[0]
+    assert halved.nodes.shape == (8, 6)
+
+
+def test_supports_hold_the_new_nodes_amid_them_and_no_others() -> None:
+    body = deck("tapered", 4, 1, "quad4")  # one element across: every node lies on an edge
+    across = np.flatnonzero(body.mesh.nodes[:, 0] == 0)
+    both = np.arange(len(body.mesh.nodes))[body.mesh.nodes[:, 0] > 0.1]
+    mesh = replace(body.mesh, node_sets={"root": across, "point": across[:1], "sides": both})
+    held = refined(replace(body, mesh=mesh, supports=(Support("root"),))).body
+    places = {name: held.mesh.nodes[nodes] for name, nodes in held.mesh.node_sets.items()}
+    assert len(places["root"]) == 3
+    assert np.all(places["root"][:, 0] == 0)
+    assert len(places["point"]) == 1
+    inner = (places["sides"][:, 0] < 0.29) & (np.abs(places["sides"][:, 1]) < 1e-9)
+    assert not inner.any()  # strips between held edges stay free
+    links = tuple(Link(int(node), (int(both[-1]),)) for node in across)
+    led = refined(replace(body, links=links)).body.links
+    assert len(led) == 3
+    assert all(link.leaders == links[0].leaders for link in led)

@@ -1,0 +1,89 @@
+"""What a deck's own mesh misses does not become constants: solids of another code on coarse decks of their panels."""
+
+import numpy as np
+import pytest
+
+from fecore.body.structure import Structure
+from fecore.frf import Dof
+from fecore.updating import mesh_error
+from fecore.updating.forecasts import ForecastOrder, forecast
+from fecore.updating.forward import ForwardModel
+from fecore.updating.inputs import Inputs
+from fecore.updating.measurement import Measurement
+from fecore.updating.parameters import default_parameters, parametrise
+from fecore.updating.pipeline import update
+from fecore.updating.recipe import Recipe
+from tests.support.panels import TRUTH, deck, measured
+from tests.support.stored_solids import frequencies
+
+
+def _forward(body: Structure, highest_hz: float) -> ForwardModel:
+    prior = parametrise(body, default_parameters(body))
+    return ForwardModel.of_dofs(prior, [Dof(1, 3)], {1: tuple(body.mesh.nodes[0])}, highest_hz)
+
+
+@pytest.mark.parametrize(("kind", "element"), [("cut-out", "quad4"), ("curved", "quad8")])
+def test_the_model_has_the_frequencies_of_the_finest_mesh(kind: str, element: str) -> None:
+    body = deck(kind, 6, 4, element)
+    own = frequencies(body, 6)
+    forward = _forward(body, float(own[-1]))
+    state = forward.solve(forward.parametrisation.prior_mean)
+    error = forward.mesh_error
+    assert error is not None
+    assert error.finest < error.size
+    assert forward.finer is not None
+    finest = frequencies(forward.finer.level(round(np.log2(error.size / error.finest)) + (element == "quad4")).body, 6)
+    assert np.abs(own / finest - 1).max() > 0.01
+    assert state.frequency_hz[:6] == pytest.approx(finest, rel=2e-5)
+    assert state.by_mesh is not None
+    moved, left, flat = state.by_mesh
+    assert state.frequency_hz[:6] * (1 + moved[:6]) == pytest.approx(own, rel=0.01)
+    assert np.abs(left[:6]).max() < 0.1 * np.abs(moved[:6]).max()
+    assert not flat.any()  # quadratic sides are curved already
+
+
+def test_a_change_of_constants_is_followed_and_exact_where_the_error_is_known_anew() -> None:
+    body = deck("curved", 6, 4, "quad4")
+    forward = _forward(body, float(frequencies(body, 6)[-1]))
+    names, mean = forward.parametrisation.names, forward.parametrisation.prior_mean
+    theta = mean * np.where(np.array(names) == "skin.G13", 0.75, 1.0) * np.where(np.array(names) == "skin.E1", 1.2, 1.0)
+    anew = forward.with_mesh_error_about(theta).solve(theta).frequency_hz[:6]
+    assert forward.solve(theta).frequency_hz[:6] == pytest.approx(anew, rel=0.005)
+    assert np.any(np.abs(forward.solve(mean).frequency_hz[:6] / anew - 1) > 0.02)
+
+
+def test_constants_on_a_coarse_curved_deck_are_the_solids() -> None:
+    modes, points = measured("curved")
+    data = Measurement(None, points, modes, inputs=Inputs.exact())
+    found = update(data, deck("curved", 12, 8, "quad4"), Recipe(damping_models=("rayleigh",)))
+    for parameter in found.parameters:
+        constant = parameter.name.rpartition(".")[2]
+        if constant in TRUTH:
+            z = (parameter.estimate - TRUTH[constant]) / parameter.standard_deviation
+            assert abs(z) < 2.5, (parameter.name, z)
+            assert parameter.identifiable == (constant != "G23")
+    budget = {entry.source for entry in found.parameters[0].budget}
+    assert "mesh" in budget
+    (said,) = [each.text for each in found.findings if each.kind == "mesh_moves"]
+    assert "elements of 25 mm" in said
+    assert "G13" in said
+    last = found.modes[-1]
+    assert last.updated_hz is not None
+    assert last.own_mesh_hz is not None
+    assert last.own_mesh_hz > 1.03 * last.updated_hz  # what the deck's own solver is to expect
+
+
+def test_a_forecast_shows_both_meshes() -> None:
+    body = deck("cut-out", 6, 4, "quad4")
+    found = forecast(body, ForecastOrder(modes=6))
+    assert found.frequency_hz == pytest.approx(frequencies(body, 6), rel=1e-9)
+    assert found.finer_hz == pytest.approx(frequencies(deck("cut-out", 18, 12, "quad8"), 6), rel=0.003)
+
+
+def test_a_mesh_beyond_the_limit_is_taken_on_trust(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mesh_error, "MOST_DOFS", 100)
+    modes, points = measured("tapered")
+    body = deck("tapered", 12, 8, "quad8")
+    found = update(Measurement(None, points, modes, inputs=Inputs.exact()), body, Recipe(damping_models=("rayleigh",)))
+    assert "mesh_on_trust" in {each.kind for each in found.findings}
+    assert "mesh" not in {entry.source for parameter in found.parameters for entry in parameter.budget}
