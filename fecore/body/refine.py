@@ -102,7 +102,7 @@ class _Work:
         self._mesh, self._old = mesh, len(mesh.nodes)
         self._places = [mesh.nodes]
         self._weights: list[scipy.sparse.csr_array] = [scipy.sparse.eye_array(self._old, format="csr")]
-        self._amid = [np.zeros((0, 2), dtype=np.int64)]  # of the new nodes
+        self._amid: list[IntArray] = [np.zeros((0, 2), dtype=np.int64)]  # of the new nodes
         self._known: dict[tuple[int, int], int] = {}
         self._count = self._old
         self._bows, self._sides = bows, sides
@@ -131,7 +131,7 @@ class _Work:
             natural.append((natural[a] + natural[b]) / 2)
         element = BEAMS[block.kind] if block.kind == "beam3" else SHELLS[block.kind]
         at = np.array(natural)
-        local = element.functions(at[:, 0] if block.kind == "beam3" else at)  # type: ignore[arg-type]
+        local = element.functions(at[:, 0] if block.kind == "beam3" else at)
         nodes = np.hstack([block.nodes, np.zeros((len(block.nodes), len(amid)), dtype=np.int64)])
         for place, (a, b) in enumerate(amid, start=count):
             nodes[:, place] = self._between(nodes[:, [a, b]], block.nodes, local[place])
@@ -144,7 +144,7 @@ class _Work:
         pairs = np.sort(pairs, axis=1)
         first: dict[tuple[int, int], int] = {}
         found = np.zeros(len(pairs), dtype=np.int64)
-        fresh = []
+        fresh: list[int] = []
         for row, (a, b) in enumerate(pairs.tolist()):
             if a == b:  # a side of no length, of a quadrilateral that is a triangle
                 found[row] = a
@@ -256,7 +256,8 @@ def _of_parts(block: Block, kind: str, nodes: IntArray, local: FloatArray, parts
     def of_nodes(values: FloatArray | None) -> FloatArray | None:
         if values is None:
             return None
-        return np.einsum("cpn,en...->ecp...", local[chosen], values).reshape(-1, chosen.shape[1], *values.shape[2:])
+        each = np.einsum("cpn,en...->ecp...", local[chosen], values)
+        return np.asarray(each.reshape(-1, chosen.shape[1], *values.shape[2:]))
 
     return replace(
         block,

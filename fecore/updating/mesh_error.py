@@ -241,7 +241,7 @@ def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:
     images = M @ rigid
 
     def upright(vectors: FloatArray) -> FloatArray:
-        return vectors - rigid @ (images.T @ vectors)
+        return np.asarray(vectors - rigid @ (images.T @ vectors))
 
     first = upright(motion)
     vectors, before = first, np.zeros(motion.shape[1])

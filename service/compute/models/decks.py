@@ -67,17 +67,22 @@ def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
     as_sent = replace(order, constants={name: value for name, value in order.constants.items() if name not in SIZES})
     plain, _ = _frequencies(replace(body, with_joints=False), as_sent)  # the deck's nodes stay
     own, finer = _frequencies(body, order)
-    lacks = ["the mesh's error taken out"] if finer is not None else []
-    lacks += ["a model of the joints of walls"] if body.junctions else []
-    if not lacks:
-        return ["no walls meet at an angle: this model and the solver's differ by elements alone"]
-    said = [
-        f"the constants were found with {' and '.join(lacks)}, which this deck has not; a solver is expected to find"
-    ]
-    right = own if finer is None else finer
+    if not body.with_joints:
+        said = ["the constants were found without a model of the joints of walls, as this deck has none"]
+    elif body.junctions:
+        said = ["the constants were found with a model of the joints of walls, which this deck has not"]
+    else:
+        said = ["no walls meet at an angle: this model and the solver's differ by elements alone"]
+    right, where = (own, "") if finer is None else (finer, " on a finer mesh")
+    if body.junctions and body.with_joints:
+        where += " with joints"
+    if not where:
+        return [*said, *(f"mode {k}: expected {hz:.6g} Hz" for k, hz in enumerate(plain, start=1))]
+    if finer is not None:
+        said.append("and without the error of this mesh, which is stated mode by mode")
     for k, (hz, mesh, of_body) in enumerate(zip(plain, own, right, strict=True), start=1):
-        row = f"mode {k}: {hz:.6g} Hz, {100 * (hz / of_body - 1):+.2f} % from {of_body:.6g} Hz of the updated model"
-        said.append(row if finer is None else f"{row}, {100 * (mesh / of_body - 1):+.2f} % of it by this mesh")
+        row = f"mode {k}: expected {hz:.6g} Hz, {100 * (hz / of_body - 1):+.2f} % from {of_body:.6g} Hz{where}"
+        said.append(row if finer is None else f"{row}; by the mesh {100 * (mesh / of_body - 1):+.2f} %")
     return said
 
 
