@@ -109,7 +109,7 @@ class _Work:
 
     def raised(self, block: Block) -> Block:
         """A block of linear elements with nodes amid their sides; a quadratic one with its middles on the curved surface."""
-        sides = list(SHELLS[block.kind].sides) if block.is_shell else [(0, 1)]
+        sides: list[tuple[int, ...]] = list(SHELLS[block.kind].sides) if block.is_shell else [(0, 1)]
         if block.kind not in _RAISED:
             if block.is_shell and len(self._bows):
                 self._bend(block, sides)
