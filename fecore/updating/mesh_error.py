@@ -145,7 +145,15 @@ class Finer:
             self._levels.append(finer)
         return self._levels[number - 1]
 
-    def error(self, modes: NormalModes, constants: FloatArray, springs: FloatArray, held: float = np.inf) -> MeshError:
+    def error(
+        self,
+        modes: NormalModes,
+        constants: FloatArray,
+        springs: FloatArray,
+        held: float = np.inf,
+        *,
+        with_flat: bool = True,
+    ) -> MeshError:
         """What the mesh misses about some constants.
 
         Args:
@@ -153,6 +161,7 @@ class Finer:
             constants: of the body, in the order of `nominal`.
             springs: stiffnesses of its springs.
             held: eigenvalue up to which modes count.
+            with_flat: try facets that may be a curved surface flat too.
         """
         shapes = modes.shapes[:, modes.rigid :]
         value = modes.eigenvalue[modes.rigid :]
@@ -175,7 +184,7 @@ class Finer:
             number += 1
             before, after = after, solved(self.level(number))
         flat = None
-        if self._flat is not None:
+        if with_flat and self._flat is not None:
             flat = solved(self._flat) - solved(self.level(1))
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
         order = 4 if _is_quadratic(self.body) else 2
@@ -269,5 +278,5 @@ def on_finer_mesh(body: Body, modes: NormalModes, constants: FloatArray, springs
     if finer is None:
         return None
     own = _Values.of(finer.body, constants, springs)
-    error = finer.error(modes, constants, springs)
+    error = finer.error(modes, constants, springs, with_flat=False)
     return error.frequencies(modes.eigenvalue[modes.rigid :], own.stiffness, own.mass)
