@@ -65,7 +65,7 @@ def test_constants_on_a_coarse_curved_deck_are_the_solids() -> None:
     budget = {entry.source for entry in found.parameters[0].budget}
     assert "mesh" in budget
     (said,) = [each.text for each in found.findings if each.kind == "mesh_moves"]
-    assert "elements of 25 mm" in said
+    assert "elements of 28 mm" in said
     assert "G13" in said
     last = found.modes[-1]
     assert last.updated_hz is not None
