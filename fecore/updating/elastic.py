@@ -32,6 +32,7 @@ from fecore.updating.layout import Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
+from fecore.updating.theory_error import by_shear_correction, discrepancy_scale
 
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
 _LATE = 12  # turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
@@ -193,6 +194,7 @@ class Misfit:
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
         residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
+        by_shear = np.zeros(total)
         weight = np.concatenate(
             [w[[row for row, _ in pairing.pairs]] for w, pairing in zip(weights, pairings, strict=True)]
         )
@@ -203,6 +205,7 @@ class Misfit:
             chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
             residual[at] = np.log(campaign.modes.frequency_hz[measured] / state.frequency_hz[columns])
             noise[at, at] = campaign.noise(measured)
+            by_shear[at] = by_shear_correction(state)[columns]
             sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
             if self.use_shapes:
                 off, of_theta = _shape_residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
@@ -217,8 +220,9 @@ class Misfit:
             C, off = said / sds[:, None], (values - said @ x) / sds
             others["coupons"] = C.T @ C
             descent, cost = descent + C.T @ off, cost + float(off @ off)
-        known = residual, noise, sensitivity, x, self.layout.precision, others
-        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
+        known = residual, noise + np.outer(by_shear, by_shear), sensitivity, x, self.layout.precision, others
+        scale = max(discrepancy_scale(c.forward.specimen, c.inputs) for c in self.layout.campaigns)
+        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight, scale=scale)
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""

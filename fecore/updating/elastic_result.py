@@ -32,6 +32,7 @@ from fecore.updating.posterior import (
     spread_over,
 )
 from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
+from fecore.updating.theory_error import SHEAR_CORRECTION, by_shear_correction
 
 if TYPE_CHECKING:
     from fecore.updating.stretches import Stretches
@@ -130,13 +131,17 @@ class ElasticResult:
         The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the variances of these parts,
         the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
-        missed = np.zeros(self.problem.residual.size)
-        for campaign, at in zip(self.layout.campaigns, self.rows, strict=True):
+        missed, by_shear = np.zeros((2, self.problem.residual.size))
+        each = zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True)
+        for campaign, state, pairing, at in each:
             missed[at] = campaign.model_error
-        noise = self.gain @ root(self.problem.noise - np.diag(missed**2))
+            by_shear[at] = by_shear_correction(state)[[column for _, column in pairing.pairs]]
+        noise = self.gain @ root(self.problem.noise - np.diag(missed**2) - np.outer(by_shear, by_shear))
         parts: dict[str, list[FloatArray]] = {NOISE: [noise], DISCREPANCY_OF_MODEL: [self.gain * self.discrepancy]}
         if missed.any():
             parts[MODEL_OF_JOINTS] = [self.gain * missed]
+        if by_shear.any():
+            parts[SHEAR_CORRECTION] = [self.gain @ by_shear[:, None]]
         for name, information in self.problem.others.items():
             parts[name] = [self.inverse @ root(information)]
         if self.layout.common:
