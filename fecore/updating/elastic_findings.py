@@ -1,5 +1,7 @@
 """What looks wrong with an elastic update, and what it means for the use of its result."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fecore.body.locate import place_in_words
@@ -14,7 +16,8 @@ from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, pri
 from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.result import Finding
+from fecore.updating.parameters import Parameter
+from fecore.updating.result import Finding, ParameterEstimate
 
 SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
@@ -230,6 +233,23 @@ def _confounded(elastic: ElasticResult) -> list[Finding]:
         for each in elastic.identifiability
         if each.confounded_with and each.name in elastic.layout.shared
     ]
+
+
+def undetermined(
+    constants: Sequence[ParameterEstimate], parameters: Sequence[Parameter] | None, usual: Sequence[Parameter] = ()
+) -> list[Finding]:
+    """Constants that a recipe asks for and the data do not determine; or that they determine none.
+
+    A recipe that names none, or only the usual ones, asks for what the data determine.
+    """
+    lost = [each.name for each in constants if each.tied_to is None and not each.identifiable]
+    if not any(each.identifiable for each in constants):
+        return [found("nothing_determined")] if constants else []
+    asked, known = (
+        {each.name for each in some if not (each.fixed or each.tied_to)} for some in (parameters or (), usual)
+    )
+    names = [name for name in lost if name in asked and asked != known]
+    return [found("not_determined", names=listed(names, _NAMED))] if names else []
 
 
 def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:

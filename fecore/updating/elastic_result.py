@@ -42,6 +42,8 @@ REFUTED = 5.0
 
 NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = "measurement noise", "model discrepancy", "model of the joints"
 
+_NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
+
 BELIEVED = 0.5
 """Weight from which a measured mode is more likely one than none."""
 
@@ -124,31 +126,66 @@ class ElasticResult:
         campaigns = zip(self.layout.campaigns, self.states, strict=True)
         return tuple(excursions(state, c.inputs, c.fixed_points) for c, state in campaigns)
 
-    @cached_property
+    @property
     def sources(self) -> dict[str, FloatArray]:
+        """As `sources_at`, at the estimated discrepancy and scatter."""
+        return self.sources_at(self.discrepancy, self.scatter)
+
+    def sources_at(self, discrepancy: float, scatter: float) -> dict[str, FloatArray]:
         """By name of its source, (X, k) independent standard deviations of which the error of x is made.
 
         The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the variances of these parts,
         the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
+        gain, inverse = self.problem.gain(discrepancy, scatter), self.problem.solve(discrepancy, scatter)[1]
+        of_data, of_others = self._roots
+        parts = {name: [gain @ each] for name, each in of_data.items()}
+        parts[DISCREPANCY_OF_MODEL] = [gain * discrepancy]
+        for name, each in of_others.items():
+            parts[name] = [inverse @ each]
+        if self.layout.common:
+            parts[COMMON] = [inverse @ root(self.layout.coupling(scatter))]
+        for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(scatter), strict=True)):
+            parts.setdefault(unknown.source, []).append(inverse[:, [place]] / sd)
+        return {name: np.hstack(columns) for name, columns in parts.items()}
+
+    @cached_property
+    def _roots(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """By source, (n, k) roots of the covariance of the frequencies, and (X, k) of the information of what is none."""
         missed, by_shear = np.zeros((2, self.problem.residual.size))
         each = zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True)
         for campaign, state, pairing, at in each:
             missed[at] = campaign.model_error
             by_shear[at] = by_shear_correction(state)[[column for _, column in pairing.pairs]]
-        noise = self.gain @ root(self.problem.noise - np.diag(missed**2) - np.outer(by_shear, by_shear))
-        parts: dict[str, list[FloatArray]] = {NOISE: [noise], DISCREPANCY_OF_MODEL: [self.gain * self.discrepancy]}
+        known = np.diag(missed**2) + np.outer(by_shear, by_shear)
+        of_data = {NOISE: root(self.problem.noise - known, of=self.problem.noise)}
         if missed.any():
-            parts[MODEL_OF_JOINTS] = [self.gain * missed]
+            of_data[MODEL_OF_JOINTS] = np.diag(missed)
         if by_shear.any():
-            parts[SHEAR_CORRECTION] = [self.gain @ by_shear[:, None]]
-        for name, information in self.problem.others.items():
-            parts[name] = [self.inverse @ root(information)]
-        if self.layout.common:
-            parts[COMMON] = [self.inverse @ root(self.layout.coupling(self.scatter))]
-        for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(self.scatter), strict=True)):
-            parts.setdefault(unknown.source, []).append(self.inverse[:, [place]] / sd)
-        return {name: np.hstack(columns) for name, columns in parts.items()}
+            of_data[SHEAR_CORRECTION] = by_shear[:, None]
+        return of_data, {name: root(each) for name, each in self.problem.others.items()}
+
+    @cached_property
+    def variances(self) -> dict[str, FloatArray]:
+        """By name of its source, (X,) variances of x that add up to those of `given`.
+
+        Each of its Gaussians is made as `sources` has it, at a discrepancy and a scatter of its own; how far their means lie
+        from the estimate is the discrepancy's.
+        """
+        mixture, scatters = self.problem.mixture(self.layout.scatter)
+        kept = np.flatnonzero(mixture.weight > _NEGLIGIBLE)
+        weight, found = mixture.weight[kept] / mixture.weight[kept].sum(), dict[str, FloatArray]()
+        for share, spread, scatter, shift in zip(
+            weight, mixture.scale[kept], scatters[kept], mixture.shift[kept], strict=True
+        ):
+            each = {
+                name: np.sum(part**2, axis=1) for name, part in self.sources_at(float(spread), float(scatter)).items()
+            }
+            each[DISCREPANCY_OF_MODEL] = each[DISCREPANCY_OF_MODEL] + shift**2
+            for name, part in each.items():
+                found[name] = found.get(name, 0.0) + share * part
+        left = np.diag(self.given.total) / np.sum(list(found.values()), axis=0)  # round-off, and what was neglected
+        return {name: part * left for name, part in found.items()}
 
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:
