@@ -32,7 +32,7 @@ from fecore.updating.layout import Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
-from fecore.updating.theory_error import by_shear_correction, discrepancy_scale
+from fecore.updating.theory_error import SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
 
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
 _LATE = 12  # turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
@@ -83,9 +83,8 @@ def fit(
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
     misfit = Misfit(layout, use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
-    first_scales = _Scales(
-        DISCREPANCY, layout.scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
-    )
+    ones = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
+    first_scales = _Scales(DISCREPANCY, layout.scatter, ones, tuple(0 * each for each in ones))
     initial = misfit.paired(origin, first_scales)
     point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
@@ -110,17 +109,23 @@ def fit(
 
 @dataclass(frozen=True)
 class _Scales:
-    """What each turn estimates anew: discrepancy, scatter, and the weight of each measured mode of each campaign."""
+    """What each turn estimates anew: discrepancy, scatter, and of each campaign's measured modes weight and shear's error.
+
+    Within a turn modes pass one another, and a partner's share of shear would jump.
+    """
 
     spread: float
     scatter: float
     weights: tuple[FloatArray, ...]
+    by_shear: tuple[FloatArray, ...]
 
     def are_those_of(self, other: _Scales) -> bool:
         """Whether they differ by no more than what changes nothing."""
         mine, theirs = (self.spread, self.scatter), (other.spread, other.scatter)
         same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
-        return same and all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
+        same &= all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
+        both = zip(self.by_shear, other.by_shear, strict=True)
+        return same and all(np.all(np.abs(a - b) <= _SAME * SHEAR_CORRECTION_SD) for a, b in both)
 
 
 @dataclass(frozen=True)
@@ -184,19 +189,25 @@ class Misfit:
         scales: _Scales,
     ) -> _Point:
         """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes' weights."""
-        problem = self.linear(x, states, pairings, scales.weights)
+        problem = self.linear(x, states, pairings, scales.weights, scales.by_shear)
         return _Point(states, pairings, problem, scales, *problem.at(scales.spread, scales.scatter))
 
     def linear(
-        self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing], weights: Sequence[FloatArray]
+        self,
+        x: FloatArray,
+        states: Sequence[ForwardState],
+        pairings: Sequence[Pairing],
+        weights: Sequence[FloatArray],
+        by_shear: Sequence[FloatArray] | None = None,
     ) -> LinearProblem:
-        """The problem that is linear in the step from x."""
+        """The problem that is linear in the step from x; `by_shear` of measured modes is that of their partners by default."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
         residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
-        by_shear = np.zeros(total)
-        weight = np.concatenate(
-            [w[[row for row, _ in pairing.pairs]] for w, pairing in zip(weights, pairings, strict=True)]
+        by_shear = self.by_shear(states, pairings) if by_shear is None else by_shear
+        weight, shear = (
+            np.concatenate([each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)])
+            for some in (weights, by_shear)
         )
         missed: list[FloatArray] = [np.zeros(0)]
         by: list[FloatArray] = [np.zeros((0, size))]
@@ -205,7 +216,6 @@ class Misfit:
             chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
             residual[at] = np.log(campaign.modes.frequency_hz[measured] / state.frequency_hz[columns])
             noise[at, at] = campaign.noise(measured)
-            by_shear[at] = by_shear_correction(state)[columns]
             sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
             if self.use_shapes:
                 off, of_theta = _shape_residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
@@ -220,9 +230,17 @@ class Misfit:
             C, off = said / sds[:, None], (values - said @ x) / sds
             others["coupons"] = C.T @ C
             descent, cost = descent + C.T @ off, cost + float(off @ off)
-        known = residual, noise + np.outer(by_shear, by_shear), sensitivity, x, self.layout.precision, others
+        known = residual, noise + np.outer(shear, shear), sensitivity, x, self.layout.precision, others
         scale = max(discrepancy_scale(c.forward.specimen, c.inputs) for c in self.layout.campaigns)
         return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight, scale=scale)
+
+    def by_shear(self, states: Sequence[ForwardState], pairings: Sequence[Pairing]) -> tuple[FloatArray, ...]:
+        """Of each campaign's measured modes, what the shear correction may miss of their partners; 0 without one."""
+        found = tuple(np.zeros(len(campaign.modes)) for campaign in self.layout.campaigns)
+        for own, state, pairing in zip(found, states, pairings, strict=True):
+            rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
+            own[rows] = by_shear_correction(state)[columns]
+        return found
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
@@ -245,12 +263,12 @@ class Misfit:
             mixture, scatters = problem.mixture(self.layout.scatter)
             scatter = float(np.sqrt(mixture.weight @ scatters**2))
         if late:
-            return _Scales(spread, scatter, old.weights)
+            return _Scales(spread, scatter, old.weights, old.by_shear)
         belief = weights_of(problem, *prior_belief(self.layout, point.pairings), old.scatter)
         likeliest, weights = np.round(belief), [np.ones(each.size) for each in old.weights]
         for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
             own[[row for row, _ in pairing.pairs]] = likeliest[at]
-        return _Scales(spread, scatter, tuple(weights))
+        return _Scales(spread, scatter, tuple(weights), self.by_shear(point.states, point.pairings))
 
     def result(self, point: _Point, initial: _Point, history: tuple[ConvergenceStep, ...]) -> ElasticResult:
         """The result at the point of rest."""

@@ -78,7 +78,12 @@ positive = st.floats(0.01, 10.0)
 
 
 @given(
-    st.lists(positive, min_size=1, max_size=4), positive, positive, positive, st.floats(-3, 3), st.integers(0, 2**32 - 1)
+    st.lists(positive, min_size=1, max_size=4),
+    positive,
+    positive,
+    positive,
+    st.floats(-3, 3),
+    st.integers(0, 2**32 - 1),
 )
 def test_sources_add_up_whatever_is_added(
     parts: list[float], wider: float, narrower: float, tie: float, pull: float, seed: int
@@ -98,15 +103,20 @@ def test_sources_add_up_whatever_is_added(
 
 def test_an_even_body_has_a_smaller_discrepancy() -> None:
     body = BEAMS[0].stated
-    scales = [discrepancy_scale(body, replace(Inputs(), thickness_sd=share * body.thickness)) for share in (0, 0.003, 1)]
+    scales = [
+        discrepancy_scale(body, replace(Inputs(), thickness_sd=share * body.thickness)) for share in (0, 0.003, 1)
+    ]
     assert scales == sorted(scales)
-    assert (scales[0], scales[-1], discrepancy_scale(body, Inputs())) == pytest.approx((AT_SUPPORTS, *[DISCREPANCY] * 2))
+    assert (scales[0], scales[-1], discrepancy_scale(body, Inputs())) == pytest.approx(
+        (AT_SUPPORTS, *[DISCREPANCY] * 2)
+    )
     assert 0 < SHEAR_CORRECTION_SD < 0.05
 
 
 def estimate(name: str, *, identifiable: bool, low: float = 26.0, tied_to: str | None = None) -> ParameterEstimate:
     return ParameterEstimate(
-        *(name, "Pa", 25.0, 27.0, 0.5, 0.1, (low, 28.0), identifiable, 25.0, 7.0, Comparable(27.0, 0.1)), tied_to=tied_to
+        *(name, "Pa", 25.0, 27.0, 0.5, 0.1, (low, 28.0), identifiable, 25.0, 7.0, Comparable(27.0, 0.1)),
+        tied_to=tied_to,
     )
 
 
