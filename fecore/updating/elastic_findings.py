@@ -27,6 +27,7 @@ HOPELESS_MISS = 0.03
 _DOUBTED = 2.0  # standard deviations of a dimension from which a point of the grid beyond it contradicts it
 _HARDLY = 0.05  # probability of a change of stiffness below which none is reported
 _NAMED = 4  # points named in one sentence
+_ROUND_OFF = 1e-9  # of the share of a length's variance that the data leave
 
 
 def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
@@ -49,6 +50,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         *map(contradiction, compare_sources(elastic)[0]),
         *_changed(elastic),
         *_confounded(elastic),
+        *_moved_by_length(elastic),
     ]
 
 
@@ -230,6 +232,28 @@ def _confounded(elastic: ElasticResult) -> list[Finding]:
         for each in elastic.identifiability
         if each.confounded_with and each.name in elastic.layout.shared
     ]
+
+
+def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
+    """How a slip of the stated length that the modes would not show moves the constants, where by more than their intervals.
+
+    Of the posterior covariance C and the prior's variance σ² the rest of the data say length by v = 1/(1/C_nn - 1/σ²), and a
+    constant follows a length that is held by C_pn/C_nn.
+    """
+    layout, C = elastic.layout, elastic.inverse
+    (place,) = [i for i, each in enumerate(layout.labels) if each == "length"] or [None]
+    if place is None:
+        return []
+    left = 1 - C[place, place] / layout.sd(elastic.scatter)[place] ** 2
+    rest = float(np.sqrt(C[place, place] / max(left, _ROUND_OFF)))
+    slopes = C[: len(layout.shared), place] / C[place, place]
+    sd = np.sqrt(np.diag(elastic.spanning.total)[: len(layout.shared)])
+    moved = [
+        f"{name} by {100 * np.expm1(slope * np.log(1.01)):+.2g} %"
+        for name, slope, own, each in zip(layout.shared, slopes, sd, elastic.identifiability, strict=False)
+        if each.identifiable and abs(slope) * rest > Z_95 * own
+    ]
+    return [found("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
 
 
 def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:

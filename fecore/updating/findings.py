@@ -178,6 +178,12 @@ FINDINGS = {
         "the sampled posterior of {name} is {ratio:.2f} times as wide as its Laplace approximation",
         "use the samples",
     ),
+    "length_moves": Row(
+        None,
+        1.2,
+        "the modes show the length to ± {rest:.2g} % alone: a length 1 % longer than stated would change {moved}",
+        "measure it twice",
+    ),
     # of the FRFs
     "frfs_unlike": Row(
         "do_not_use",
