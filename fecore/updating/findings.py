@@ -114,6 +114,13 @@ FINDINGS = {
         "mode, of a structure that changed between the FRFs (temperature, supports, a sensor that was moved)",
         "measure faster or at a constant temperature, or leave one of the two out of the mode set",
     ),
+    "two_in_one": Row(
+        None,
+        3,
+        "measured mode {which} is probably two: the model has modes at {hz}, closer together than half a bandwidth, which the "
+        "FRFs do not tell apart. Its frequency is of both, its shape and damping are a mixture",
+        "hit or sense at a second place, where one of the two stands still",
+    ),
     "most_modes_alone": Row(
         "do_not_use",
         100,

@@ -30,6 +30,7 @@ from fecore.modal.arrangement import pair_label
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.findings import Level, amount, found, listed
+from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
@@ -46,6 +47,8 @@ _UNITS = {
 """What is often taken for another unit, and the factor that it gives an FRF."""
 
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
+_PLACED = 0.002  # standard deviation of where a hit lands and a sensor sits about their points, m
+_BEYOND_PLACE = 3.0  # standard deviations of a factor, as its points' places make it, that no place explains
 _LIKE = 0.7  # likeness below which an FRF is another one
 _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
@@ -66,6 +69,7 @@ class Likeness:
     # (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio of energies
     expected: FloatArray
     lowest_hz: float  # of the measured modes
+    placed: FloatArray  # (N,) standard deviation of ln s, as nobody hits and senses quite at the points
 
     @classmethod
     def of(cls, data: DampingData, quantity: Quantity | None = None) -> Likeness:
@@ -98,6 +102,7 @@ class Likeness:
             unmeasured_hz=unmeasured,
             expected=_expected(frfs, predicted, unmeasured),
             lowest_hz=float(omega[data.shifted].min() / (2 * np.pi)),
+            placed=_placed(data),
         )
 
     @property
@@ -133,6 +138,7 @@ class Likeness:
         like: BoolArray = sign * self.likeness >= _LIKE
         turned: BoolArray = sign * self.likeness <= -_LIKE
         scaled: BoolArray = like & (np.abs(relative - 1) > _OWN)
+        scaled &= np.abs(np.log(np.abs(relative))) > _BEYOND_PLACE * self.placed
         kinds = {"frf_turned": turned, "frf_scaled": scaled, "frf_unlike": ~like & ~turned}
         for kind, which in kinds.items():
             if (rows := np.flatnonzero(which & self.loud)).size:
@@ -157,6 +163,23 @@ class Likeness:
     def _who(self, rows: IntArray, relative: FloatArray) -> str:
         names = listed([f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows], _MOST)
         return f"FRF {names} has" if rows.size == 1 else f"FRFs {names} have"
+
+
+def _placed(data: DampingData) -> FloatArray:
+    """(N,) standard deviation of the logarithm of the FRFs' height as their points are met to `_PLACED`.
+
+    Of a dof whose displacement is φ and changes by g per metre, in modes that the FRF's other dof sees by ψ, it is
+    `_PLACED` √(Σψ²|g|²/Σψ²φ²): large near a clamp and near a nodal line.
+    """
+    state, frfs = data.elastic.updated, data.frfs
+    forward, measured = state.forward, data.shifted - state.modes.rigid
+    slopes = state.shapes_by(forward.specimen.model.slopes(forward.places, directions_of(forward.dofs, forward.axes)))
+    steep = np.sum(slopes.reshape(len(slopes), -1, 3) ** 2, axis=2)[measured]
+    shapes = state.shapes[measured] ** 2
+    (a, _), (b, _) = forward.rows(frfs.responses), forward.rows(frfs.references)
+    both = np.maximum(np.sum(shapes[:, a] * shapes[:, b], axis=0), 1e-300)
+    apart = np.sum(steep[:, a] * shapes[:, b] + shapes[:, a] * steep[:, b], axis=0)
+    return np.asarray(_PLACED * np.sqrt(apart / both))
 
 
 def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> FloatArray:

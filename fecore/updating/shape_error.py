@@ -6,8 +6,8 @@ A measured shape ψ_k, scaled to a largest entry of 1, is
 
 with the model's shapes φ, eigenvalues λ, and s the discrepancy of a frequency: a stiffness that misses λ by 2 s λ on the
 diagonal has entries of half that variance off it (Mehta, Random Matrices, 3rd ed., 2), which turn the shapes into one another,
-two close ones without resistance. The variance v of the scatter is estimated for each mode, with a scaled inverse χ² of two degrees
-of freedom about 1 % as its prior, so that a shape which the model does not have says less.
+two close ones without resistance. The variance v of the scatter is estimated for each mode, with a scaled inverse χ² of two
+degrees of freedom about 1 % as its prior, so that a shape which the model does not have says less.
 """
 
 from __future__ import annotations

@@ -27,7 +27,9 @@ def bridge(factors: Mapping[str, float], spread: float = 0.0, seed: int = 0) -> 
     for part, a, b in _members():
         area, inertia = _SECTIONS[part]
         rows = np.r_[6 * a : 6 * a + 6, 6 * b : 6 * b + 6]
-        K[part][np.ix_(rows, rows)] += (1 + spread * rng.standard_normal()) * _element(nodes[a], nodes[b], area, inertia)
+        K[part][np.ix_(rows, rows)] += (1 + spread * rng.standard_normal()) * _element(
+            nodes[a], nodes[b], area, inertia
+        )
         mass[[a, b], :3] += _RHO * area * np.linalg.norm(nodes[b] - nodes[a]) / 2
     for corner in (0, 2, 4 * BAYS, 4 * BAYS + 2):
         along = 1.0 if corner < 4 else 0.05  # the far end is on rollers

@@ -26,7 +26,9 @@ def model(hz: list[float], points: int = 40) -> Any:
     return SimpleNamespace(frequency_hz=np.array(hz), shapes=shapes)
 
 
-def errors_of(shapes: np.ndarray, state: Any, row: int, discrepancy: float = 0.002) -> tuple[ShapeErrors, MeasuredModes]:
+def errors_of(
+    shapes: np.ndarray, state: Any, row: int, discrepancy: float = 0.002
+) -> tuple[ShapeErrors, MeasuredModes]:
     modes = MeasuredModes(
         state.frequency_hz, np.full(len(shapes), 0.01), shapes.astype(complex), along_z(range(1, shapes.shape[1] + 1))
     )
