@@ -213,6 +213,13 @@ FINDINGS = {
         "density, added masses and boundary",
         "the damping was fitted to the FRFs divided by this factor",
     ),
+    "frfs_scaled_by_place": Row(
+        None,
+        3,
+        "the FRFs are {factor} times as large as the model's{unit}: the sensor, or the hammer, that stood still is some "
+        "millimetres off its point, near which the modes are steep, or its calibration is wrong",
+        "measure where it is; the damping was fitted to the FRFs divided by this factor",
+    ),
     "frf_turned": Row(
         "with_care", 30, f"{{who}} the opposite sign of the {{of}}'s: a wrong direction or polarity {_FRFS}"
     ),

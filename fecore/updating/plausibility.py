@@ -36,6 +36,7 @@ from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
 _COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
+_COMMON_SDS = 2.0  # standard deviations that this is
 _UNITS = {
     "acceleration in g is, for m/s²": 1 / 9.80665,
     "acceleration in m/s² is, for g": 9.80665,
@@ -47,8 +48,7 @@ _UNITS = {
 """What is often taken for another unit, and the factor that it gives an FRF."""
 
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
-_PLACED = 0.002  # standard deviation of where a hit lands and a sensor sits about their points, m
-_BEYOND_PLACE = 3.0  # standard deviations of a factor, as its points' places make it, that no place explains
+_PLACED = 0.002  # standard deviation of where a sensor sits, or a hammer hits, about its point, m
 _LIKE = 0.7  # likeness below which an FRF is another one
 _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
@@ -69,7 +69,7 @@ class Likeness:
     # (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio of energies
     expected: FloatArray
     lowest_hz: float  # of the measured modes
-    placed: FloatArray  # (N,) standard deviation of ln s, as nobody hits and senses quite at the points
+    placed: float  # standard deviation of the logarithm of the common factor, as a sensor that stands still is off its point
 
     @classmethod
     def of(cls, data: DampingData, quantity: Quantity | None = None) -> Likeness:
@@ -133,12 +133,13 @@ class Likeness:
         if sign < 0:
             findings.append(found("sign_opposite"))
         if self.miscalibrated:
-            findings.append(found("frfs_scaled", factor=amount("", abs(self.common)), unit=self._unit()))
+            by_place = abs(np.log(abs(self.common))) < np.hypot(_COMMON, _COMMON_SDS * self.placed)
+            kind = "frfs_scaled_by_place" if by_place else "frfs_scaled"
+            findings.append(found(kind, factor=amount("", abs(self.common)), unit=self._unit()))
         relative = self.height / self.common
         like: BoolArray = sign * self.likeness >= _LIKE
         turned: BoolArray = sign * self.likeness <= -_LIKE
         scaled: BoolArray = like & (np.abs(relative - 1) > _OWN)
-        scaled &= np.abs(np.log(np.abs(relative))) > _BEYOND_PLACE * self.placed
         kinds = {"frf_turned": turned, "frf_scaled": scaled, "frf_unlike": ~like & ~turned}
         for kind, which in kinds.items():
             if (rows := np.flatnonzero(which & self.loud)).size:
@@ -165,21 +166,25 @@ class Likeness:
         return f"FRF {names} has" if rows.size == 1 else f"FRFs {names} have"
 
 
-def _placed(data: DampingData) -> FloatArray:
-    """(N,) standard deviation of the logarithm of the FRFs' height as their points are met to `_PLACED`.
+def _placed(data: DampingData) -> float:
+    """Standard deviation of the logarithm of all FRFs' height, as the dof that they share is met to `_PLACED`; 0 without one.
 
-    Of a dof whose displacement is φ and changes by g per metre, in modes that the FRF's other dof sees by ψ, it is
-    `_PLACED` √(Σψ²|g|²/Σψ²φ²): large near a clamp and near a nodal line.
+    Where its displacement φ changes by g per metre, in modes that the FRF's other dof sees by ψ, it is
+    `_PLACED` √(Σψ²|g|²/Σψ²φ²): large near a clamp.
     """
     state, frfs = data.elastic.updated, data.frfs
     forward, measured = state.forward, data.shifted - state.modes.rigid
     slopes = state.shapes_by(forward.specimen.model.slopes(forward.places, directions_of(forward.dofs, forward.axes)))
     steep = np.sum(slopes.reshape(len(slopes), -1, 3) ** 2, axis=2)[measured]
     shapes = state.shapes[measured] ** 2
-    (a, _), (b, _) = forward.rows(frfs.responses), forward.rows(frfs.references)
-    both = np.maximum(np.sum(shapes[:, a] * shapes[:, b], axis=0), 1e-300)
-    apart = np.sum(steep[:, a] * shapes[:, b] + shapes[:, a] * steep[:, b], axis=0)
-    return np.asarray(_PLACED * np.sqrt(apart / both))
+    sides = [forward.rows(dofs)[0] for dofs in (frfs.responses, frfs.references)]
+    both = np.maximum(np.sum(shapes[:, sides[0]] * shapes[:, sides[1]], axis=0), 1e-300)
+    variance = [
+        float(np.median(np.sum(steep[:, own] * shapes[:, other], axis=0) / both))
+        for own, other in (sides, sides[::-1])
+        if np.ptp(own) == 0
+    ]
+    return _PLACED * float(np.sqrt(sum(variance)))
 
 
 def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> FloatArray:

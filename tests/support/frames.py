@@ -18,7 +18,7 @@ _EXTRA_KG, _BEARING = 150.0, 1e7  # of what lies on each upper node; N/m
 
 
 def bridge(factors: Mapping[str, float], spread: float = 0.0, seed: int = 0) -> MatrixBody:
-    """The bridge with each part's stiffness times its factor, and each element's off by a share of standard deviation `spread`."""
+    """The bridge with each part's stiffness times its factor, and each element's off by a share of sd `spread`."""
     nodes = np.array([[3.0 * i, y, z] for i in range(BAYS + 1) for y in (-1, 1) for z in (-1, 0)])
     rng, size = np.random.default_rng(seed), 6 * len(nodes)
     K = {name: np.zeros((size, size)) for name in (*_SECTIONS, "bearings")}
