@@ -35,7 +35,7 @@ from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import SCATTER
 from fecore.updating.result import CommonLaw, Curve, Finding, ModeComparison, ParameterEstimate, Verdict
-from fecore.updating.temperature import TEMPERATURE, UNKNOWN_TEMPERATURE_SD, damping_per_k, reference_of
+from fecore.updating.temperature import TEMPERATURE, UNKNOWN_TEMPERATURE_SD, constant_of, damping_per_k, reference_of
 
 __all__ = [
     "MATERIAL",
@@ -191,12 +191,13 @@ def _part(
     values = layout.material(agreement.alone)
     sds = agreement.alone_sd * np.where(layout.prior.logarithmic[: values.size], np.abs(values), 1.0)
     rows = zip(layout.shared, map(float, values), map(float, sds), map(float, agreement.z), strict=True)
+    constants = [row for row in rows if constant_of(row[0]) is None]
     return CampaignPart(
         name=campaign.name,
         specimen=campaign.specimen,
         modes=elastic.compared_modes(number, campaign.modes),
         own=tuple(own_estimates(elastic, number)),
-        alone={name: {"estimate": value, "standard_deviation": sd, "z": z} for name, value, sd, z in rows},
+        alone={name: {"estimate": value, "standard_deviation": sd, "z": z} for name, value, sd, z in constants},
         predictive_p=agreement.predictive_p,
         contradicts=not causes.isdisjoint(_owners(campaign)),
     )

@@ -10,17 +10,10 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.normal import Z_95
+from fecore.temperatures import temperatures_between
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import spread_along
 from fecore.updating.result import CommonLaw, Curve, CurveOf
-
-_POINTS, _BEYOND = 13, 1 / 8  # temperatures of a curve, and how far beyond the tests it goes, of their range
-
-
-def temperatures_between(low: float, high: float) -> FloatArray:
-    """(n,) temperatures of a curve from a little below the lowest to a little above the highest, °C."""
-    beyond = _BEYOND * (high - low)
-    return np.linspace(low - beyond, high + beyond, _POINTS)
 
 
 def curve_of(elastic: ElasticResult, laws: tuple[CommonLaw, ...]) -> Curve | None:

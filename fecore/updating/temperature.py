@@ -68,6 +68,26 @@ def constant_of(coefficient: str) -> str | None:
     return coefficient.removesuffix(PER_K) if coefficient.endswith(PER_K) else None
 
 
+def usual_per_k(
+    name: str, nominal: Mapping[str, float], stated: Mapping[str, tuple[float | None, float | None]]
+) -> tuple[float, float] | None:
+    """Mean and standard deviation of the relative change per kelvin of what a monitor watches; None of what stays.
+
+    Args:
+        name: of a constant, of a law's coefficient, or `frequency_2`, `damping_ratio_2`.
+        nominal: the body's constants.
+        stated: what the recipe states of coefficients of temperature, by name.
+    """
+    if name.startswith("frequency_"):
+        return FREQUENCY_PER_K
+    own = stated.get(name + PER_K)
+    if name in nominal:
+        usual = prior_per_k(name, nominal)
+    else:
+        usual = DAMPING_PER_K if name.startswith("damping_ratio_") or is_of_damping(name + PER_K) else None
+    return usual if usual is None or own is None else (_or(own[0], usual[0]), _or(own[1], usual[1]))
+
+
 def is_of_damping(name: str) -> bool:
     """Whether a name is that of the coefficient of temperature of a damping law's coefficient, as `a1.per_K`."""
     constant = constant_of(name)
