@@ -324,6 +324,9 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
         sd = f"{prior.prior_sd[column]:.3g} {prior.unit_of(name)}"
         if name in prior.reported:
             words[f"prior of {name}"] = sd
+        elif constant_of(name) is not None:
+            own = any(each.name == name for each in prior.per_kelvin)
+            words[name] = f"{sd}, {'stated' if own else 'usual of such materials'}"
         else:
             words[name] = f"{sd}, {_stated(inputs.is_stated(tolerance_of(name) or name))}"
     for each in elastic.every_excursion:
