@@ -217,12 +217,11 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int], priors: Pr
     ratio, coefficients = ratios.ratio, fit.coefficients
     price = coefficients.size * np.log(ratio.size)
     excess = max(1.0, fit.chi_squared / max(ratio.size - coefficients.size, 1))
-    own = (
-        fit.gain @ fit.covariance @ fit.gain.T
-        if fit.joint is None
-        else fit.joint[: coefficients.size, : coefficients.size]
-    )
-    spread = excess * own + by_angles
+    p = coefficients.size
+    if fit.joint is None:
+        spread = excess * fit.gain @ fit.covariance @ fit.gain.T + by_angles
+    else:
+        spread = excess * fit.joint[:p, :p] + by_angles
     possible = bool(np.all(fit.missed > -1)) and not _is_refuted(law, coefficients, spread, fit.ratios)
     named = np.abs(fit.missed) > _MISSED * np.sqrt(np.diag(fit.covariance))
     return RankedLaw(
