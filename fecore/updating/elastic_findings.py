@@ -1,5 +1,7 @@
 """What looks wrong with an elastic update, and what it means for the use of its result."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from fecore.body.locate import place_in_words
@@ -32,9 +34,11 @@ _NAMED = 4  # points named in one sentence
 
 def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
     """All findings, by what they mean."""
-    pairing = elastic.pairing
+    pairing, twins = elastic.pairing, _twins(elastic, modes)
     alone = len(pairing.unpaired_measured)
-    findings = remarks("pairing", pairing.messages(modes.frequency_hz, elastic.updated.frequency_hz))
+    told = {other for others in twins.values() for other in others}
+    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in told))
+    findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
     if alone:
@@ -43,6 +47,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     return [
         *findings,
         *pairing_findings(elastic),
+        *_two_in_one(elastic, modes, twins),
         *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
@@ -90,6 +95,30 @@ def _swinging_pairing(elastic: ElasticResult) -> list[Finding]:
     """Modes whose partners had to be held, as the fit from the prior means changed them to and fro."""
     which = ", ".join(elastic.layout.campaigns[number].named(row) for number, row in elastic.torn)
     return [found("partners_swing", which=which)] if which else []
+
+
+def _twins(elastic: ElasticResult, modes: MeasuredModes) -> dict[int, list[int]]:
+    """Modes of the model without a partner within half a bandwidth of a measured mode's partner, by the measured mode."""
+    model, pairing = elastic.updated.frequency_hz, elastic.pairing
+    twins = dict[int, list[int]]()
+    for row, column in pairing.pairs:
+        half = np.nan_to_num(modes.damping_ratio[row]) * modes.frequency_hz[row]
+        if others := [k for k in pairing.unpaired_model if abs(model[k] - model[column]) < half]:
+            twins[row] = others
+    return twins
+
+
+def _two_in_one(elastic: ElasticResult, modes: MeasuredModes, twins: dict[int, list[int]]) -> list[Finding]:
+    """Measured modes where the body has two that lie too close together to be told apart."""
+    model, partner = elastic.updated.frequency_hz, dict(elastic.pairing.pairs)
+    return [
+        found(
+            "two_in_one",
+            which=f"{row + 1} ({modes.frequency_hz[row]:.2f} Hz)",
+            hz=" and ".join(f"{hz:.2f} Hz" for hz in np.sort(model[[partner[row], *others]])),
+        )
+        for row, others in twins.items()
+    ]
 
 
 def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:

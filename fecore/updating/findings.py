@@ -117,6 +117,13 @@ FINDINGS = {
         "mode, of a structure that changed between the FRFs (temperature, supports, a sensor that was moved)",
         "measure faster or at a constant temperature, or leave one of the two out of the mode set",
     ),
+    "two_in_one": Row(
+        None,
+        3,
+        "measured mode {which} is probably two: the model has modes at {hz}, closer together than half a bandwidth, which the "
+        "FRFs do not tell apart. Its frequency is of both, its shape and damping are a mixture",
+        "hit or sense at a second place, where one of the two stands still",
+    ),
     "most_modes_alone": Row(
         "do_not_use",
         100,
@@ -208,6 +215,13 @@ FINDINGS = {
         "the FRFs are {factor} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
         "density, added masses and boundary",
         "the damping was fitted to the FRFs divided by this factor",
+    ),
+    "frfs_scaled_by_place": Row(
+        None,
+        3,
+        "the FRFs are {factor} times as large as the model's{unit}: the sensor, or the hammer, that stood still is some "
+        "millimetres off its point, near which the modes are steep, or its calibration is wrong",
+        "measure where it is; the damping was fitted to the FRFs divided by this factor",
     ),
     "frf_turned": Row(
         "with_care", 30, f"{{who}} the opposite sign of the {{of}}'s: a wrong direction or polarity {_FRFS}"

@@ -108,6 +108,8 @@ def prepare(
     elif find_modes and measurement.modes is not None:
         modes, more = _with_shapes(fitted, measurement, specimen.model)
         warnings = (*warnings, *more)
+    if modes is not None:
+        modes = replace(modes, highest_hz=float(fitted.frequency_hz[-1]))
     return Prepared(
         frfs=frfs,
         fitted=fitted,

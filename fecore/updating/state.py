@@ -88,10 +88,14 @@ class ForwardState:
         """(n, p, 3) displacement of the middle surface in the elastic modes at (p, 3) places, m."""
         return self._moved(self.forward.specimen.model.displacement(places))
 
+    def shapes_by(self, rows: scipy.sparse.csr_array) -> FloatArray:
+        """(n, r) elastic modes by (r, dofs) rows of a model's."""
+        seen = rows if self.basis is None else rows @ self.basis  # few rows: cheaper than shapes of all dofs
+        return np.asarray((seen @ self.modes.shapes[:, self.modes.rigid :]).T)
+
     def _moved(self, rows: scipy.sparse.csr_array) -> FloatArray:
         """(n, p, 3) of the rows that `Model.displacement` gives for p places."""
-        seen = rows if self.basis is None else rows @ self.basis  # few rows: cheaper than shapes of all dofs
-        moved: FloatArray = (seen @ self.modes.shapes[:, self.modes.rigid :]).T
+        moved = self.shapes_by(rows)
         return moved.reshape(len(moved), -1, 3)
 
     def participation(self, motions: FloatArray) -> FloatArray:

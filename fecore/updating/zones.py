@@ -56,7 +56,9 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     misfit, x = Misfit(layout, use_shapes=recipe.use_shapes, held=first.held), first.x[parts.column]
     for _ in range(_ROUNDS):
         states = layout.solved(x)
-        problem = misfit.linear(x, states, misfit.pair(states), first.weights)
+        pairings = misfit.pair(states)
+        shapes = misfit.shape_errors(states, pairings, first.discrepancy)
+        problem = misfit.linear(x, states, pairings, first.weights, shapes)
         partitions = Partitions(problem, parts.compliance, parts.lines, parts.number[parts.number >= 0])
         moved, x = partitions.mean - parts.compliance.of(x), parts.compliance.back(partitions.mean)
         if np.all(np.abs(moved) <= _RESTS * partitions.sd):
@@ -76,7 +78,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         x=at,
         states=states,
         pairings=pairings,
-        problem=misfit.linear(at, states, pairings, first.weights),
+        problem=misfit.linear(at, states, pairings, first.weights, shapes),
         stretches=Stretches(parts.lines, partitions.change, mixture),
     )
 
