@@ -122,9 +122,17 @@ class ElasticResult:
 
     @cached_property
     def excursions(self) -> tuple[tuple[Excursion, ...], ...]:
-        """Of each campaign, inputs that may be something, for what they do."""
-        campaigns = zip(self.layout.campaigns, self.states, strict=True)
-        return tuple(excursions(state, c.inputs, c.fixed_points) for c, state in campaigns)
+        """Of each campaign, inputs that may be something, for what they do, as the frequencies leave them."""
+        found, missed = [], np.zeros(self.problem.residual.size)
+        for c, state, pairing, at in zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True):
+            own = list(excursions(state, c.inputs, c.fixed_points))
+            for place, each in enumerate(own):
+                if each.kind == "one-sided" and each.name != MESH:
+                    by = missed.copy()
+                    by[at] = np.log1p(each.shift[[column for _, column in pairing.pairs]])
+                    own[place] = each.given(*self.problem.of_another(by, self.discrepancy, self.scatter))
+            found.append(tuple(own))
+        return tuple(found)
 
     @property
     def sources(self) -> dict[str, FloatArray]:
@@ -165,36 +173,34 @@ class ElasticResult:
             of_data[SHEAR_CORRECTION] = by_shear[:, None]
         return of_data, {name: root(each) for name, each in self.problem.others.items()}
 
-    @cached_property
-    def variances(self) -> dict[str, FloatArray]:
-        """By name of its source, (X,) variances of x that add up to those of `given`.
+    def variance_by_source(self, along: FloatArray) -> dict[str, float]:
+        """By name of its source, variances of an (X,) combination of the unknowns that add up to that of `given`."""
+        found = dict[str, float]()
+        for share, sources, shift in self._made_of:
+            for name, part in sources.items():
+                found[name] = found.get(name, 0.0) + share * float(np.sum((along @ part) ** 2))
+            found[DISCREPANCY_OF_MODEL] += share * float(along @ shift) ** 2
+        total = sum(found.values())
+        # Of round-off, and of what was neglected.
+        left = float(along @ self.given.total @ along) / total if total else 0.0
+        return {name: part * left for name, part in found.items()}
 
-        Each of its Gaussians is made as `sources` has it, at a discrepancy and a scatter of its own; how far their means lie
-        from the estimate is the discrepancy's.
+    @cached_property
+    def _made_of(self) -> list[tuple[float, dict[str, FloatArray], FloatArray]]:
+        """The Gaussians of `given`: weight, and sources as `sources_at` has them at a discrepancy and a scatter of its own, and
+        how far its mean lies from the estimate, which is the discrepancy's.
         """
         mixture, scatters = self.problem.mixture(self.layout.scatter)
         kept = np.flatnonzero(mixture.weight > _NEGLIGIBLE)
-        weight, found = mixture.weight[kept] / mixture.weight[kept].sum(), dict[str, FloatArray]()
-        for share, spread, scatter, shift in zip(
-            weight, mixture.scale[kept], scatters[kept], mixture.shift[kept], strict=True
-        ):
-            each = {
-                name: np.sum(part**2, axis=1) for name, part in self.sources_at(float(spread), float(scatter)).items()
-            }
-            each[DISCREPANCY_OF_MODEL] = each[DISCREPANCY_OF_MODEL] + shift**2
-            for name, part in each.items():
-                found[name] = found.get(name, 0.0) + share * part
-        left = np.diag(self.given.total) / np.sum(list(found.values()), axis=0)  # round-off, and what was neglected
-        return {name: part * left for name, part in found.items()}
+        known = zip(mixture.weight[kept], mixture.scale[kept], scatters[kept], mixture.shift[kept], strict=True)
+        return [(float(w), self.sources_at(float(s), float(t)), shift) for w, s, t, shift in known]
 
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:
         """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
         sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        if self.spanning is self.given and not self.by_mesh.any():
-            return known
-        return spread_over(known, self.spanning.total + np.diag(self.by_mesh), sd)
+        return spread_over(known, self.spanning.total + np.diag(self.by_excursions(*self.every_excursion)), sd)
 
     @property
     def in_doubt(self) -> bool:
@@ -277,9 +283,13 @@ class ElasticResult:
     @cached_property
     def by_mesh(self) -> FloatArray:
         """(X,) mean square of what x may be off by as even the finest mesh misses something."""
+        return self.by_excursions(*(each for each in self.every_excursion if each.name == MESH))
+
+    def by_excursions(self, *chosen: Excursion) -> FloatArray:
+        """(X,) mean square of what x may be off by as some of the excursions are something."""
         found = np.zeros(self.x.size)
         for each, pull in zip(self.every_excursion, self.pulls.T, strict=True):
-            if each.name == MESH:
+            if any(each is one for one in chosen):
                 found += (each.rms * pull) ** 2
         return found
 
