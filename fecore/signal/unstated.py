@@ -1,14 +1,20 @@
 """An exponential window that an analyser has applied and nobody stated, seen where the noise decays with it.
 
-Behind its pulse the force channel holds noise alone. The root mean square s of the steps from sample to sample, which hum
-and drift hardly reach, is taken in equal parts of a block; under exp(-r t)
+Behind its pulse the force channel holds noise alone. The mean square of the steps from sample to sample, which hum and drift
+hardly reach, is taken in equal parts of a block. White noise of standard deviation s under exp(-r t), behind which a converter
+has steps q, has steps of
 
-    ln s(t) = c - r t.
+    p(t) = 2 (s² exp(-2 r t) + q²/12),    ln √(p/2 - q²/12) = ln s - r t
+
+(Widrow and Kollár, Quantization Noise, 2008), as long as s exp(-r t) > q/2. Below, p depends on where between two steps the
+mean lies; that far the parts reach. q is the smallest gap between two values. Where the window came behind the converter, as
+in floating point, no two values are a step apart, q is nil, and the noise of the steps decays with all else.
 
 r is the mean of the hits' slopes, without those of double hits and the like that lie far from their median. It counts where it
-stands out of their scatter, and where ln s bends far less than it falls: what else rings in a hammer dies away into a floor,
-and a window has none. Noise that does not fall shows that there is no window, as surely as its slopes agree. Noise far below
-the converter's step shows nothing: most samples are then as the one before, and s says how often drift crosses a step.
+stands out of their scatter, and where the logarithm bends far less than it falls: what else rings in a hammer dies away into a
+floor, and a window has none but the converter's. Noise that does not fall shows that there is no window, as surely as its
+slopes agree. Noise below half a step from the first shows at most that: how its slopes scatter is then what drift across the
+steps makes, in all hits alike, and they may be half of r.
 """
 
 from collections.abc import Sequence
@@ -16,19 +22,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.signal.blocks import Hit
+from fecore.arrays import FloatArray
+from fecore.signal.blocks import Hit, smallest_step
 from fecore.signal.pulse import REACH, find_pulse, ringing
 from fecore.signal.spectra import Source
 
 _PARTS = 12  # of a block's noise
+_FINE_PARTS = 48  # of a block, in which it is seen how far the noise stands above the converter's steps
 _FEWEST_SAMPLES = 64  # of a part
 _FEWEST_HITS = 4  # whose scatter says what stands out of it
 _NEAR = 2.5  # standard deviations about the median, up to which a slope is no outlier
 _LOOKED_AT = 72  # hits, spread over the points
 _CERTAIN = 5.0  # standard deviations that the rate is above none
 _BENT = 0.25  # of the fall, that ln s may bend over the block
-_STILL = 0.75  # of the samples, that are as the one before where the converter's steps hide the noise
-
+_STILL = 0.1  # of their root mean square, below which a step is none
+_HIDDEN = 0.486  # share of such steps where white noise is half a step of the converter: E max(1 - √2 |g|/2, 0)
 
 @dataclass(frozen=True)
 class SeenRate:
@@ -80,35 +88,85 @@ def with_unstated_window(source: Source) -> tuple[Source, SeenRate | None]:
 
 def seen_rate(hits: Sequence[Hit]) -> SeenRate:
     """The rate by which the noise of the hits' force decays."""
-    found = np.array([row for hit in hits if (row := _decay(hit)) is not None])
+    noises, rate_hz = [_noise(hit) for hit in hits], hits[0].sample_rate_hz
+    start, end = int(np.median([noise.start for noise in noises])), _shown(noises)
+    if hidden := end - start < _PARTS * _FEWEST_SAMPLES:
+        end = hits[0].samples
+    found = np.array([row for noise in noises if (row := _decay(noise, end, rate_hz, hidden)) is not None])
     if len(found) < _FEWEST_HITS:
         return SeenRate(0.0, None)
     off = np.abs(found - np.median(found, axis=0))
-    near = found[(off <= _NEAR * 1.4826 * np.median(off, axis=0)).all(axis=1)]
+    near = found[(off <= _NEAR * 1.4826 * np.median(off, axis=0))[:, :2].all(axis=1)]
     if len(near) < _FEWEST_HITS:
         return SeenRate(0.0, None)
-    rate, bend = (float(x) for x in near.mean(axis=0))
-    block = hits[0].samples / hits[0].sample_rate_hz
-    least = np.sqrt(6 / hits[0].samples) * np.array([1 / block, 1.0])  # what white noise leaves open, of a few hits too
-    sd, bend_sd = (float(x) for x in np.maximum(near.std(axis=0), least) / np.sqrt(len(near)))
+    rate, bend, doubt = (float(x) for x in near.mean(axis=0))
+    length = (end - start) / rate_hz
+    least = np.sqrt(6 / (end - start)) * np.array([1 / length, 1.0])  # what white noise leaves open, of a few hits too
+    scatter = np.maximum(near[:, :2].std(axis=0, ddof=1), least)
+    if hidden:
+        sure = rate < 2 * scatter[0]
+        return SeenRate(0.0, 2 * float(np.hypot(rate, scatter[0])) if sure else None)
+    sd, bend_sd = (float(x) for x in scatter / np.sqrt(len(near)))
+    sd = float(np.hypot(sd, doubt))
     if rate < _CERTAIN * sd:
         return SeenRate(0.0, float(np.hypot(rate, sd)))
-    if abs(bend) > _BENT * rate * block + _CERTAIN * bend_sd:
+    if abs(bend) > _BENT * rate * length + _CERTAIN * bend_sd:
         return SeenRate(0.0, None)
     return SeenRate(rate, sd)
 
 
-def _decay(hit: Hit) -> tuple[float, float] | None:
-    """-d(ln s)/dt, 1/s, and how far ln s bends from the middle of the noise to its ends; None where there is no noise."""
+@dataclass(frozen=True)
+class _Noise:
+    """The force of a hit behind its pulse."""
+
+    steps: FloatArray  # (n - 1,) sizes of the steps from sample to sample of the whole block
+    start: int  # of them, from which on there is noise alone
+    gap: float  # smallest one between two of the values there
+
+
+def _noise(hit: Hit) -> _Noise:
     pulse = find_pulse(hit.force, hit.sample_rate_hz)
-    noise = hit.force.samples[pulse.stop + ringing(pulse.start, pulse.stop) + REACH :]
-    size = noise.size // _PARTS
+    start = pulse.stop + ringing(pulse.start, pulse.stop) + REACH
+    samples = hit.force.samples.astype(float)
+    return _Noise(np.abs(np.diff(samples)), start, smallest_step(samples[start:]) if start < samples.size else 0.0)
+
+
+def _shown(noises: Sequence[_Noise]) -> int:
+    """Steps of a block up to which the noise of most hits is at least half a step of the converter."""
+    size = noises[0].steps.size // _FINE_PARTS
+    still = np.full((len(noises), _FINE_PARTS), np.nan)
+    for row, noise in zip(still, noises, strict=True):
+        parts = noise.steps[: _FINE_PARTS * size].reshape(_FINE_PARTS, size)
+        first = -(-noise.start // size)
+        none = parts <= _STILL * np.sqrt((parts**2).mean(axis=1, keepdims=True))
+        row[first:] = none.mean(axis=1)[first:]
+    most = np.array([np.median(own) if (own := column[np.isfinite(column)]).size else 0.0 for column in still.T])
+    hidden = np.flatnonzero(most > _HIDDEN)
+    return int(hidden[0]) * size if hidden.size else noises[0].steps.size
+
+
+def _decay(noise: _Noise, end: int, sample_rate_hz: float, hidden: bool) -> tuple[float, float, float] | None:
+    """-d(ln s)/dt, 1/s; how far ln s bends from the middle of the noise to its ends; and what the steps' noise may be other than
+    that of a mean that lies anywhere between them makes of the first; None where there is no noise.
+    """
+    steps = noise.steps[noise.start : end]
+    size = steps.size // _PARTS
     if size < _FEWEST_SAMPLES:
         return None
-    steps = np.abs(np.diff(noise[: size * _PARTS].astype(float).reshape(_PARTS, size), axis=1))
-    power = (steps**2).mean(axis=1)
-    if not power.min() > 0 or (np.quantile(steps, _STILL, axis=1) < 0.1 * np.sqrt(power)).mean() > 0.5:
+    floor = 0.0 if hidden else noise.gap**2 / 12
+    power = (steps[: size * _PARTS].reshape(_PARTS, size) ** 2).mean(axis=1) / 2 - floor
+    if not power.min() > 0:
         return None
-    bend, slope, _ = np.polyfit(np.linspace(-1, 1, _PARTS), np.log(power) / 2, 2)
-    half_s = 0.5 * (_PARTS - 1) * size / hit.sample_rate_hz
-    return -float(slope) / half_s, float(bend)
+    time = np.linspace(-1, 1, _PARTS)
+    bend, slope, _ = np.polyfit(time, np.log(power) / 2, 2)
+    half_s = 0.5 * (_PARTS - 1) * size / sample_rate_hz
+    doubt = float(time @ _off(power, noise.gap)) / float(time @ time)
+    return -float(slope) / half_s, float(bend), doubt / half_s
+
+
+def _off(power: FloatArray, gap: float) -> FloatArray:
+    """By how much ln s is off where the mean lies at one place between two steps, root mean square over the places: the first
+    harmonic of the error of white noise of that power under such steps.
+    """
+    square = np.maximum(power / max(gap, 1e-300) ** 2, 0.25)
+    return np.asarray(np.exp(-2 * np.pi**2 * square) * (4 * square + 1 / np.pi**2) / (2 * square) / np.sqrt(2))
