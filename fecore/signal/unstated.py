@@ -13,11 +13,12 @@ in floating point, no two values are a step apart, q is nil, and the noise of th
 r is the mean of the hits' slopes, without those of double hits and the like that lie far from their median. It counts where it
 stands out of their scatter, and where the logarithm bends far less than it falls: what else rings in a hammer dies away into a
 floor, and a window has none but the converter's. Noise that does not fall shows that there is no window, as surely as its
-slopes agree. Noise below half a step from the first shows at most that: how its slopes scatter is then what drift across the
-steps makes, in all hits alike, and they may be half of r.
+slopes agree. Noise below half a step from the first makes single steps of the converter: they decay with a window that came
+behind it. Where they stay, p shows at most that there is none: how its slopes scatter is what drift across the steps makes, in
+all hits alike, and they may be half of r.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -89,24 +90,35 @@ def with_unstated_window(source: Source) -> tuple[Source, SeenRate | None]:
 def seen_rate(hits: Sequence[Hit]) -> SeenRate:
     """The rate by which the noise of the hits' force decays."""
     noises, rate_hz = [_noise(hit) for hit in hits], hits[0].sample_rate_hz
-    start, end = int(np.median([noise.start for noise in noises])), _shown(noises)
-    if hidden := end - start < _PARTS * _FEWEST_SAMPLES:
-        end = hits[0].samples
-    found = np.array([row for noise in noises if (row := _decay(noise, end, rate_hz, hidden)) is not None])
+    start, end, last = int(np.median([noise.start for noise in noises])), _shown(noises), hits[0].samples - 1
+    if end - start >= _PARTS * _FEWEST_SAMPLES:
+        return _seen([_decay(noise, end, rate_hz, _power) for noise in noises], end - start, rate_hz)
+    seen = _seen([_decay(noise, last, rate_hz, _step) for noise in noises], last - start, rate_hz)
+    if seen.rate_per_s:
+        return seen
+    near = _near([_decay(noise, last, rate_hz, _steps_power) for noise in noises])
+    most = 2 * float(np.hypot(near[:, 0].mean(), near[:, 0].std(ddof=1))) if len(near) else np.inf
+    return SeenRate(0.0, most if most < rate_hz / (last - start) else None)
+
+
+def _near(rows: Sequence[tuple[float, float, float] | None]) -> FloatArray:
+    """(n, 3) the hits' numbers without those that lie far from their median; none where they are too few."""
+    found = np.array([row for row in rows if row is not None])
     if len(found) < _FEWEST_HITS:
-        return SeenRate(0.0, None)
+        return np.empty((0, 3))
     off = np.abs(found - np.median(found, axis=0))
     near = found[(off <= _NEAR * 1.4826 * np.median(off, axis=0))[:, :2].all(axis=1)]
-    if len(near) < _FEWEST_HITS:
+    return near if len(near) >= _FEWEST_HITS else np.empty((0, 3))
+
+
+def _seen(rows: Sequence[tuple[float, float, float] | None], samples: int, sample_rate_hz: float) -> SeenRate:
+    """What the decay of each hit over so many samples says together."""
+    near, length = _near(rows), samples / sample_rate_hz
+    if not len(near):
         return SeenRate(0.0, None)
     rate, bend, doubt = (float(x) for x in near.mean(axis=0))
-    length = (end - start) / rate_hz
-    least = np.sqrt(6 / (end - start)) * np.array([1 / length, 1.0])  # what white noise leaves open, of a few hits too
-    scatter = np.maximum(near[:, :2].std(axis=0, ddof=1), least)
-    if hidden:
-        sure = rate < 2 * scatter[0]
-        return SeenRate(0.0, 2 * float(np.hypot(rate, scatter[0])) if sure else None)
-    sd, bend_sd = (float(x) for x in scatter / np.sqrt(len(near)))
+    least = np.sqrt(6 / samples) * np.array([1 / length, 1.0])  # what white noise leaves open, of a few hits too
+    sd, bend_sd = (float(x) for x in np.maximum(near[:, :2].std(axis=0, ddof=1), least) / np.sqrt(len(near)))
     sd = float(np.hypot(sd, doubt))
     if rate < _CERTAIN * sd:
         return SeenRate(0.0, float(np.hypot(rate, sd)))
@@ -145,16 +157,23 @@ def _shown(noises: Sequence[_Noise]) -> int:
     return int(hidden[0]) * size if hidden.size else noises[0].steps.size
 
 
-def _decay(noise: _Noise, end: int, sample_rate_hz: float, hidden: bool) -> tuple[float, float, float] | None:
+def _decay(
+    noise: _Noise, end: int, sample_rate_hz: float, measure: Callable[[FloatArray, float], FloatArray]
+) -> tuple[float, float, float] | None:
     """-d(ln s)/dt, 1/s; how far ln s bends from the middle of the noise to its ends; and what the steps' noise may be other than
     that of a mean that lies anywhere between them makes of the first; None where there is no noise.
+
+    Args:
+        noise: of a hit.
+        end: of its steps, up to which it is looked at.
+        sample_rate_hz: of the block.
+        measure: makes s² of (parts, n) steps and the converter's own.
     """
     steps = noise.steps[noise.start : end]
     size = steps.size // _PARTS
     if size < _FEWEST_SAMPLES:
         return None
-    floor = 0.0 if hidden else noise.gap**2 / 12
-    power = (steps[: size * _PARTS].reshape(_PARTS, size) ** 2).mean(axis=1) / 2 - floor
+    power = measure(steps[: size * _PARTS].reshape(_PARTS, size), noise.gap)
     if not power.min() > 0:
         return None
     time = np.linspace(-1, 1, _PARTS)
@@ -162,6 +181,23 @@ def _decay(noise: _Noise, end: int, sample_rate_hz: float, hidden: bool) -> tupl
     half_s = 0.5 * (_PARTS - 1) * size / sample_rate_hz
     doubt = float(time @ _off(power, noise.gap)) / float(time @ time)
     return -float(slope) / half_s, float(bend), doubt / half_s
+
+
+def _power(steps: FloatArray, gap: float) -> FloatArray:
+    """Of white noise that makes such steps behind a converter."""
+    return _steps_power(steps, gap) - gap**2 / 12
+
+
+def _steps_power(steps: FloatArray, _: float) -> FloatArray:
+    """Of white noise that makes such steps."""
+    return np.asarray((steps**2).mean(axis=1) / 2)
+
+
+def _step(steps: FloatArray, _: float) -> FloatArray:
+    """Square of the converter's step, which most of those are that are not nil."""
+    least = 0.5 * np.sqrt((steps**2).mean(axis=1))
+    moved = (own[own > low] for own, low in zip(steps, least, strict=True))
+    return np.array([np.median(own) ** 2 if own.size else 0.0 for own in moved])
 
 
 def _off(power: FloatArray, gap: float) -> FloatArray:
