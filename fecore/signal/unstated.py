@@ -33,6 +33,7 @@ _FINE_PARTS = 48  # of a block, in which it is seen how far the noise stands abo
 _FEWEST_SAMPLES = 64  # of a part
 _FEWEST_HITS = 4  # whose scatter says what stands out of it
 _NEAR = 2.5  # standard deviations about the median, up to which a slope is no outlier
+_TRIMMED = 0.955  # standard deviation of a normal variable up to there
 _LOOKED_AT = 72  # hits, spread over the points
 _CERTAIN = 5.0  # standard deviations that the rate is above none
 _BENT = 0.25  # of the fall, that ln s may bend over the block
@@ -118,7 +119,8 @@ def _seen(rows: Sequence[tuple[float, float, float] | None], samples: int, sampl
         return SeenRate(0.0, None)
     rate, bend, doubt = (float(x) for x in near.mean(axis=0))
     least = np.sqrt(6 / samples) * np.array([1 / length, 1.0])  # what white noise leaves open, of a few hits too
-    sd, bend_sd = (float(x) for x in np.maximum(near[:, :2].std(axis=0, ddof=1), least) / np.sqrt(len(near)))
+    scatter = near[:, :2].std(axis=0) / (_TRIMMED * np.sqrt(1 - 3 / len(near)))  # with that of Student's t
+    sd, bend_sd = (float(x) for x in np.maximum(scatter, least) / np.sqrt(len(near)))
     sd = float(np.hypot(sd, doubt))
     if rate < _CERTAIN * sd:
         return SeenRate(0.0, float(np.hypot(rate, sd)))
