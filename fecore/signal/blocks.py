@@ -109,7 +109,9 @@ class Block:
     def undone(self, sample_rate_hz: float) -> FloatArray:
         """(n,) samples as they were before the analyser's window, up to there."""
         window = self.window(sample_rate_hz)
-        return np.asarray(self.samples if window is None else self.samples / np.maximum(window, self.weakest), dtype=float)
+        return np.asarray(
+            self.samples if window is None else self.samples / np.maximum(window, self.weakest), dtype=float
+        )
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ _BENT = 0.25  # of the fall, that ln s may bend over the block
 _STILL = 0.1  # of their root mean square, below which a step is none
 _HIDDEN = 0.486  # share of such steps where white noise is half a step of the converter: E max(1 - √2 |g|/2, 0)
 
+
 @dataclass(frozen=True)
 class SeenRate:
     """Rate of an exponential window, 0 for none, and its standard deviation, 1/s; None where the noise does not show it."""
@@ -162,8 +163,8 @@ def _shown(noises: Sequence[_Noise]) -> int:
 def _decay(
     noise: _Noise, end: int, sample_rate_hz: float, measure: Callable[[FloatArray, float], FloatArray]
 ) -> tuple[float, float, float] | None:
-    """-d(ln s)/dt, 1/s; how far ln s bends from the middle of the noise to its ends; and what the steps' noise may be other than
-    that of a mean that lies anywhere between them makes of the first; None where there is no noise.
+    """-d(ln s)/dt, 1/s; how far ln s bends from the middle of the noise to its ends; and by how much the first may be off where
+    the mean stays at one place between two steps; None where there is no noise.
 
     Args:
         noise: of a hit.
