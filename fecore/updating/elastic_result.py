@@ -119,9 +119,17 @@ class ElasticResult:
 
     @cached_property
     def excursions(self) -> tuple[tuple[Excursion, ...], ...]:
-        """Of each campaign, inputs that may be something, for what they do."""
-        campaigns = zip(self.layout.campaigns, self.states, strict=True)
-        return tuple(excursions(state, c.inputs, c.fixed_points) for c, state in campaigns)
+        """Of each campaign, inputs that may be something, for what they do, as the frequencies leave them."""
+        found, missed = [], np.zeros(self.problem.residual.size)
+        for c, state, pairing, at in zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True):
+            own = list(excursions(state, c.inputs, c.fixed_points))
+            for place, each in enumerate(own):
+                if each.kind == "one-sided" and each.name != MESH:
+                    by = missed.copy()
+                    by[at] = np.log1p(each.shift[[column for _, column in pairing.pairs]])
+                    own[place] = each.given(*self.problem.of_another(by, self.discrepancy, self.scatter))
+            found.append(tuple(own))
+        return tuple(found)
 
     @cached_property
     def sources(self) -> dict[str, FloatArray]:
@@ -150,9 +158,7 @@ class ElasticResult:
         """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
         sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        if self.spanning is self.given and not self.by_mesh.any():
-            return known
-        return spread_over(known, self.spanning.total + np.diag(self.by_mesh), sd)
+        return spread_over(known, self.spanning.total + np.diag(self.by_excursions(*self.every_excursion)), sd)
 
     @property
     def in_doubt(self) -> bool:
@@ -235,9 +241,13 @@ class ElasticResult:
     @cached_property
     def by_mesh(self) -> FloatArray:
         """(X,) mean square of what x may be off by as even the finest mesh misses something."""
+        return self.by_excursions(*(each for each in self.every_excursion if each.name == MESH))
+
+    def by_excursions(self, *chosen: Excursion) -> FloatArray:
+        """(X,) mean square of what x may be off by as some of the excursions are something."""
         found = np.zeros(self.x.size)
         for each, pull in zip(self.every_excursion, self.pulls.T, strict=True):
-            if each.name == MESH:
+            if any(each is one for one in chosen):
                 found += (each.rms * pull) ** 2
         return found
 

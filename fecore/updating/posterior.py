@@ -205,6 +205,13 @@ class LinearProblem:
         gain: FloatArray = covariance @ self._weighted(self._variance(np.array([spread])), self.sensitivity)[0].T
         return gain
 
+    def of_another(self, by: FloatArray, spread: float, scatter: float) -> tuple[float, float]:
+        """Score eᵀWμ and information eᵀMe of one more unknown, which changes ln f by (n,) e, where the others follow."""
+        step, covariance = self.solve(spread, scatter)
+        pull = self._weighted(self._variance(np.array([spread])), by[:, None])[0, :, 0]
+        across = self.sensitivity.T @ pull
+        return float(pull @ (self.residual - self.sensitivity @ step)), float(pull @ by - across @ covariance @ across)
+
     def informed(self, spread: float, scatter: float) -> float:
         """How many unknowns the frequencies determine at a discrepancy and a scatter: tr(GS)."""
         return float(np.trace(self.gain(spread, scatter) @ self.sensitivity))

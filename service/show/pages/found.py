@@ -27,8 +27,9 @@ _AS_SAID = {
     CAMPAIGN: (
         *("no_like_mode", "most_modes_alone", "shape_unlike", "rival_pairing", "partners_swing"),
         *("stiffness_changed", "frfs_unlike", "law_replaced", "looks_windowed", "window_unstated"),
+        "frfs_scaled_by_place",
     ),
-    MODES: ("halves_of_a_mode", "mode_not_believed"),
+    MODES: ("halves_of_a_mode", "mode_not_believed", "two_in_one"),
 }
 """Kinds whose own advice says all, by where it is followed."""
 
