@@ -17,6 +17,7 @@ from fecore.updating.findings import Level, amount, found, listed, modes_of, plu
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.result import Finding
+from fecore.updating.temperature import constant_of
 
 SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
@@ -256,11 +257,13 @@ def _changed(elastic: ElasticResult) -> list[Finding]:
 
 
 def _confounded(elastic: ElasticResult) -> list[Finding]:
-    return [
-        found("confounded", name=each.name, others=", ".join(each.confounded_with))
+    """Constants that move with others; a coefficient of temperature by which they were brought elsewhere is none of these."""
+    others = {
+        each.name: [name for name in each.confounded_with if constant_of(name) is None]
         for each in elastic.identifiability
-        if each.confounded_with and each.name in elastic.layout.shared
-    ]
+        if each.name in elastic.layout.shared
+    }
+    return [found("confounded", name=name, others=", ".join(rest)) for name, rest in others.items() if rest]
 
 
 def _moved_by_length(elastic: ElasticResult) -> list[Finding]:

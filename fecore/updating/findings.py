@@ -12,6 +12,7 @@ import numpy as np
 
 from fecore.body.constants import UNITS, kind_of
 from fecore.updating.result import Finding, ParameterEstimate, Verdict
+from fecore.updating.temperature import constant_of
 
 Level = Literal["with_care", "do_not_use"]
 
@@ -29,6 +30,8 @@ _WRITTEN = {
     "m": (1e3, " mm"),
     "kg/m³": (1.0, " kg/m³"),
     "rad": (180 / np.pi, "°"),
+    "1/K": (100.0, " %/K"),
+    "°C": (1.0, " °C"),
 }  # of values in messages
 _NAMED = 4  # of alike warnings, how many are named one by one
 
@@ -283,6 +286,12 @@ FINDINGS = {
         40,
         "campaign {name}: frequencies of the joint material differ from the measured ones by {percent:.1f} % (rms)",
     ),
+    "temperature_unknown": Row(
+        None,
+        6,
+        "campaign {name} states no temperature, and the others do: it was taken to be {assumed}, and comes out as {now}",
+        "state its temperature_c",
+    ),
     "campaign_modes_alone": Row("with_care", 30, "campaign {name}: {alone} no partner in the model"),
 }
 """All that can be found, by its id."""
@@ -388,8 +397,9 @@ def _label(text: str) -> str:
 
 def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
     """How well each parameter is known, and which the data do not determine; a tied one is neither."""
-    known = [p for p in parameters if p.identifiable and p.estimate and p.tied_to is None]
-    unknown = [p.name for p in parameters if not p.identifiable and p.tied_to is None]
+    constants = [p for p in parameters if p.tied_to is None and constant_of(p.name) is None]
+    known = [p for p in constants if p.identifiable and p.estimate]
+    unknown = [p.name for p in constants if not p.identifiable]
     if not known:
         return "no parameter is identifiable"
     words = ", ".join(f"{p.name} to {100 * p.standard_deviation / abs(p.estimate):.2g} %" for p in known)

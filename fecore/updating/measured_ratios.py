@@ -38,6 +38,8 @@ class MeasuredRatios:
     # (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model
     strain: FloatArray | None = None
     mixings: tuple[Mixing, ...] = ()  # close modes that may have other shares than these
+    # (n,) how much warmer than the reference each was measured, K; None where all are at the temperature that counts
+    warmer: FloatArray | None = None
 
     @classmethod
     def stacked(cls, parts: Sequence[MeasuredRatios]) -> MeasuredRatios:
@@ -54,6 +56,7 @@ class MeasuredRatios:
             scipy.linalg.block_diag(*(part.relative_covariance for part in parts)),
             np.vstack([part.strain for part in parts if part.strain is not None]),
             tuple(mixings),
+            None if any(part.warmer is None for part in parts) else np.concatenate([part.warmer for part in parts]),
         )
 
     def mixed(self, mixing: Mixing, change: FloatArray) -> MeasuredRatios:

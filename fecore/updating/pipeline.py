@@ -25,7 +25,7 @@ from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.joint import update_jointly
-from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
+from fecore.updating.laws import check_damping_per_k, identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
@@ -35,6 +35,7 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
+from fecore.updating.temperature import damping_per_k, reference_of, with_temperature
 from fecore.updating.zones import with_sparse_factors, with_stretches
 
 Progress = Callable[[str, float], None]
@@ -68,7 +69,10 @@ def update(
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
     parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
-    parametrisation = parametrise(specimen, parameters).with_inputs(inputs.standard_deviations(specimen.nominal))
+    reference = reference_of([measurement.temperature_c], recipe.reference_temperature_c)
+    known = with_temperature(parametrise(specimen, parameters), reference, measurement.temperature_c, reported=False)
+    check_damping_per_k(damping_per_k(parameters), specimen, reference)
+    parametrisation = known.with_inputs(inputs.standard_deviations(specimen.nominal))
     data = _prepared(measurement, specimen, recipe, progress)
     body, mesh = meshed(specimen, _highest_hz(data))
     forward = _forward(replace(parametrisation, body=body), measurement, data)
@@ -97,7 +101,9 @@ def update(
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
     ]
-    result = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled).result(findings)
+    given_at = recipe.reference_temperature_c if reference is not None else measurement.temperature_c
+    summary = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled)
+    result = replace(summary.result(findings), reference_temperature_c=given_at)
     progress("done", 1.0)
     return result
 

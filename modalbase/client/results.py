@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm")}
+SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/K": (100.0, "%/K")}
 """Factor and unit in which values of an SI unit are shown; others as they are."""
 
 

@@ -136,7 +136,7 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
         ]
         faults += [
             Fault(f"{at}/{name}", "belong to the material: state them in the common `recipe`")
-            for name in ("parameters", "junctions")
+            for name in ("parameters", "junctions", "reference_temperature_c")
             if at != "/recipe" and getattr(recipe, name) != getattr(USUAL, name)
         ]
     for number, job in enumerate(request.jobs):
