@@ -276,9 +276,9 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
     constant follows a length that is held by C_pn/C_nn.
     """
     layout, C = elastic.layout, elastic.inverse
-    (place,) = [i for i, each in enumerate(layout.labels) if each == "length"] or [None]
-    if place is None:
+    if "length" not in layout.labels:
         return []
+    place = layout.labels.index("length")
     left = 1 - C[place, place] / layout.sd(elastic.scatter)[place] ** 2
     rest = float(np.sqrt(C[place, place] / max(left, _ROUND_OFF)))
     slopes = C[: len(layout.shared), place] / C[place, place]
