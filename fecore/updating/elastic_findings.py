@@ -39,8 +39,8 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     """All findings, by what they mean."""
     pairing, twins = elastic.pairing, _twins(elastic, modes)
     alone = len(pairing.unpaired_measured)
-    told = {other for others in twins.values() for other in others}
-    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in told))
+    twinned = {other for others in twins.values() for other in others}
+    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned))
     findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
