@@ -12,9 +12,10 @@ from fecore.body.specimen import EDGE_ROUNDING
 from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
+from fecore.updating.amounts import amount, plus_minus
 from fecore.updating.contradictions import Check, Conflict, compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
-from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
+from fecore.updating.findings import Level, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter
