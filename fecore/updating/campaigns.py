@@ -17,7 +17,7 @@ from fecore.updating.campaign_layout import (
     yielding,
 )
 from fecore.updating.contradictions import Agreement, Conflict, compare_sources
-from fecore.updating.curves import curve_of
+from fecore.updating.curves import check_temperatures, curve_of
 from fecore.updating.elastic_findings import (
     USUAL_MISS,
     contradiction,
@@ -25,17 +25,18 @@ from fecore.updating.elastic_findings import (
     mesh_on_trust,
     pairing_findings,
     points_beyond,
+    undetermined,
 )
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.estimates import constant_estimates, own_estimates
 from fecore.updating.findings import Level, found, judge, modes_of, ordered, plus_minus, warnings
-from fecore.updating.laws import check_damping_per_k, common_damping
+from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import SCATTER
 from fecore.updating.result import CommonLaw, Curve, Finding, ModeComparison, ParameterEstimate, Verdict
-from fecore.updating.temperature import TEMPERATURE, UNKNOWN_TEMPERATURE_SD, constant_of, damping_per_k, reference_of
+from fecore.updating.temperature import TEMPERATURE, UNKNOWN_TEMPERATURE_SD, constant_of, damping_per_k
 
 __all__ = [
     "MATERIAL",
@@ -129,10 +130,8 @@ def update_campaigns(
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
     ready = as_updated(campaigns)
-    priors = damping_per_k(recipe.parameters)
     temperatures, stated = [each.temperature_c for each in ready], recipe.reference_temperature_c
-    reference = reference_of(temperatures, stated)
-    check_damping_per_k(priors, ready[0].body, reference)
+    reference = check_temperatures(recipe.parameters, ready[0].body, temperatures, stated)
     layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons, stated)
 
     def shown(share: float) -> None:
@@ -145,10 +144,10 @@ def update_campaigns(
     parameters = tuple(constant_estimates(elastic, None))
     causes = {conflict.cause.owner for conflict in against} - {""}
     parts = tuple(_part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready))
-    findings = [*map(contradiction, against), *_findings(elastic, parts)]
+    findings = [*map(contradiction, against), *_findings(elastic, parts), *undetermined(parameters, None)]
     for model, campaign in zip(layout.campaigns, ready, strict=True):
         findings += [*points_beyond(model.forward, campaign.inputs, campaign.name), *mesh_on_trust(model.forward)]
-    laws = common_damping(elastic, priors)
+    laws = common_damping(elastic, damping_per_k(recipe.parameters))
     findings += _unknown_temperatures(elastic, parts)
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
     sd = np.sqrt(np.diag(total))

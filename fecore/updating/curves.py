@@ -6,14 +6,40 @@ interval is that of any other: narrow between the tests, wider beyond them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fecore.arrays import FloatArray
+from fecore.body.constants import Body
+from fecore.errors import InputError
 from fecore.normal import Z_95
 from fecore.temperatures import temperatures_between
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import spread_along
+from fecore.updating.laws import common_laws
+from fecore.updating.parameters import Parameter, parametrise
 from fecore.updating.result import CommonLaw, Curve, CurveOf
+from fecore.updating.temperature import AT_ONE_TEMPERATURE, PER_K, damping_per_k, reference_of, with_temperature
+
+
+def check_temperatures(
+    parameters: Sequence[Parameter], body: Body, temperatures: Sequence[float | None], stated: float | None
+) -> float | None:
+    """The reference of campaigns with these temperatures, as of `reference_of`, °C.
+
+    Raises:
+        InputError: there is none where one is needed, or a coefficient of temperature is stated that nothing has.
+    """
+    reference, of_damping = reference_of(temperatures, stated), damping_per_k(parameters)
+    with_temperature(parametrise(body, parameters), reference, temperatures[0], reported=False)
+    if of_damping and reference is None:
+        raise InputError("parameters", AT_ONE_TEMPERATURE.format(names=", ".join(of_damping)))
+    known = sorted({name + PER_K for law in common_laws(body) for name in law.coefficient_names})
+    for name in of_damping:
+        if name not in known:
+            raise InputError("parameters", f"{name!r} is of no law's coefficient, expected one of {', '.join(known)}")
+    return reference
 
 
 def curve_of(elastic: ElasticResult, laws: tuple[CommonLaw, ...]) -> Curve | None:

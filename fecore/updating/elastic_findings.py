@@ -1,5 +1,6 @@
 """What looks wrong with an elastic update, and what it means for the use of its result."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,8 @@ from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, pri
 from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.result import Finding
+from fecore.updating.parameters import Parameter
+from fecore.updating.result import Finding, ParameterEstimate
 from fecore.updating.temperature import constant_of
 
 SAME_SHAPE = 0.8
@@ -273,9 +275,9 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
     constant follows a length that is held by C_pn/C_nn.
     """
     layout, C = elastic.layout, elastic.inverse
-    (place,) = [i for i, each in enumerate(layout.labels) if each == "length"] or [None]
-    if place is None:
+    if "length" not in layout.labels:
         return []
+    place = layout.labels.index("length")
     left = 1 - C[place, place] / layout.sd(elastic.scatter)[place] ** 2
     rest = float(np.sqrt(C[place, place] / max(left, _ROUND_OFF)))
     slopes = C[: len(layout.shared), place] / C[place, place]
@@ -286,6 +288,23 @@ def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
         if each.identifiable and abs(slope) * rest > Z_95 * own
     ]
     return [found("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
+
+
+def undetermined(
+    constants: Sequence[ParameterEstimate], parameters: Sequence[Parameter] | None, usual: Sequence[Parameter] = ()
+) -> list[Finding]:
+    """Constants that a recipe asks for and the data do not determine; or that they determine none.
+
+    A recipe that names none, or only the usual ones, asks for what the data determine.
+    """
+    lost = [each.name for each in constants if each.tied_to is None and not each.identifiable]
+    if not any(each.identifiable for each in constants):
+        return [found("nothing_determined")] if constants else []
+    asked, known = (
+        {each.name for each in some if not (each.fixed or each.tied_to)} for some in (parameters or (), usual)
+    )
+    names = [name for name in lost if name in asked and asked != known]
+    return [found("not_determined", names=listed(names, _NAMED))] if names else []
 
 
 def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:

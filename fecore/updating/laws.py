@@ -47,7 +47,7 @@ from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
 from fecore.updating.parameters import by_name
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import CommonLaw, Finding
-from fecore.updating.temperature import AT_ONE_TEMPERATURE, DAMPING_PER_K, PER_K
+from fecore.updating.temperature import DAMPING_PER_K, PER_K
 
 STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""
@@ -324,22 +324,6 @@ def _is_refuted(law: DampingLaw, coefficients: FloatArray, covariance: FloatArra
     return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
 
 
-def check_damping_per_k(priors: PriorsPerK, body: Body, reference: float | None) -> None:
-    """Make sure that stated coefficients of temperature are those of coefficients of laws, and are needed.
-
-    Raises:
-        InputError: one is not.
-    """
-    if priors and reference is None:
-        raise InputError("parameters", AT_ONE_TEMPERATURE.format(names=", ".join(priors)))
-    known = {name + PER_K for law in _common_laws(body) for name in law.coefficient_names}
-    for name in priors:
-        if name not in known:
-            raise InputError(
-                "parameters", f"{name!r} is of no law's coefficient, expected one of {', '.join(sorted(known))}"
-            )
-
-
 def common_damping(elastic: ElasticResult, priors: PriorsPerK | None = None) -> tuple[CommonLaw, ...]:
     """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio.
 
@@ -358,7 +342,7 @@ def common_damping(elastic: ElasticResult, priors: PriorsPerK | None = None) -> 
     count = ratios.ratio.size
     if not count:
         return ()
-    laws = identifiable_laws(count, _common_laws(elastic.layout.campaigns[0].forward.specimen))
+    laws = identifiable_laws(count, common_laws(elastic.layout.campaigns[0].forward.specimen))
     ranking = rank_laws(ratios, list(range(count)), laws, priors)
     ends = np.cumsum([part.ratio.size for part in parts.values()])[:-1]
 
@@ -378,6 +362,7 @@ def common_damping(elastic: ElasticResult, priors: PriorsPerK | None = None) -> 
     )
 
 
-def _common_laws(body: Body) -> list[DampingLaw]:
+def common_laws(body: Body) -> list[DampingLaw]:
+    """The laws that campaigns of a body may have in common."""
     known = {**FREQUENCY_LAWS, **mechanism_laws(body)}
     return [known[name] for name in (*FREQUENCY_LAWS, *_BY_MECHANISM)]

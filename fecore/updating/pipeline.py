@@ -14,6 +14,7 @@ from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
+from fecore.updating.curves import check_temperatures
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
@@ -25,7 +26,7 @@ from fecore.updating.findings import found, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.joint import update_jointly
-from fecore.updating.laws import check_damping_per_k, identifiable_laws, laws_of, rank_laws
+from fecore.updating.laws import identifiable_laws, laws_of, rank_laws
 from fecore.updating.layout import Layout
 from fecore.updating.measured_ratios import paired_ratios
 from fecore.updating.measurement import Measurement, Prepared, prepare
@@ -35,7 +36,7 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
-from fecore.updating.temperature import damping_per_k, reference_of, with_temperature
+from fecore.updating.temperature import with_temperature
 from fecore.updating.zones import with_sparse_factors, with_stretches
 
 Progress = Callable[[str, float], None]
@@ -69,9 +70,9 @@ def update(
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
     parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
-    reference = reference_of([measurement.temperature_c], recipe.reference_temperature_c)
+    temperatures, stated = [measurement.temperature_c], recipe.reference_temperature_c
+    reference = check_temperatures(parameters, specimen, temperatures, stated)
     known = with_temperature(parametrise(specimen, parameters), reference, measurement.temperature_c, reported=False)
-    check_damping_per_k(damping_per_k(parameters), specimen, reference)
     parametrisation = known.with_inputs(inputs.standard_deviations(specimen.nominal))
     data = _prepared(measurement, specimen, recipe, progress)
     body, mesh = meshed(specimen, _highest_hz(data))

@@ -30,7 +30,8 @@ _AT_20 = {
     "nu_yz": 0.38,
     "density": 1900.0,
 }
-_STATED = OrthotropicMaterial(Ex=38e9, Ey=9e9, Gxy=3.8e9, Gxz=3.8e9, Gyz=3.0e9, nu_xy=0.29, density=1900.0)
+STATED = OrthotropicMaterial(Ex=38e9, Ey=9e9, Gxy=3.8e9, Gxz=3.8e9, Gyz=3.0e9, nu_xy=0.29, density=1900.0)
+"""What a laboratory has of a handbook."""
 _MODES, _NOISE, _NOISE_OF_DAMPING = 6, 3e-4, 0.02
 _STORED = Path(__file__).with_suffix(".npz")
 _PLACES = [(float(x), y, 0.0) for x in np.linspace(SIZE[0] / 12, SIZE[0], 12) for y in (-SIZE[1] / 2, 0.0, SIZE[1] / 2)]
@@ -58,7 +59,7 @@ def campaign(
     off = sds * random.standard_normal(2 * count)
     dofs = along_z(range(len(_PLACES)))
     measured = MeasuredModes(hz + off[:count], ratio + off[count:], shapes + 0j, dofs, np.diag(sds**2))
-    body = OrientedSpecimen(*SIZE, _STATED, "free", divisions=(12, 2))
+    body = OrientedSpecimen(*SIZE, STATED, "free", divisions=(12, 2))
     points = dict(enumerate(_PLACES))
     return Campaign(f"{temperature:g}", "strip", body, measured, points, Inputs(), temperature_c=stated)
 
