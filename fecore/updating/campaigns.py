@@ -25,6 +25,7 @@ from fecore.updating.elastic_findings import (
     mesh_on_trust,
     pairing_findings,
     points_beyond,
+    undetermined,
 )
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
@@ -143,7 +144,7 @@ def update_campaigns(
     parameters = tuple(constant_estimates(elastic, None))
     causes = {conflict.cause.owner for conflict in against} - {""}
     parts = tuple(_part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready))
-    findings = [*map(contradiction, against), *_findings(elastic, parts)]
+    findings = [*map(contradiction, against), *_findings(elastic, parts), *undetermined(parameters, None)]
     for model, campaign in zip(layout.campaigns, ready, strict=True):
         findings += [*points_beyond(model.forward, campaign.inputs, campaign.name), *mesh_on_trust(model.forward)]
     laws = common_damping(elastic, damping_per_k(recipe.parameters))

@@ -31,6 +31,7 @@ from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, 
 from fecore.updating.posterior import DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
 from fecore.updating.shape_error import ShapeErrors
+from fecore.updating.theory_error import SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
 
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
 _LATE = 12  # turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
@@ -82,7 +83,8 @@ def fit(
     misfit = Misfit(layout, use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
     weights = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
-    first_scales = _Scales(DISCREPANCY, layout.scatter, weights, misfit.no_shapes)
+    no_shear = tuple(np.zeros(each.size) for each in weights)
+    first_scales = _Scales(DISCREPANCY, layout.scatter, weights, no_shear, misfit.no_shapes)
     initial = misfit.paired(origin, first_scales)
     point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
@@ -107,13 +109,16 @@ def fit(
 
 @dataclass(frozen=True)
 class _Scales:
-    """What each turn estimates anew: discrepancy, scatter, and of each campaign the weights of measured modes and the errors of
-    their shapes.
+    """What each turn estimates anew: discrepancy, scatter, and of each campaign's measured modes the weights, and the errors by
+    shear and of shapes.
+
+    Within a turn modes pass one another, and a partner's share of shear would jump.
     """
 
     spread: float
     scatter: float
     weights: tuple[FloatArray, ...]
+    by_shear: tuple[FloatArray, ...]
     shapes: tuple[ShapeErrors, ...]  # none where shapes are not fitted
 
     def are_those_of(self, other: _Scales) -> bool:
@@ -121,7 +126,9 @@ class _Scales:
         mine, theirs = (self.spread, self.scatter), (other.spread, other.scatter)
         same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
         same &= all(a.are_those_of(b) for a, b in zip(self.shapes, other.shapes, strict=True))
-        return same and all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
+        same &= all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
+        both = zip(self.by_shear, other.by_shear, strict=True)
+        return same and all(np.all(np.abs(a - b) <= _SAME * SHEAR_CORRECTION_SD) for a, b in both)
 
 
 @dataclass(frozen=True)
@@ -185,7 +192,7 @@ class Misfit:
         scales: _Scales,
     ) -> _Point:
         """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes' weights."""
-        problem = self.linear(x, states, pairings, scales.weights, scales.shapes)
+        problem = self.linear(x, states, pairings, scales.weights, scales.shapes, scales.by_shear)
         return _Point(states, pairings, problem, scales, *problem.at(scales.spread, scales.scatter))
 
     def linear(
@@ -195,13 +202,16 @@ class Misfit:
         pairings: Sequence[Pairing],
         weights: Sequence[FloatArray],
         shapes: Sequence[ShapeErrors],
+        by_shear: Sequence[FloatArray] | None = None,
     ) -> LinearProblem:
-        """The problem that is linear in the step from x."""
+        """The problem that is linear in the step from x; `by_shear` of measured modes is that of their partners by default."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
         residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
-        weight = np.concatenate(
-            [w[[row for row, _ in pairing.pairs]] for w, pairing in zip(weights, pairings, strict=True)]
+        by_shear = self.by_shear(states, pairings) if by_shear is None else by_shear
+        weight, shear = (
+            np.concatenate([each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)])
+            for some in (weights, by_shear)
         )
         missed: list[FloatArray] = [np.zeros(0)]
         by: list[FloatArray] = [np.zeros((0, size))]
@@ -226,8 +236,17 @@ class Misfit:
             C, off = said / sds[:, None], (values - said @ x) / sds
             others["coupons"] = C.T @ C
             descent, cost = descent + C.T @ off, cost + float(off @ off)
-        known = residual, noise, sensitivity, x, self.layout.precision, others
-        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
+        known = residual, noise + np.outer(shear, shear), sensitivity, x, self.layout.precision, others
+        scale = max(discrepancy_scale(c.forward.specimen, c.inputs) for c in self.layout.campaigns)
+        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight, scale=scale)
+
+    def by_shear(self, states: Sequence[ForwardState], pairings: Sequence[Pairing]) -> tuple[FloatArray, ...]:
+        """Of each campaign's measured modes, what the shear correction may miss of their partners; 0 without one."""
+        found = tuple(np.zeros(len(campaign.modes)) for campaign in self.layout.campaigns)
+        for own, state, pairing in zip(found, states, pairings, strict=True):
+            rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
+            own[rows] = by_shear_correction(state)[columns]
+        return found
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
@@ -250,13 +269,14 @@ class Misfit:
             mixture, scatters = problem.mixture(self.layout.scatter)
             scatter = float(np.sqrt(mixture.weight @ scatters**2))
         if late:
-            return _Scales(spread, scatter, old.weights, old.shapes)
+            return _Scales(spread, scatter, old.weights, old.by_shear, old.shapes)
         belief = weights_of(problem, *prior_belief(self.layout, point.pairings), old.scatter)
         likeliest, weights = np.round(belief), [np.ones(each.size) for each in old.weights]
         for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
             own[[row for row, _ in pairing.pairs]] = likeliest[at]
+        by_shear = self.by_shear(point.states, point.pairings)
         shapes = self.shape_errors(point.states, point.pairings, spread)
-        return _Scales(spread, scatter, tuple(weights), shapes)
+        return _Scales(spread, scatter, tuple(weights), by_shear, shapes)
 
     @property
     def no_shapes(self) -> tuple[ShapeErrors, ...]:

@@ -28,6 +28,7 @@ from fecore.updating.excursions import MESH, Excursion
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.laws import RankedLaw
+from fecore.updating.posterior import Mixture
 from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
 from fecore.updating.sampling import Posterior
 from fecore.updating.temperature import DAMPING_PER_K, PER_K, Warmth, constant_of
@@ -56,6 +57,13 @@ class Spread:
     above: float
     variance: Mapping[str, float]
 
+    def widened(self, sd: float, below: float, above: float, source: str) -> Spread:
+        """Of another posterior: what is wider is a source of its own, and where it is narrower all sources are smaller."""
+        left = sd**2 - self.sd**2
+        variance = {name: part * min((sd / self.sd) ** 2, 1.0) for name, part in self.variance.items()}
+        variance[source] = variance.get(source, 0.0) + max(left, 0.0)
+        return Spread(sd, self.noise_sd, below, above, variance)
+
     def tied(self, master: str, doubt: float) -> Spread:
         """The same of a constant that is tied to the coordinate's, `doubt` the standard deviation of the tie."""
         if not doubt:
@@ -64,12 +72,11 @@ class Spread:
         variance = {**self.variance, f"tie to {master}": doubt**2}
         return Spread(float(np.hypot(self.sd, doubt)), self.noise_sd, below, above, variance)
 
-    def sampled(self, samples: FloatArray | None) -> Spread:
-        """With the standard deviation and the reaches of samples about the estimate, where there are any."""
-        if samples is None:
-            return self
-        low, high = np.quantile(samples, [0.025, 0.975])
-        return replace(self, sd=float(np.std(samples)), below=max(float(-low), 0.0), above=max(float(high), 0.0))
+    def sampled(self, samples: FloatArray) -> Spread:
+        """With the root mean square and the reaches of (n,) samples about the estimate."""
+        sd, (low, high) = float(np.sqrt(np.mean(samples**2))), np.quantile(samples, [0.025, 0.975]).tolist()
+        variance = {name: part * (sd / self.sd) ** 2 for name, part in self.variance.items()}
+        return Spread(sd, self.noise_sd, max(-low, 0.0), max(high, 0.0), variance)
 
     def with_excursions(self, excursions: Sequence[Excursion], pulls: FloatArray) -> Spread:
         """With parts that lie on one side of the interval; reaches of independent parts add as squares."""
@@ -125,24 +132,25 @@ def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | 
 
 
 def spread_along(elastic: ElasticResult, along: FloatArray, samples: FloatArray | None = None) -> Spread:
-    """Of an (X,) combination of unknowns; what marginalising the discrepancy adds to the part of the estimated one is its own.
+    """Of an (X,) combination of unknowns: its variance by source, the discrepancy marginalised, and what else may be.
 
     Where other pairings of the modes are not ruled out, what they add is a source of its own. The samples are those of one
     pairing, so the mixture over the pairings gives the interval then.
     """
-    total, given = (float(along @ each.total @ along) for each in (elastic.mixture, elastic.given))
-    variance = {name: float(np.sum((along @ part) ** 2)) for name, part in elastic.sources.items()}
-    noise_sd = float(np.sqrt(variance[NOISE]))
-    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + given - sum(variance.values()), 0.0)
+
+    def of(mixture: Mixture) -> tuple[float, float, float]:
+        return float(np.sqrt(along @ mixture.total @ along)), *mixture.reach(along)
+
+    sd, *reaches = of(elastic.given)
+    core = Spread(
+        sd, float(np.linalg.norm(along @ elastic.sources[NOISE])), *reaches, elastic.variance_by_source(along)
+    )
     if elastic.in_doubt:
-        variance[IN_DOUBT] = max(total - given, 0.0)
+        core = core.widened(*of(elastic.mixture), IN_DOUBT)
     if elastic.spanning is not elastic.mixture:
-        spanned = float(along @ elastic.spanning.total @ along)
-        variance = {name: part * min(spanned / total, 1.0) for name, part in variance.items()}
-        variance[CHANGED_WHERE if elastic.stretches else OTHER_PARTNERS] = max(spanned - total, 0.0)
-        core = Spread(float(np.sqrt(spanned)), noise_sd, *elastic.spanning.reach(along), variance)
-    else:
-        core = Spread(float(np.sqrt(total)), noise_sd, *elastic.mixture.reach(along), variance).sampled(samples)
+        core = core.widened(*of(elastic.spanning), CHANGED_WHERE if elastic.stretches else OTHER_PARTNERS)
+    elif samples is not None:
+        core = core.sampled(samples)
     return core.with_excursions(elastic.every_excursion, along @ elastic.pulls)
 
 
@@ -187,7 +195,8 @@ def constant_estimates(
             estimates[row] = replace(
                 own.estimate(name, prior.units[row], value, slope=value if log else ratio, log=log, provenance=words),
                 initial=mean,
-                identifiable=state.identifiable,
+                # What is known of a constant that may be off its tie by more than the data leave open is the tie.
+                identifiable=state.identifiable and doubt < own.sd / np.sqrt(2),
                 prior_mean=mean,
                 prior_sd=float(np.hypot(ratio * prior.prior_sd[column], tie * mean)),
                 comparable=Comparable(ratio * float(held[column]), abs(ratio) * float(held_sd[column])),

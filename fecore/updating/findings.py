@@ -33,6 +33,8 @@ _WRITTEN = {
     "1/K": (100.0, " %/K"),
     "°C": (1.0, " °C"),
 }  # of values in messages
+SKEWED = 1.25
+"""Ratio of the sides of an interval from which they are written as two: what the second digit of a ± would show."""
 _NAMED = 4  # of alike warnings, how many are named one by one
 
 
@@ -177,16 +179,34 @@ FINDINGS = {
         "more modes would narrow it",
     ),
     "confounded": Row(
-        "with_care",
-        10,
+        None,
+        3,
         "{name} cannot be distinguished from {others}: the data determine only a combination of them",
         "fix one of them, or state how well it is known",
+    ),
+    "not_determined": Row(
+        "with_care",
+        10,
+        "the recipe asks for {names}, which the data do not determine: what is given is the prior",
+        "leave out what you do not need, measure a wider band, or state a better prior",
+    ),
+    "nothing_determined": Row(
+        "with_care",
+        10,
+        "the data determine none of the constants: what is given is the prior",
+        "measure a wider band, or at more points",
     ),
     "samples_differ": Row(
         "with_care",
         5,
         "the sampled posterior of {name} is {ratio:.2f} times as wide as its Laplace approximation",
         "use the samples",
+    ),
+    "length_moves": Row(
+        None,
+        1.2,
+        "the modes show the length to ± {rest:.2g} % alone: a length 1 % longer than stated would change {moved}",
+        "measure it twice",
     ),
     # of the FRFs
     "frfs_unlike": Row(
@@ -389,6 +409,16 @@ def _label(text: str) -> str:
     return match.group(0) if match else text
 
 
+def _in_percent(known: ParameterEstimate) -> str:
+    """A standard deviation as a share of the estimate, or one to each side where the interval is not about its middle."""
+    above, below = known.deviations
+    if max(above, below) < SKEWED * min(above, below):
+        return f"{100 * known.standard_deviation / abs(known.estimate):.2g} %"
+    return (
+        " ".join(f"{sign}{100 * each / abs(known.estimate):.2g}" for sign, each in (("+", above), ("−", below))) + " %"
+    )
+
+
 def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
     """How well each parameter is known, and which the data do not determine; a tied one is neither."""
     constants = [p for p in parameters if p.tied_to is None and constant_of(p.name) is None]
@@ -396,5 +426,5 @@ def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
     unknown = [p.name for p in constants if not p.identifiable]
     if not known:
         return "no parameter is identifiable"
-    words = ", ".join(f"{p.name} to {100 * p.standard_deviation / abs(p.estimate):.2g} %" for p in known)
+    words = ", ".join(f"{p.name} to {_in_percent(p)}" for p in known)
     return f"{words} (one standard deviation)" + (f"; not identifiable: {', '.join(unknown)}" if unknown else "")

@@ -10,6 +10,7 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.body.mesh import Mesh
 from fecore.frf import Dof
 from fecore.modal import Identification
+from fecore.normal import Z_95
 
 if TYPE_CHECKING:
     from fecore.updating.effects import FrequencyEffects
@@ -87,6 +88,12 @@ class ParameterEstimate:
     # the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate and interval hold
     # where the ratio does. None where it is its own.
     tied_to: str | None = None
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard deviations above and below the estimate, as its 95 % interval reaches."""
+        low, high = self.interval_95
+        return (high - self.estimate) / Z_95, (self.estimate - low) / Z_95
 
 
 @dataclass(frozen=True)

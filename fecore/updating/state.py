@@ -23,7 +23,7 @@ from fecore.dynamics.sensitivity import (
     eigenvalue_derivatives,
     mode_forms,
     mode_shape_derivatives,
-    static_series,
+    residual_series,
 )
 from fecore.dynamics.synthesis import RESIDUAL_TERMS, ModalFrfModel, RovingMass
 from fecore.frf import Dof
@@ -275,7 +275,7 @@ class ForwardState:
     def residual(self, pairs: PointPairs) -> FloatArray:
         """(N, t) residual terms of the FRFs between pairs of points."""
         mass = _weighted(self.mass, self.coefficients.mass)
-        return pairs.residual(self.modes, mass, self.observation, self.all_shapes)
+        return pairs.residual(self.modes, mass, self.observation)
 
     def _pairs(self, responses: Sequence[Dof], references: Sequence[Dof]) -> PointPairs:
         (response, sign), (reference, other) = self.forward.rows(responses), self.forward.rows(references)
@@ -307,7 +307,7 @@ class PointPairs:
         return residues
 
     def residual(
-        self, modes: NormalModes, mass: Matrix, observation: FloatArray | scipy.sparse.csr_array, shapes: FloatArray
+        self, modes: NormalModes, mass: Matrix, observation: FloatArray | scipy.sparse.csr_array
     ) -> FloatArray:
         """(N, t) terms of the truncated modes' series in ω² - σ: solves with the factor of K - σM.
 
@@ -315,15 +315,10 @@ class PointPairs:
             modes: that are summed.
             mass: M.
             observation: (points, dofs) displacements of the points.
-            shapes: (m, points) of all modes there.
         """
         used, column = np.unique(self.reference, return_inverse=True)
         load = observation[used].T
         load = load if isinstance(load, np.ndarray) else load.toarray()
-        series = static_series(modes, mass, load, RESIDUAL_TERMS)
+        series = residual_series(modes, mass, load, RESIDUAL_TERMS)
         seen = np.array([(observation @ each)[self.response, column] for each in series]).T
-        away = 1 / (modes.eigenvalue - modes.shift)
-        # What a residue counts for in each term of the series: 1 / (λ - σ)ᵗ.
-        powers = away[:, None] ** np.arange(1, RESIDUAL_TERMS + 1)
-        residual: FloatArray = seen * self.sign[:, None] - self.products(shapes) @ powers
-        return residual
+        return np.asarray(seen * self.sign[:, None])

@@ -14,7 +14,7 @@ from fecore.modes import MeasuredModes
 from fecore.updating.curves import curve_of
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.effects import frequency_effects
-from fecore.updating.elastic_findings import elastic_findings
+from fecore.updating.elastic_findings import elastic_findings, undetermined
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.estimates import (
     at_reference,
@@ -28,7 +28,7 @@ from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
-from fecore.updating.parameters import by_name
+from fecore.updating.parameters import by_name, default_parameters
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import (
     Correlation,
@@ -128,19 +128,24 @@ class Summary:
         )
 
     @cached_property
+    def constants(self) -> tuple[ParameterEstimate, ...]:
+        """Elastic constants."""
+        return tuple(constant_estimates(self.elastic, self.inputs, self.sampled))
+
+    @cached_property
     def parameters(self) -> tuple[ParameterEstimate, ...]:
         """Constants, then the coefficients of the first damping law: from the FRFs, or else from the modes' ratios."""
-        constants = constant_estimates(self.elastic, self.inputs, self.sampled)
         if self.damping is not None:
             damping = coefficient_estimates(self.elastic, self.damping, self.inputs)
         else:
             damping = [] if self.ranking is None else ratio_estimates(self.ranking.laws[0])
         priors = damping_per_k(self.recipe.parameters or ())
-        return (*constants, *(at_reference(each, self.elastic.prior.warmth, priors) for each in damping))
+        return (*self.constants, *(at_reference(each, self.elastic.prior.warmth, priors) for each in damping))
 
     def _own_findings(self) -> list[Finding]:
         return [
             *elastic_findings(self.elastic, self.modes),
+            *undetermined(self.constants, self.recipe.parameters, default_parameters(self.elastic.prior.body)),
             *disagreements(self.elastic, self.sampled),
             *([] if self.ranking is None else self.ranking.findings()),
             *self._negative_damping(),

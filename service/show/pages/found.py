@@ -22,7 +22,10 @@ PLACES = {
 """Where a finding is mended: an address and what its link says."""
 
 _AS_SAID = {
-    RECIPE: ("mesh_misses", "sources_conflict", "confounded", "samples_differ", "law_negative"),
+    RECIPE: (
+        *("mesh_misses", "sources_conflict", "confounded", "not_determined"),
+        *("nothing_determined", "samples_differ", "law_negative"),
+    ),
     MODEL: ("points_beyond", "frequencies_missed"),
     CAMPAIGN: (
         *("no_like_mode", "most_modes_alone", "shape_unlike", "rival_pairing", "partners_swing"),

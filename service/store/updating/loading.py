@@ -37,6 +37,7 @@ from service.store.updating.bodies import (
     body_of,
     coupon_constants,
     is_in_space,
+    layers_of,
     material_of,
     nominal_specimen,
     of_its_material,
@@ -286,7 +287,7 @@ def joint_body(
         assert isinstance(body, Structure | MatrixBody), "a structure in space is one"
         return body
     require_no_choice_of_joints(recipe)
-    plain = nominal_specimen(of_its_material(structure), boundary, masses)
+    plain = replace(nominal_specimen(of_its_material(structure), boundary, masses), layers=layers_of(structure))
     own = material_of(structure)[1] if angle_deg is None else angle_deg
     return oriented(plain, material_of(first or structure)[0], own)
 
