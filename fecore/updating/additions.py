@@ -164,7 +164,8 @@ class AlteredForward(ForwardModel):
     @classmethod
     def of(cls, forward: ForwardModel, additions: Sequence[Addition]) -> AlteredForward:
         """A model with additions, beside those that it has."""
-        plain, before = forward.on_basis(), ()
+        plain = forward.on_basis()
+        before: tuple[Addition, ...] = ()
         if isinstance(forward, AlteredForward):
             assert forward.plain is not None, "an altered model has the one that it alters"
             plain, before = forward.plain, forward.additions

@@ -8,19 +8,21 @@ and the rest of the data, the source left out, m ± v. Of a source that is as go
 over the posterior c of the discrepancy. The scatter between specimens is its prior's scale there, as an estimate of it would
 grow with every contradiction and hide it; that specimens scatter more is one of the possible causes. An input speaks of itself,
 a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
-all of them together (posterior predictive χ²). That a body carries no other mass than stated is a source too (`added_mass`).
+all of them together (posterior predictive χ²). That a body carries, stands on and yields to nothing that was not stated is a
+source too (`screening`).
 
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
 of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
 A source explains what contradicts where some of it does so no longer once the slip is allowed for. One that the rest says
 nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. A clamp may yield and need not:
-one that is firmer than expected contradicts nothing. The likeliest explanation is the cause. It is allowed for, and the others
+one that is firmer than expected contradicts nothing. What may have been added to a body, and the likeliest inputs, are
+compared by fits that have them (`explanations`). The likeliest explanation is the cause. It is allowed for, and the others
 are looked at anew: those that still contradict have causes of their own, the rest are cleared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -31,8 +33,9 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
 from fecore.updating.additions import Kind
+from fecore.updating.conflicts import Agreement, Check, Conflict, Said
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.explanations import Hints, explanations, hints_of, loosened
+from fecore.updating.explanations import Explanation, Hints, explanations, hints_of, loosened
 from fecore.updating.layout import Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 
@@ -54,55 +57,6 @@ RIVAL = float(np.log(20.0))
 _REFITTED = 3  # inputs that are fitted anew, the likeliest
 _ADDED: dict[Kind, str] = {"mass": "mass on", "foot": "foot under", "support": "support of"}
 _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrices can be inverted
-
-
-@dataclass(frozen=True)
-class Said:
-    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
-
-    constant: str
-    stated: float
-    stated_sd: float
-    rest: float
-    rest_sd: float
-
-
-@dataclass(frozen=True)
-class Check:
-    """A source beside all others."""
-
-    # `input`, `coupons`, `campaign`, `scatter` of the specimens, or what a body has: `mass`, `foot`, `support` that gives way
-    kind: str
-    name: str  # of the source, as a sentence names it
-    p: float  # probability of a difference from the rest that is larger than the one found
-    evidence: float  # logarithm of how much likelier the data are where this source is off by a slip
-    owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
-    said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
-    place: tuple[float, ...] = ()  # m, where a mass, a foot or a support likeliest is
-
-
-@dataclass(frozen=True)
-class Conflict:
-    """A source that contradicts the others."""
-
-    cause: Check  # the likeliest
-    rivals: tuple[Check, ...]  # other explanations that the data do not rule out, the likeliest first
-    cleared: tuple[str, ...]  # names of sources that contradict no more once the cause is allowed for
-    moved: float  # how far a constant then moves at most, in its stated standard deviations
-    # logarithm of how much likelier the cause is than the next explanation, ruled out or not; None where there is none
-    odds: float | None = None
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """One campaign beside the others."""
-
-    # probability of frequencies further from the others' prediction than measured; None of a single campaign
-    predictive_p: float | None
-    alone: FloatArray  # (q,) coordinates' deviations of the material's parameters by this campaign alone
-    alone_sd: FloatArray  # (q,) their standard deviations
-    # (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing
-    z: FloatArray
 
 
 def compare_sources(elastic: ElasticResult) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
@@ -220,18 +174,27 @@ class _Sources:
         if self.problem is not self.elastic.problem:
             return self.checks
         found = list[tuple[Check, Callable[[], _Sources]]]()
+        p = {check.name: check.p for check, _ in self.checks}
         for number, hints in self._hints.items():
-            p = {check.name: check.p for check, _ in self.checks}
-            for each in explanations(self.elastic, number, hints):
-                kind, name = each.additions[0].kind, self._of_body(each.additions[0].kind, number)
-                said = tuple(Said(a.name, 0.0, 0.0, size, sd) for a, size, sd in each.sizes)
-                place = each.additions[0].place
-                check = Check(kind, name, p[name], each.evidence, self._named(number), said, place)
-                own = tuple(unknown.label for unknown in each.result.layout.unknowns[-len(each.additions) :])
-                found.append((check, lambda each=each, names=(name, *own): self._fitted_anew(each.result, names)))  # type: ignore[misc]
+            if max(hint.evidence for _, hint in hints.values()) > 0:
+                found += [self._with(each, number, p) for each in explanations(self.elastic, number, hints)]
         added = {check.name for check, _ in found}
         rest = sorted((c for c in self.checks if c[0].name not in added), key=lambda each: -each[0].evidence)
         return [*found, *map(self._anew, rest[:_REFITTED]), *rest[_REFITTED:]]
+
+    def _with(
+        self, explanation: Explanation, number: int, p: Mapping[str, float]
+    ) -> tuple[Check, Callable[[], _Sources]]:
+        """Additions to a campaign's body, by the fit that has them, and all sources there.
+
+        The frequencies of the campaign are no source of their own any more: they say where it is, and of what size.
+        """
+        first, name = explanation.additions[0], self._of_body(explanation.additions[0].kind, number)
+        said = tuple(Said(each.name, 0.0, 0.0, size, sd) for each, size, sd in explanation.sizes)
+        check = Check(first.kind, name, p[name], explanation.evidence, self._named(number), said, first.place)
+        unknowns = explanation.result.layout.unknowns[-len(explanation.additions) :]
+        names = name, self._named(number), *(unknown.label for unknown in unknowns)
+        return check, lambda: self._fitted_anew(explanation.result, names)
 
     def _anew(self, candidate: tuple[Check, Callable[[], _Sources]]) -> tuple[Check, Callable[[], _Sources]]:
         """An input or prior with the evidence of a fit where it may be off by a slip."""

@@ -10,7 +10,8 @@ from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.additions import MASS
-from fecore.updating.contradictions import Check, Conflict, Said, compare_sources
+from fecore.updating.conflicts import Check, Conflict, Said
+from fecore.updating.contradictions import compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
 from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
 from fecore.updating.forward import ForwardModel

@@ -15,7 +15,7 @@ discrepancy: -½(ν₀ + n) ln(ν₀s₀² + Σ(1 - MAC)).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -35,10 +35,10 @@ from fecore.updating.layout import CampaignModel, Layout, Unknown
 from fecore.updating.posterior import DISCREPANCY_DOF, SHAPE_DISCREPANCY, LinearProblem, Mixture
 from fecore.updating.screening import Screened, effect_of, screened
 
-_STARTS = tuple(np.log([30.0, 5.0, 1.0, 0.2, 0.03, 0.005]))  # logarithms of sizes over their medians to start from
+_STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared
-_FITTED = 2  # of the starts
 _SCREENED, _PLACES = 6, 2  # of masses and of feet: the likeliest by screening, and those of them that are fitted
+_ROUNDS = 3  # of screening places again at the best fit
 _FIRM = 4.0  # logarithm of the stiffness over its median, of supports beside the one that gives way
 
 
@@ -49,10 +49,13 @@ class Explanation:
     additions: tuple[Addition, ...]
     result: ElasticResult
     evidence: float  # logarithm of how much likelier the data are with them
+    over_places: tuple[float, float] | None = None  # size and its standard deviation, SI, wherever a mass or a foot is
 
     @property
     def sizes(self) -> list[tuple[Addition, float, float]]:
         """The additions with their sizes and these' standard deviations, SI, that the data determine."""
+        if self.over_places is not None:
+            return [(self.additions[0], *self.over_places)]
         count, total = len(self.additions), np.diag(self.result.mixture.total)
         sd, x = np.sqrt(total[-count:]), self.result.x[-count:]
         found = [(a, float(a.median * np.exp(xi)), float(s)) for a, xi, s in zip(self.additions, x, sd, strict=True)]
@@ -115,12 +118,14 @@ class _Search:
     number: int
     without: float  # log evidence
     use_shapes: bool
+    known: dict[tuple[str, bytes], ForwardState] = field(default_factory=dict)  # solved models
 
     @classmethod
     def of(cls, elastic: ElasticResult, number: int) -> _Search:
-        campaigns = list(elastic.layout.campaigns)
+        layout = elastic.layout.unverified()
+        campaigns = list(layout.campaigns)
         campaigns[number] = replace(campaigns[number], forward=campaigns[number].forward.on_basis())
-        plain = replace(elastic, layout=replace(elastic.layout, campaigns=tuple(campaigns)))
+        plain = replace(elastic, layout=replace(layout, campaigns=tuple(campaigns)))
         return cls(plain, number, log_evidence(elastic), "mode shapes" in elastic.problem.others)
 
     def of_supports(self, supports: Sequence[Addition]) -> Explanation | None:
@@ -132,7 +137,7 @@ class _Search:
             (first,) = ones[0].additions
             others = [each for each in supports if each.name != first.name]
             started = [np.concatenate([ones[0].result.x, np.full(len(others), size)]) for size in (_FIRM, 0.0)]
-            ones += filter(None, [self.fitted([first, *others], [*started, *self._starts(len(supports))])])
+            ones += filter(None, [self.fitted([first, *others], [*started, *self._starts(len(supports))], most=2)])
         best = max(ones, key=lambda each: each.evidence, default=None)
         return None if best is None else replace(best, evidence=best.evidence - price)
 
@@ -144,16 +149,17 @@ class _Search:
         tried = {place: found for place in order if (found := self.fitted([additions[place]])) is not None}
         if not tried:
             return None
-        share = hint.share
-        for _ in range(2):
+        for _ in range(_ROUNDS):
             best = max(tried, key=lambda place: tried[place].evidence)
-            share = self._screened_at(additions, tried[best].result).share
-            fresh = [place for place in np.argsort(-share)[:2].tolist() if place not in tried]
-            more = {place: self.fitted([additions[place]], [tried[best].result.x]) for place in fresh}
-            tried |= {place: found for place, found in more.items() if found is not None}
+            there = self._screened_at(additions, tried[best].result)
+            likeliest = int(np.argmax(there.share))
+            if likeliest in tried or (more := self.fitted([additions[likeliest]], [tried[best].result.x])) is None:
+                break
+            tried[likeliest] = more
         best = max(tried, key=lambda place: tried[place].evidence)
-        alike = min(1 / max(float(share[best]), 1e-9), float(len(additions)))
-        return replace(tried[best], evidence=tried[best].evidence + float(np.log(alike / len(additions))))
+        share = max(float(there.share[best]), 1 / len(additions))
+        evidence = tried[best].evidence - float(np.log(share * len(additions)))
+        return replace(tried[best], evidence=evidence, over_places=(there.mean, there.sd))
 
     def _screened_at(self, additions: Sequence[Addition], result: ElasticResult) -> Screened:
         """The additions beside each other, at a fit with one of them."""
@@ -185,15 +191,17 @@ class _Search:
         columns = [column for _, column in result.pairings[self.number].pairs]
         own = plain.shapes / np.linalg.norm(plain.shapes, axis=1, keepdims=True)
         other = altered.shapes[columns] / np.linalg.norm(altered.shapes[columns], axis=1, keepdims=True)
-        return scipy.optimize.linear_sum_assignment(-((other @ own.T) ** 2))[1].tolist()
+        return [int(each) for each in scipy.optimize.linear_sum_assignment(-((other @ own.T) ** 2))[1]]
 
-    def fitted(self, additions: Sequence[Addition], starts: Sequence[FloatArray] = ()) -> Explanation | None:
-        """The best fit with some additions; None where none converges."""
+    def fitted(
+        self, additions: Sequence[Addition], starts: Sequence[FloatArray] = (), most: int = 1
+    ) -> Explanation | None:
+        """The best fit with some additions, from the most promising starts; None where none converges."""
         layout = self._layout(additions)
         misfit = Misfit(layout, self.use_shapes)
         ranked = self._ranked(misfit, starts or tuple(self._starts(len(additions))))
         results = []
-        for promise, x in ranked[:_FITTED]:
+        for promise, x in ranked[:most]:
             if np.isfinite(promise):
                 try:
                     results.append(fit(layout, use_shapes=self.use_shapes, start=x))
@@ -213,16 +221,16 @@ class _Search:
         return sorted(((self._promise(misfit, x), x) for x in starts), key=lambda each: -each[0])
 
     def _starts(self, count: int) -> Iterator[FloatArray]:
-        for x in (np.zeros(self.elastic.x.size), self.elastic.x):
-            for size in _STARTS:
-                yield np.concatenate([x, np.full(count, size)])
+        for size in _STARTS:
+            yield np.concatenate([np.zeros(self.elastic.x.size), np.full(count, size)])
+        yield np.concatenate([self.elastic.x, np.zeros(count)])
 
     def _promise(self, misfit: Misfit, x: FloatArray) -> float:
         """The log evidence of the problem that is linear about x."""
         layout = misfit.layout
         if not layout.are_believable(x):
             return -np.inf
-        states = layout.solved(x)
+        states = tuple(map(self._solved, layout.campaigns, [each.theta(x) for each in layout.campaigns]))
         try:
             pairings = misfit.pair(states)
         except UpdatingError:
@@ -230,6 +238,15 @@ class _Search:
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
         problem = misfit.linear(x, states, pairings, weights)
         return _log_evidence(layout, pairings, problem, problem.weights)
+
+    def _solved(self, campaign: CampaignModel, theta: FloatArray) -> ForwardState:
+        """A campaign's model at θ, one without additions once: many starts are of the same constants."""
+        if isinstance(campaign.forward, AlteredForward):
+            return campaign.forward.solve(theta)
+        key = campaign.name, theta.tobytes()
+        if key not in self.known:
+            self.known[key] = campaign.forward.solve(theta)
+        return self.known[key]
 
     def _layout(self, additions: Sequence[Addition]) -> Layout:
         layout, more = self.elastic.layout, len(additions)

@@ -18,6 +18,7 @@ from fecore.updating.inputs import TOLERANCES, UNSTATED_SENSOR
 from fecore.updating.state import ForwardState
 
 _SITES = 200  # nodes at which a mass or a foot is tried, at most
+_DIGITS = 9  # of a place in m
 _EDGE = 1e-6  # of the body's size: nodes so near to its end lie on it
 _MOVED = 0.01  # of the largest work of a mode on a support, from which it is one that moves it
 _TOLERANCE = TOLERANCES[CLAMP][0]
@@ -64,7 +65,7 @@ def supports(state: ForwardState, highest: int) -> list[Addition]:
         return []
     (support,) = structure.supports
     places = model.mesh.nodes[model.mesh.select(support.where)]
-    centre = places.mean(axis=0)
+    centre = np.round(places.mean(axis=0), _DIGITS) + 0.0
     motions = model.motions.T.copy()
     motions[3:] += _about(centre - model.mesh.nodes.mean(axis=0), motions[:3])
     shapes = _shapes(state)[:, : highest + 1]

@@ -10,7 +10,8 @@ import pytest
 
 from fecore.body.supports import PointMass
 from fecore.updating.campaigns import MATERIAL_PARAMETERS, Campaign, lay_out
-from fecore.updating.contradictions import SLIPS, Conflict, _Sources, compare_sources
+from fecore.updating.conflicts import Conflict
+from fecore.updating.contradictions import SLIPS, _Sources, compare_sources
 from fecore.updating.elastic import fit
 from fecore.updating.layout import Coupon
 from fecore.updating.measurement import Measurement
