@@ -25,7 +25,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.constants import Body
 from fecore.body.model import Model
-from fecore.dynamics.reduction import ReducedSystem
+from fecore.dynamics.reduction import ReducedSystem, bordered
 from fecore.updating.forward import ForwardModel, ForwardState
 from fecore.updating.parameters import Parametrisation
 
@@ -68,16 +68,28 @@ class Addition:
         return self.kind == "mass"
 
 
-def with_additions(system: ReducedSystem, model: Model, additions: Sequence[Addition], springs: int) -> ReducedSystem:
-    """A reduced system with the terms of some additions, those of stiffness before the body's own springs."""
+def with_additions(
+    system: ReducedSystem, model: Model, additions: Sequence[Addition], springs: int, static: FloatArray
+) -> ReducedSystem:
+    """A reduced system with the terms of some additions, those of stiffness before the body's own springs.
+
+    Args:
+        system: of the body without.
+        model: of the body.
+        additions: to it.
+        springs: how many it has of its own, the last terms of its stiffness.
+        static: (dofs, l) deflections that the basis has to hold too.
+    """
     loose = [each.motion for each in additions if each.kind == "support"]
-    V, size = system.basis, system.basis.shape[1]
-    stiffness, mass = system.stiffness, system.mass
+    V, (stiffness, mass) = np.hstack([system.basis, static]), (system.stiffness, system.mass)
+    if static.size:
+        stiffness = bordered(stiffness, model.stiffness.project(V, slice(system.basis.shape[1], V.shape[1])))
+        mass = bordered(mass, model.mass.project(V, slice(system.basis.shape[1], V.shape[1])))
+    size = V.shape[1]
     if loose:
         V = np.hstack([V, *(motion.T for motion in loose)])
-        fresh = model.mass.project(V, slice(size, V.shape[1]))
         stiffness = np.pad(stiffness, ((0, 0), *((0, V.shape[1] - size),) * 2))
-        mass = np.concatenate([np.concatenate([mass, fresh[:, :size].transpose(0, 2, 1)], axis=1), fresh], axis=2)
+        mass = bordered(mass, model.mass.project(V, slice(size, V.shape[1])))
     rows = [each.motion @ V for each in additions]
     column = size
     for place, each in enumerate(additions):
@@ -185,7 +197,11 @@ class AlteredForward(ForwardModel):
     def _altered(self) -> ReducedSystem:
         assert self.plain is not None, "an altered model has the one that it alters"
         system = self.plain.without_mesh_error(self.plain.basis.system)
-        return with_additions(system, self.specimen.model, self.additions, len(self.specimen.springs))
+        loads = [each.motion.T for each in self.additions if each.kind != "support" and not each.along_an_end]
+        model = self.specimen.model
+        forces = scipy.sparse.hstack([scipy.sparse.csr_array((model.mass.size, 0)), *loads]).toarray()
+        static = self.plain.basis.static(forces) if loads else forces
+        return with_additions(system, model, self.additions, len(self.specimen.springs), static)
 
     def solve(self, theta: FloatArray) -> ForwardState:
         """Modes at parameters θ, of which the additions' sizes are the last."""

@@ -39,6 +39,7 @@ _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared
 _SCREENED, _PLACES = 6, 2  # of masses and of feet: the likeliest by screening, and those of them that are fitted
 _ROUNDS = 3  # of screening places again at the best fit
+_AGREES = 2.0  # ratio of sizes by screening and by the fit, within which screening there is trusted
 _FIRM = 4.0  # logarithm of the stiffness over its median, of supports beside the one that gives way
 
 
@@ -157,9 +158,12 @@ class _Search:
                 break
             tried[likeliest] = more
         best = max(tried, key=lambda place: tried[place].evidence)
-        share = max(float(there.share[best]), 1 / len(additions))
+        ((_, size, _),) = tried[best].sizes
+        # Where a foot makes a mode of what was a rigid motion, the modes without it say nothing of other places.
+        agrees = _AGREES > there.size[best] / size > 1 / _AGREES
+        share = max(float(there.share[best]), 1 / len(additions)) if agrees else 1.0
         evidence = tried[best].evidence - float(np.log(share * len(additions)))
-        return replace(tried[best], evidence=evidence, over_places=(there.mean, there.sd))
+        return replace(tried[best], evidence=evidence, over_places=(there.mean, there.sd) if agrees else None)
 
     def _screened_at(self, additions: Sequence[Addition], result: ElasticResult) -> Screened:
         """The additions beside each other, at a fit with one of them."""

@@ -43,7 +43,8 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
     model, found = state.forward.specimen.model, []
     nodes = model.mesh.nodes
     for group in [*_ends(model), *(np.array([node]) for node in _sites(state))]:
-        motion = scipy.sparse.vstack([_moving(model, node) for node in group]) / np.sqrt(len(group))
+        root = np.sqrt(_shares(nodes[group]))
+        motion = scipy.sparse.vstack([share * _moving(model, node) for share, node in zip(root, group, strict=True)])
         place = tuple(nodes[group].mean(axis=0).tolist())
         found.append(Addition("foot", "foot", "N/m", place, 1.0, motion, len(group) > 1))
     shapes = _shapes(state)[:, state.modes.rigid :][:, : highest + 1]
@@ -113,6 +114,20 @@ def _ends(model: Model) -> list[IntArray]:
         if np.ptp(x) > _EDGE * size:
             found += [np.flatnonzero(free & (np.abs(x - end) < _EDGE * size)) for end in (x.min(), x.max())]
     return [each for each in found if each.size > 1]
+
+
+def _shares(places: FloatArray) -> FloatArray:
+    """(n,) share of each of (n, 3) nodes in a foot under all: on a line by the length that is nearest to it, else alike."""
+    away = places - places.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(away, full_matrices=False)
+    if len(places) < 3 or sizes[1] > _EDGE * sizes[0]:
+        return np.full(len(places), 1 / len(places))
+    along = away @ axes[0]
+    order = np.argsort(along)
+    share = np.empty(len(places))
+    middle = (along[order][1:] + along[order][:-1]) / 2
+    share[order] = np.diff(np.concatenate([along[order][:1], middle, along[order][-1:]]))
+    return np.asarray(share / share.sum())
 
 
 def _moving(model: Model, node: int) -> scipy.sparse.csr_array:
