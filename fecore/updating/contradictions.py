@@ -22,7 +22,7 @@ are looked at anew: those that still contradict have causes of their own, the re
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -174,7 +174,7 @@ class _Sources:
         if self.problem is not self.elastic.problem:
             return self.checks
         found = list[tuple[Check, Callable[[], _Sources]]]()
-        p = {check.name: check.p for check, _ in self.checks}
+        p = min(check.p for check, _ in self.checks)
         for number, hints in self._hints.items():
             if max(hint.evidence for _, hint in hints.values()) > 0:
                 found += [self._with(each, number, p) for each in explanations(self.elastic, number, hints)]
@@ -183,7 +183,7 @@ class _Sources:
         return [*found, *map(self._anew, rest[:_REFITTED]), *rest[_REFITTED:]]
 
     def _with(
-        self, explanation: Explanation, number: int, p: Mapping[str, float]
+        self, explanation: Explanation, number: int, p: float
     ) -> tuple[Check, Callable[[], _Sources]]:
         """Additions to a campaign's body, by the fit that has them, and all sources there.
 
@@ -191,7 +191,7 @@ class _Sources:
         """
         first, name = explanation.additions[0], self._of_body(explanation.additions[0].kind, number)
         said = tuple(Said(each.name, 0.0, 0.0, size, sd) for each, size, sd in explanation.sizes)
-        check = Check(first.kind, name, p[name], explanation.evidence, self._named(number), said, first.place)
+        check = Check(first.kind, name, p, explanation.evidence, self._named(number), said, first.place)
         unknowns = explanation.result.layout.unknowns[-len(explanation.additions) :]
         names = name, self._named(number), *(unknown.label for unknown in unknowns)
         return check, lambda: self._fitted_anew(explanation.result, names)

@@ -108,5 +108,5 @@ def test_a_soft_support_of_solids_is_named_with_its_stiffness(kind: str, name: s
     assert not any(each.kind in ("mass", "foot", "support") for each in (*conflict.rivals, *(c.cause for c in others)))
     assert conflict.odds is not None
     assert conflict.odds > np.log(20.0)
-    assert conflict.cause.said[0].rest == pytest.approx(soft_supports.STIFFNESS[kind], rel=0.15)
+    assert conflict.cause.said[0].rest == pytest.approx(soft_supports.STIFFNESS[kind], rel=0.25)
     assert conflict.moved > 3
