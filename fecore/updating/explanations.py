@@ -240,7 +240,7 @@ class _Search:
         except UpdatingError:
             return -np.inf
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
-        problem = misfit.linear(x, states, pairings, weights)
+        problem = misfit.linear(x, states, pairings, weights, misfit.no_shapes)
         return _log_evidence(layout, pairings, problem, problem.weights)
 
     def _solved(self, campaign: CampaignModel, theta: FloatArray) -> ForwardState:

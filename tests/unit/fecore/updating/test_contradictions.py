@@ -154,9 +154,8 @@ def test_the_evidence_of_a_slip_is_that_of_all_data_with_it(by: float) -> None:
     campaigns = [first, shortened(other, by)]
     elastic = fit(lay_out(campaigns, MATERIAL_PARAMETERS, SCATTER, coupons()))
     problem, checked = elastic.problem, 0
-    (conflict, *_), _ = compare_sources(elastic)
-    for check in (conflict.cause, *conflict.rivals):
-        if check.kind == "input":
+    for check, _ in _Sources.of(elastic).checks:
+        if check.kind == "input" and check.evidence > 0:
             at = np.array(elastic.layout.labels) == check.name
             wider = [np.where(at, k, 1.0) for k in SLIPS]
             slipped = [
