@@ -88,7 +88,7 @@ class ReducedSystem:
         return energy
 
 
-def _bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
+def bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
     """(k, r, r) symmetric matrices of which the first columns are known and (k, r, f) the last ones are given."""
     size = known.shape[1]
     top = np.concatenate([known, fresh[:, :size]], axis=2)
@@ -173,7 +173,7 @@ class ReducedModel:
         stiffness, stiffness_sketch = np.split(model.stiffness.project(with_probe, fresh), [fresh.stop], axis=1)
         mass, mass_sketch = np.split(model.mass.project(with_probe, fresh), [fresh.stop], axis=1)
         if known is not None:
-            stiffness, mass = _bordered(known.stiffness, stiffness), _bordered(known.mass, mass)
+            stiffness, mass = bordered(known.stiffness, stiffness), bordered(known.mass, mass)
             stiffness_sketch = np.concatenate([known.stiffness_sketch, stiffness_sketch], axis=2)
             mass_sketch = np.concatenate([known.mass_sketch, mass_sketch], axis=2)
         system = ReducedSystem(
@@ -245,6 +245,10 @@ class ReducedModel:
         modes = self.system.modes(stiffness, mass, self._count)
         factor = factorise(K - self._shift * M, self._factor)
         self._hold_static(loads, replace(modes, shapes=self.basis @ modes.shapes, factor=factor), mass)
+
+    def static(self, loads: FloatArray) -> FloatArray:
+        """(dofs, l) what the deflections under (dofs, l) forces at the start have outside the basis, of unit energy."""
+        return self._unit_energy(self._outside(self._factor.solve(loads)))
 
     def _hold_static(self, loads: FloatArray, modes: NormalModes, mass: FloatArray) -> None:
         loads = loads[:, loads.any(axis=0)]  # at a support a force moves nothing

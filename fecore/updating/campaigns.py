@@ -17,7 +17,8 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.contradictions import Agreement, Conflict, compare_sources
+from fecore.updating.conflicts import Agreement, Conflict
+from fecore.updating.contradictions import compare_sources
 from fecore.updating.curves import check_temperatures, curve_of
 from fecore.updating.elastic_findings import (
     USUAL_MISS,
