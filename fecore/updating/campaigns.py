@@ -17,7 +17,8 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.contradictions import Agreement, Conflict, compare_sources
+from fecore.updating.conflicts import Agreement, Conflict
+from fecore.updating.contradictions import compare_sources
 from fecore.updating.curves import check_temperatures, curve_of
 from fecore.updating.elastic_findings import (
     USUAL_MISS,
@@ -132,8 +133,8 @@ def update_campaigns(
     progress("laying out the campaigns", 0.0)
     ready = as_updated(campaigns)
     temperatures, stated = [each.temperature_c for each in ready], recipe.reference_temperature_c
-    reference = check_temperatures(recipe.parameters, ready[0].body, temperatures, stated)
     layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons, stated)
+    reference = check_temperatures(recipe.parameters, ready[0].body, temperatures, stated)
 
     def shown(share: float) -> None:
         progress("updating the material", 0.1 + 0.6 * share)
