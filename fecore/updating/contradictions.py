@@ -182,9 +182,7 @@ class _Sources:
         rest = sorted((c for c in self.checks if c[0].name not in added), key=lambda each: -each[0].evidence)
         return [*found, *map(self._anew, rest[:_REFITTED]), *rest[_REFITTED:]]
 
-    def _with(
-        self, explanation: Explanation, number: int, p: float
-    ) -> tuple[Check, Callable[[], _Sources]]:
+    def _with(self, explanation: Explanation, number: int, p: float) -> tuple[Check, Callable[[], _Sources]]:
         """Additions to a campaign's body, by the fit that has them, and all sources there.
 
         The frequencies of the campaign are no source of their own any more: they say where it is, and of what size.

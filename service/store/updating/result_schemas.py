@@ -349,7 +349,9 @@ class ConflictOut(Part):
     rivals: list[CauseOut] = Field(description="other causes that are not ruled out, the likeliest first")
     cleared: list[str] = Field(description="what no longer contradicts the rest once the cause is allowed for")
     moved: float = Field(description="how far a constant then moves at most, in its standard deviations")
-    odds: Number = Field(default=None, description="logarithm of how much likelier the cause is than the next explanation")
+    odds: Number = Field(
+        default=None, description="logarithm of how much likelier the cause is than the next explanation"
+    )
 
 
 class JointResultOut(Part):
