@@ -28,8 +28,7 @@ from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.dense import DenseFactor, largest_eigenpairs
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.factor import Factor, factorise
-from fecore.dynamics.sensitivity import residual_series
-from fecore.dynamics.synthesis import RESIDUAL_TERMS
+from fecore.dynamics.synthesis import RESIDUAL_TERMS, residual_series
 
 FREQUENCY_TOLERANCE = 1e-6
 """Largest estimated relative error of a natural frequency. The true one is some ten times smaller."""

@@ -13,10 +13,11 @@ from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
 from fecore.updating.additions import MASS
+from fecore.updating.amounts import amount, plus_minus
 from fecore.updating.conflicts import Check, Conflict, Said
 from fecore.updating.contradictions import compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
-from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
+from fecore.updating.findings import Level, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter
@@ -42,8 +43,8 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     """All findings, by what they mean."""
     pairing, twins = elastic.pairing, _twins(elastic, modes)
     alone = len(pairing.unpaired_measured)
-    told = {other for others in twins.values() for other in others}
-    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in told))
+    twinned = {other for others in twins.values() for other in others}
+    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned))
     findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
