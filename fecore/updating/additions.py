@@ -87,14 +87,17 @@ def with_additions(
         mass = bordered(mass, model.mass.project(V, slice(system.basis.shape[1], V.shape[1])))
     size = V.shape[1]
     if loose:
-        V = np.hstack([V, *(motion.T for motion in loose)])
+        first = np.abs(np.einsum("jii->ji", mass)).sum(axis=0).max()
+        own = np.abs(np.einsum("jii->ji", model.mass.project(np.vstack(loose).T, slice(0, len(loose))))).sum(axis=0)
+        scale = np.sqrt(first / own)  # as large as the basis, for the sake of round-off
+        V = np.hstack([V, np.vstack(loose).T * scale])
         stiffness = np.pad(stiffness, ((0, 0), *((0, V.shape[1] - size),) * 2))
         mass = bordered(mass, model.mass.project(V, slice(size, V.shape[1])))
     rows = [each.motion @ V for each in additions]
     column = size
     for place, each in enumerate(additions):
         if each.kind == "support":
-            rows[place] = np.eye(V.shape[1])[[column]]
+            rows[place] = np.eye(V.shape[1])[[column]] * scale[column - size]
             column += 1
     # Rigid motions that a foot resists are none any more: they stand behind those that are left.
     resisted = [row[:, : system.rigid] for row, each in zip(rows, additions, strict=True) if each.kind == "foot"]

@@ -21,7 +21,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
-from fecore.errors import InputError, UpdatingError
+from fecore.errors import InputError, ModelError, UpdatingError
 from fecore.least_squares import Stopping, minimise
 from fecore.updating.belief import weights_of
 from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
@@ -249,11 +249,14 @@ class Misfit:
         return found
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
-        """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
+        """The point that a step leads to; None where no specimen could be, the model is none, or a held partner is lost."""
         x = point.x + step
         if not self.layout.are_believable(x):
             return None
-        states = self.layout.solved(x)
+        try:
+            states = self.layout.solved(x)
+        except ModelError:  # as where what a mesh misses is extrapolated too far
+            return None
         pairings = point.pairings
         if self.held is not None:
             pairings = self.pair(states)

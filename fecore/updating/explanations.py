@@ -23,7 +23,7 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.body.supports import CLAMP
 from fecore.correlation import Pairing
-from fecore.errors import UpdatingError
+from fecore.errors import ModelError, UpdatingError
 from fecore.updating import suspects
 from fecore.updating.additions import SIZE_SD, Addition, AlteredForward, Kind
 from fecore.updating.belief import FAR_OFF
@@ -209,7 +209,7 @@ class _Search:
             if np.isfinite(promise):
                 try:
                     results.append(fit(layout, use_shapes=self.use_shapes, start=x))
-                except UpdatingError:
+                except (UpdatingError, ModelError):
                     continue
         if not results:
             return None
@@ -234,10 +234,10 @@ class _Search:
         layout = misfit.layout
         if not layout.are_believable(x):
             return -np.inf
-        states = tuple(map(self._solved, layout.campaigns, [each.theta(x) for each in layout.campaigns]))
         try:
+            states = tuple(map(self._solved, layout.campaigns, [each.theta(x) for each in layout.campaigns]))
             pairings = misfit.pair(states)
-        except UpdatingError:
+        except (UpdatingError, ModelError):
             return -np.inf
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
         problem = misfit.linear(x, states, pairings, weights, misfit.no_shapes)
@@ -320,6 +320,6 @@ def loosened(elastic: ElasticResult, place: int, slip: float) -> tuple[float, El
     layout = replace(elastic.layout, unknowns=tuple(unknowns)).unverified()
     try:
         found = fit(layout, use_shapes="mode shapes" in elastic.problem.others, start=elastic.x)
-    except UpdatingError:
+    except (UpdatingError, ModelError):
         return None
     return log_evidence(found) - log_evidence(elastic), found
