@@ -205,7 +205,7 @@ class Misfit:
             noise[at, at] = campaign.noise(measured)
             sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
             if self.use_shapes:
-                off, of_theta = _shape_residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
+                off, of_theta = shape_residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
                 missed.append(off)
                 by.append(of_theta @ chain)
         J, m = np.vstack(by), np.concatenate(missed)
@@ -316,7 +316,7 @@ class _Path:
         return raised
 
 
-def _shape_residual(
+def shape_residual(
     modes: MeasuredModes, state: ForwardState, pairing: Pairing, root_weight: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""

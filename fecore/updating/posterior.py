@@ -305,7 +305,7 @@ class LinearProblem:
 def grid_of_discrepancies(coarse: int = 1) -> tuple[FloatArray, FloatArray]:
     """(s,) values of the discrepancy, one in so many of the grid, and the logarithms of their prior probabilities."""
     spreads = DISCREPANCY * _GRID[::coarse]
-    return spreads, _log_prior(spreads, DISCREPANCY)
+    return spreads, log_prior_of_scale(spreads, DISCREPANCY)
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
@@ -313,10 +313,10 @@ def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
     if not scale:
         return np.zeros(1), np.ones(1)
     scatters = scale * _SCATTERS
-    return scatters, scipy.special.softmax(_log_prior(scatters, scale))
+    return scatters, scipy.special.softmax(log_prior_of_scale(scatters, scale))
 
 
-def _log_prior(value: FloatArray, scale: float) -> FloatArray:
+def log_prior_of_scale(value: FloatArray, scale: float) -> FloatArray:
     """Of ln s for a scaled inverse χ² of two degrees of freedom, up to a constant."""
     log: FloatArray = -DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2))
     return log
