@@ -8,7 +8,9 @@ and the rest of the data, the source left out, m ± v. Of a source that is as go
 over the posterior c of the discrepancy. The scatter between specimens is its prior's scale there, as an estimate of it would
 grow with every contradiction and hide it; that specimens scatter more is one of the possible causes. An input speaks of itself,
 a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
-all of them together (posterior predictive χ²). That a body carries no other mass than stated is a source too (`added_mass`).
+all of them together (posterior predictive χ²). That a body carries no other mass than stated is a source too (`added_mass`),
+and that no stretch of it has lost stiffness (`damage`). Shapes speak of that too, but of no other source: it contradicts by
+frequencies and shapes, until another cause is allowed for, and is ranked beside the other causes by frequencies alone.
 
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
 of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
@@ -31,6 +33,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
 from fecore.updating.added_mass import added_mass
+from fecore.updating.damage import Losses, lost_stiffness
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.inputs import UNSTATED_SENSOR
 from fecore.updating.layout import Unknown
@@ -69,13 +72,16 @@ class Said:
 class Check:
     """A source beside all others."""
 
-    kind: str  # `input`, `coupons`, `campaign`, `mass` that a body carries, or `scatter` of the specimens
+    # `input`, `coupons`, `campaign`, `mass` that a body carries, `stiffness` that it has lost, or `scatter` of the specimens
+    kind: str
     name: str  # of the source, as a sentence names it
     p: float  # probability of a difference from the rest that is larger than the one found
     evidence: float  # logarithm of how much likelier the data are where this source is off by a slip
     owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
     said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
     place: tuple[float, ...] = ()  # m, where a mass is likeliest
+    stretch: tuple[str, ...] = ()  # where stiffness is lost, in words: of what, and between which places
+    level: float = 0.0  # probability at most that it is said to be lost where it is not
 
 
 @dataclass(frozen=True)
@@ -114,6 +120,7 @@ def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
     found = list[Conflict]()
     while against := sources.contradicting:
         (cause, sources), *rivals = sources.explanations()
+        sources = replace(sources, with_shapes=False)
         left = {each.name for each in sources.contradicting}
         cleared = tuple(each.name for each in against if each.name not in {cause.name, *left})
         found.append(Conflict(cause, tuple(rival for rival, _ in rivals), cleared, sources.moved))
@@ -149,6 +156,8 @@ class _Sources:
     statements: tuple[_Statement, ...]
     count: float = 1.0  # of independent checks
     allowed: frozenset[str] = frozenset()  # names of those that are allowed a slip
+    losses: tuple[Losses | None, ...] = ()  # of each body, None where nobody looks for any
+    with_shapes: bool = True  # whether shapes say that one has lost stiffness
 
     @classmethod
     def of(cls, elastic: ElasticResult) -> _Sources:
@@ -161,8 +170,13 @@ class _Sources:
         for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
             own = [coupon.batch == batch for coupon in layout.coupons]
             statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
-        found, bodies = cls(elastic, elastic.problem, layout.scatter, tuple(statements)), len(elastic.rows)
-        return replace(found, count=found.independent + (3 * bodies if bodies > 1 else 1))
+        losses = [
+            None if elastic.stretches or elastic.unlike else Losses.of(state, [column for _, column in pairing.pairs])
+            for state, pairing in zip(elastic.states, elastic.pairings, strict=True)
+        ]
+        found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), losses=tuple(losses))
+        bodies, looked = len(elastic.rows), sum(each is not None for each in losses)
+        return replace(found, count=found.independent + looked + (3 * bodies if bodies > 1 else 1))
 
     @property
     def independent(self) -> float:
@@ -218,6 +232,11 @@ class _Sources:
         if len(bodies) > 1:
             found += [self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed]
         found += [self._of_mass(each) for each in bodies if self._mass_on(each) not in self.allowed]
+        found += [
+            self._of_loss(number, losses)
+            for number, losses in enumerate(self.losses)
+            if losses is not None and self._stiffness_of(number) not in self.allowed
+        ]
         scatters = self.elastic.layout.specimens_scatter and SCATTER not in self.allowed
         return [*found, self._of_scatter()] if scatters else found
 
@@ -283,6 +302,23 @@ class _Sources:
         p, name = float(np.exp(-max(found.evidence, 0.0))), self._mass_on(number)
         check = Check("mass", name, p, found.evidence, self._named(number), said=said, place=found.place)
         return check, self._with_noise(name, found.covariance)
+
+    def _of_loss(self, number: int, losses: Losses) -> tuple[Check, Callable[[], _Sources]]:
+        found = lost_stiffness(self.elastic, number, losses, self.problem, with_shapes=self.with_shapes)
+        p, name = float(np.exp(-max(found.evidence, 0.0))), self._stiffness_of(number)
+        said = (Said("factor", 1.0, 0.0, found.factor, found.factor_sd),)
+        check = Check(
+            *("stiffness", name, p, found.by_frequencies, self._named(number)),
+            said=said,
+            stretch=found.in_words,
+            level=FALSE_ALARMS / self.count,
+        )
+        known = self.problem
+        slipped = replace(known, residual=known.residual - found.mean, noise=known.noise + found.covariance)
+        return check, lambda: self._allowing(name, problem=slipped)
+
+    def _stiffness_of(self, number: int) -> str:
+        return f"stiffness of {self._named(number) or 'the body'}"
 
     def _named(self, number: int) -> str:
         name = self.elastic.layout.campaigns[number].name

@@ -49,6 +49,7 @@ _TURNS = 0.5  # of a shape's standard deviation, from which a turn of two modes 
 _FREE = 10.0  # rad: the turn of modes as close as can be
 _SETS, _SLIGHT = 6, 0.02  # sets at most, those with most energy; share of every mode's energy that is not looked at
 _ABOVE = 12  # elastic modes above the last paired one that shapes are made of
+_SELDOM = 1e-6  # probability over the greatest that does not count
 _COUNTS = 12.0  # log weight by which a pair of s and k may be behind the likeliest and still count
 
 
@@ -56,7 +57,8 @@ _COUNTS = 12.0  # log weight by which a pair of s and k may be behind the likeli
 class Stretch:
     """Some sets of a body between two places along an axis."""
 
-    sets: tuple[str, ...]  # all of them where the body has one
+    sets: tuple[str, ...]
+    whole: bool  # whether these are all sets
     axis: int  # 0, 1, 2 for x, y, z
     # begin, end: m
     begin: float
@@ -77,7 +79,17 @@ class LostStiffness:
     # factor, factor_sd: of the stiffness that is left
     factor: float
     factor_sd: float
-    covariance: FloatArray  # (n, n) second moments of the change of all ln f by the loss
+    # mean, covariance: (n,) and (n, n) of the change of all ln f by the loss
+    mean: FloatArray
+    covariance: FloatArray
+
+    @property
+    def in_words(self) -> tuple[str, str]:
+        """Of which sets, and between which places."""
+        stretch, axis = self.likeliest, "xyz"[self.likeliest.axis]
+        of = "all" if stretch.whole else ", ".join(stretch.sets)
+        begin, end, least, most = (f"{1e3 * each:.0f}" for each in (stretch.begin, stretch.end, self.begin, self.end))
+        return of, f"{axis} = {begin} and {end} mm (at most {least} to {most})"
 
 
 @dataclass(frozen=True)
@@ -108,8 +120,8 @@ class Losses:
         groups = [(k,) for k in range(len(sets))] + ([tuple(range(len(sets)))] if len(sets) > 1 else [])
         parts = np.concatenate([(whole[list(g)][:, last + 1] - whole[list(g)][:, first]).sum(axis=0) for g in groups])
         stretches = tuple(
-            Stretch(tuple(sets[k] for k in group), axis, float(lines[a]), float(lines[b + 1]))
-            for group in groups
+            Stretch(tuple(sets[k] for k in g), len(g) == len(sets), axis, float(lines[a]), float(lines[b + 1]))
+            for g in groups
             for a, b in zip(first, last, strict=True)
         )
         share = 1.0 / (last - first + 1)
@@ -195,19 +207,21 @@ def lost_stiffness(
         _quantile(np.array([getattr(each, name) for each in losses.stretches])[alike], weight.sum(axis=0), tail)
         for name, tail in (("begin", 0.025), ("end", 0.975))
     )
-    mean = np.sum([np.sum(share[k][:, None] * _at(change, loss), axis=0) for k, loss in enumerate(_FINE)], axis=0)
+    by = np.array([_between(each / _LOSSES[:, None]) for each in change.transpose(2, 0, 1)])  # (n, a, P)
+    some = share > _SELDOM * share.max()
+    each = (by * _FINE[:, None])[:, some]
+    mean = each @ share[some]
     return LostStiffness(
-        by_frequencies, evidence, best, begin, end, factor,
-        float(np.sqrt((left - factor) ** 2 @ weight.sum(axis=1))), np.outer(mean, mean),
-    )  # fmt: skip
-
-
-def _at(change: FloatArray, loss: float) -> FloatArray:
-    """(P, n) changes by a loss, from (l, P, n) of those solved for: over the loss they are nearly linear in it."""
-    by = change / _LOSSES[:, None, None]
-    after = int(np.clip(np.searchsorted(_LOSSES, loss), 1, _LOSSES.size - 1))
-    share = (loss - _LOSSES[after - 1]) / (_LOSSES[after] - _LOSSES[after - 1])
-    return np.asarray(loss * ((1 - share) * by[after - 1] + share * by[after]))
+        by_frequencies=by_frequencies,
+        evidence=evidence,
+        likeliest=best,
+        begin=begin,
+        end=end,
+        factor=factor,
+        factor_sd=float(np.sqrt((left - factor) ** 2 @ weight.sum(axis=1))),
+        mean=mean,
+        covariance=(each * share[some]) @ each.T - np.outer(mean, mean),
+    )
 
 
 def _quantile(values: FloatArray, weight: FloatArray, tail: float) -> float:

@@ -201,6 +201,12 @@ def _explained(check: Check) -> str:
     if check.kind == "mass":
         (said,) = check.said
         return f"{check.name} of {1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g near {place_in_words(check.place)}"
+    if check.kind == "stiffness":
+        (said,), (of, where) = check.said, check.stretch
+        return (
+            f"{check.name}, {of} at {said.rest:.2f} ± {said.rest_sd:.2f} of it between {where}, which is said of at most "
+            f"{100 * check.level:.1g} % of sound bodies"
+        )
     if check.kind == "scatter":
         (said,) = check.said
         return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"

@@ -307,7 +307,7 @@ class SaidOut(Part):
 class CauseOut(Part):
     """A source of data that may be wrong."""
 
-    kind: Literal["input", "coupons", "campaign", "mass", "scatter"] = Field(description="what it is")
+    kind: Literal["input", "coupons", "campaign", "mass", "stiffness", "scatter"] = Field(description="what it is")
     name: str = Field(description="of the source")
     p: float = Field(description="probability of a larger difference from the other data, if it is as good as stated")
     evidence: float = Field(description="logarithm of how much likelier the data are if it is wrong")
