@@ -4,29 +4,28 @@ A loss of stiffness by a share a in a stretch that has the part E of the modes' 
 frequencies and the shapes of Λ - aE: it lowers a mode by its share of strain energy there, and turns it towards others by
 their mutual energies. Constants soak up most of the first, and hardly any of the second, which breaks the body's symmetry.
 
-Residuals r of ln f, and of shapes at the measured points, each at its best scale, over their standard deviation, are linear in
-the step z of the constants and in turns ω of close modes, by which the model's discrepancy s₀ in stiffness, alike in all
-directions, mixes them: ω ~ N(0, 2s₀²λ_jλ_k/(λ_j - λ_k)²). With d the change of the model's frequencies and shapes by a loss
-the data are likelier than without by
+Residuals r of ln f, and of shapes at the measured points, each at its best scale, are linear in the step z of the constants.
+With d the change of the model's frequencies and shapes by a loss the data are likelier than without by
 
     ln B = dᵀW(r - Sz) - ½ dᵀ(W - WSH⁻¹SᵀW)d,    H = SᵀWS + P,
 
-W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the discrepancy s, and of the shapes'
-own k σ. The error of the model of joints is left to the constants, which absorb it but for what s is. Of all sets, stretches
+W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the discrepancy s; of shapes k σ at
+each point, and what the model's error e of a frequency, were it alike in all directions of the stiffness (the Gaussian
+orthogonal ensemble), turns modes towards each other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of
+the model of joints is left to the constants, which absorb it but for what s is. Of all sets, stretches
 (each length as likely) and losses, and over the posterior of s and k where nothing is damaged, B is the mean, so that without
 damage E[B] = 1, and P(B ≥ 1/p) ≤ p (as in `added_mass`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray
+from fecore.arrays import ComplexArray, FloatArray
 from fecore.body.matrices import MatrixBody
 from fecore.modal import turn_real
 from fecore.updating.elastic import shape_residual
@@ -41,16 +40,15 @@ from fecore.updating.posterior import (
 from fecore.updating.state import ForwardState
 
 _PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a stretch takes at most
-_LOSSES = np.array([0.02, 0.05, 0.1, 0.17, 0.25, 0.35, 0.45, 0.55, 0.7])  # solved for
+_LOSSES = np.array([0.02, 0.06, 0.12, 0.2, 0.3, 0.4, 0.55, 0.7])  # solved for
 _FINE = np.linspace(0.02, 0.7, 69)  # each as likely; what is between is interpolated
-_COARSE = 4  # of the grid of discrepancies, one in so many
-_SHAPES = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # k: a shape's standard deviation over the usual one
-_TURNS = 0.5  # of a shape's standard deviation, from which a turn of two modes is an unknown
-_FREE = 10.0  # rad: the turn of modes as close as can be
-_SETS, _SLIGHT = 6, 0.02  # sets at most, those with most energy; share of every mode's energy that is not looked at
+_COARSE = 5  # of the grid of discrepancies, one in so many
+_SHAPES = np.array([0.5, 1.0, 2.0, 4.0])  # k: a shape's standard deviation over the usual one
+_LIKE = 0.1  # of a shape in another, below which the two are not compared
+_CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
+_SETS, _SLIGHT = 4, 0.02  # sets at most, those with most energy; share of every mode's energy that is not looked at
 _ABOVE = 12  # elastic modes above the last paired one that shapes are made of
 _SELDOM = 1e-6  # probability over the greatest that does not count
-_COUNTS = 12.0  # log weight by which a pair of s and k may be behind the likeliest and still count
 
 
 @dataclass(frozen=True)
@@ -187,7 +185,7 @@ def lost_stiffness(
         problem: at the estimate.
         with_shapes: look at the shapes too, where there are any.
     """
-    at, (count, _, n) = elastic.rows[number], losses.change.shape
+    at, count = elastic.rows[number], len(_LOSSES)
     change = np.zeros((count, len(losses.stretches), problem.residual.size))
     change[..., at] = losses.change
     data = _Data.of(elastic, number, problem, losses if with_shapes else None)
@@ -226,24 +224,28 @@ def lost_stiffness(
 
 def _quantile(values: FloatArray, weight: FloatArray, tail: float) -> float:
     order = np.argsort(values)
-    return float(values[order][min(np.searchsorted(np.cumsum(weight[order]), tail), values.size - 1)])
+    place = int(np.searchsorted(np.cumsum(weight[order]), tail))
+    return float(values[order][min(place, values.size - 1)])
 
 
 @dataclass(frozen=True)
 class _Shapes:
-    """Residuals of shapes in the space of the model's modes, over σ: (N,), by z and by turns (N, X) and (N, T)."""
+    """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow from."""
 
-    residual: FloatArray
-    by: FloatArray
-    by_turns: FloatArray
-    turns: FloatArray  # (T,) prior standard deviations of the turns
-    change: FloatArray  # (l, P, N) by losses
+    residual: FloatArray  # (n, b)
+    by: FloatArray  # (n, b, X) of the model's by the unknowns
+    turned: FloatArray  # (n, b, b) covariance by turns of modes
+    change: FloatArray  # (l, P, n, b) by losses
+    # information, descent: (X, X) and (X,) of them in the fit, where it looks at shapes
+    information: FloatArray
+    descent: FloatArray
 
     @classmethod
     def of(cls, elastic: ElasticResult, number: int, losses: Losses) -> _Shapes | None:
         """Of a campaign; None where it has no shapes."""
-        campaign, state, pairing = (each[number] for each in (elastic.layout.campaigns, elastic.states, elastic.pairings))
-        if campaign.modes.shapes is None:
+        campaign, state = elastic.layout.campaigns[number], elastic.states[number]
+        pairing, measured = elastic.pairings[number], campaign.modes.shapes
+        if measured is None:
             return None
         count, (rows, columns) = len(campaign.modes.dofs), (list(each) for each in zip(*pairing.pairs, strict=True))
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]])
@@ -251,49 +253,67 @@ class _Shapes:
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
         shapes = state.shapes[: losses.turned.shape[3], :count]
         basis = np.linalg.qr(shapes.T)[0]  # (points, b)
-        own = shapes[columns]
         # A model's shape at the scale at which it is compared with the measured one, over σ.
-        scale = weight * _scales(campaign.modes.shapes[rows], own) / SHAPE_DISCREPANCY
-        seen = np.einsum("lpnm,mb->lpnb", losses.turned, shapes @ basis)
-        mine = own @ basis
-        along = np.sum(seen * mine, axis=3) / np.sum(mine**2, axis=1)
-        change = (seen / np.where(np.abs(along) > 0.1, along, np.inf)[..., None] - mine) * scale[:, None]
-        change[np.abs(along) <= 0.1] = 0.0
-        turns, sds = _turns(state, columns, shapes @ basis, scale)
+        scale = weight * _scales(measured[rows], shapes[columns]) / SHAPE_DISCREPANCY
+        shapes = shapes @ basis
+        own = shapes[columns]
+        seen = losses.turned @ shapes
+        along = np.sum(seen * own, axis=3) / np.sum(own**2, axis=1)
+        like = np.abs(along) > _LIKE
+        change = scale[:, None] * (seen / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
+        fitted = "mode shapes" in elastic.problem.others
         return cls(
-            (missed.reshape(-1, count) @ basis).ravel(),
-            np.einsum("npx,pb->nbx", by.reshape(len(rows), count, -1), basis).reshape(-1, by.shape[1]),
-            turns,
-            sds,
-            change.reshape(*change.shape[:2], -1),
+            missed.reshape(-1, count) @ basis,
+            np.einsum("npx,pb->nbx", by.reshape(len(rows), count, -1), basis),
+            _turned(state, columns, shapes, scale),
+            change,
+            fitted * (by.T @ by),
+            fitted * (by.T @ missed),
+        )
+
+    def given(self, k: float) -> _ShapesGiven:
+        """What they say where a shape's standard deviation is k times the usual one."""
+        covariance = k**2 * np.eye(self.residual.shape[1]) + self.turned
+        whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        r, J = (whiten @ self.residual[..., None])[..., 0], whiten @ self.by
+        d = np.stack([self.change[:, :, j] @ each.T for j, each in enumerate(whiten)], axis=2)
+        return _ShapesGiven(
+            cost=float(np.sum(r**2) + np.linalg.slogdet(covariance)[1].sum()),
+            hessian=np.einsum("nbx,nby->xy", J, J) - self.information,
+            descent=np.einsum("nbx,nb->x", J, r) - self.descent,
+            across=np.tensordot(d, J, ((2, 3), (0, 1))),
+            along=np.tensordot(d, r, 2) - np.sum(d**2, axis=(2, 3)) / 2,
         )
 
 
-def _scales(measured: FloatArray, model: FloatArray) -> FloatArray:
+@dataclass(frozen=True)
+class _ShapesGiven:
+    """The terms of the shapes in ln B: of the misfit twice, by the unknowns, and by losses."""
+
+    cost: float
+    hessian: FloatArray  # (X, X)
+    descent: FloatArray  # (X,)
+    across: FloatArray  # (l, P, X) dᵀWS
+    along: FloatArray  # (l, P) dᵀWr - ½ dᵀWd
+
+
+def _scales(measured: ComplexArray, model: FloatArray) -> FloatArray:
     """(n,) of (n, p) model shapes that make them most like the measured ones, whose largest entries are 1."""
     real = np.array([turn_real(each).real for each in measured])
     real /= np.abs(real).max(axis=1, keepdims=True)
     return np.asarray(np.sum(real * model, axis=1) / np.sum(model**2, axis=1))
 
 
-def _turns(state: ForwardState, columns: list[int], shapes: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(N, T) change of shapes by turns of pairs of modes, of which one is paired, and (T,) the turns' standard deviations."""
-    value = state.modes.eigenvalue[state.modes.rigid :]
-    place = {column: k for k, column in enumerate(columns)}
-    found, sds = [], []
-    for j, k in zip(*np.triu_indices(len(shapes), 1), strict=True):
-        apart = abs(value[j] - value[k]) / np.sqrt(value[j] * value[k])
-        sd = min(np.sqrt(2) * DISCREPANCY / max(apart, 1e-12), _FREE)
-        if sd < _TURNS * SHAPE_DISCREPANCY or not {j, k} & place.keys():
-            continue
-        one = np.zeros((len(columns), shapes.shape[1]))
-        for mode, other, sign in ((j, k, 1), (k, j, -1)):
-            if mode in place:
-                own, into = shapes[mode], shapes[other]
-                one[place[mode]] = sign * scale[place[mode]] * (into - own * (own @ into) / (own @ own))
-        found.append(one.ravel())
-        sds.append(sd)
-    return np.array(found).reshape(len(found), -1).T, np.array(sds)
+def _turned(state: ForwardState, columns: list[int], shapes: FloatArray, scale: FloatArray) -> FloatArray:
+    """(n, b, b) covariance of paired modes' shapes, by what turns them towards others."""
+    value = state.modes.eigenvalue[state.modes.rigid :][: len(shapes)]
+    apart = np.abs(value[columns, None] - value) / np.sqrt(value[columns, None] * value)
+    sd = np.sqrt(2) * DISCREPANCY / np.maximum(apart, _CLOSE)
+    own = shapes[columns]
+    across = shapes - (own @ shapes.T / np.sum(own**2, axis=1)[:, None])[..., None] * own[:, None]
+    sd[np.arange(len(columns)), columns] = 0.0
+    each = (scale[:, None] * sd)[..., None] * across
+    return np.asarray(each.transpose(0, 2, 1) @ each)
 
 
 @dataclass(frozen=True)
@@ -318,64 +338,36 @@ class _Data:
 
     def likelier(self, change: FloatArray) -> FloatArray:
         """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f."""
-        found = [(log, *self._given(s, k, change)) for s, k, log in self._pairs()]
+        spreads, log_spreads = grid_of_discrepancies(_COARSE)
+        sizes = np.ones(1) if self.shapes is None else _SHAPES
+        found = []
+        for k, log_size in zip(sizes.tolist(), log_prior_of_scale(sizes, 1.0).tolist(), strict=True):
+            shapes = None if self.shapes is None else self.shapes.given(k)
+            for s, log_spread in zip(spreads.tolist(), log_spreads.tolist(), strict=True):
+                found.append((log_size + log_spread, *self._given(s, shapes, change)))
         logs = np.array([log + own for log, own, _ in found])
-        kept = logs > logs.max() - _COUNTS
-        weight = logs[kept] - scipy.special.logsumexp(logs[kept])
+        weight = logs - scipy.special.logsumexp(logs)
         # ln B is zero without a loss, and nearly a parabola in it.
-        over = [each / _LOSSES[:, None] for (_, _, each), some in zip(found, kept, strict=True) if some]
-        return scipy.special.logsumexp(
-            [w + _FINE[:, None] * _between(each) for w, each in zip(weight, over, strict=True)], axis=0
-        )
+        over = [each / _LOSSES[:, None] for *_, each in found]
+        each = [w + _FINE[:, None] * _between(own) for w, own in zip(weight, over, strict=True)]
+        return np.asarray(scipy.special.logsumexp(each, axis=0))
 
-    def _pairs(self) -> Iterator[tuple[float, float, float]]:
-        """Discrepancies s and scales k of the shapes, with the logarithms of their prior probabilities."""
-        spreads, logs = grid_of_discrepancies(_COARSE)
-        sizes = _SHAPES if self.shapes is not None else np.ones(1)
-        for s, log in zip(spreads, logs, strict=True):
-            for k, own in zip(sizes, log_prior_of_scale(sizes, 1.0), strict=True):
-                yield float(s), float(k), float(log + own)
-
-    def _given(self, s: float, k: float, change: FloatArray) -> tuple[float, FloatArray]:
-        """The log evidence without a loss at s and k, and (l, P) ln B of each loss there."""
-        problem, x = self.problem, self.problem.x
-        root = np.sqrt(problem.weights)[:, None]
-        variance = problem.noise + s**2 * np.eye(len(root))
+    def _given(self, s: float, shapes: _ShapesGiven | None, change: FloatArray) -> tuple[float, FloatArray]:
+        """The log evidence without a loss at s, and (l, P) ln B of each loss there."""
+        problem = self.problem
+        S, r, root = problem.sensitivity, problem.residual, np.sqrt(problem.weights)[:, None]
+        variance, precision = problem.noise + s**2 * np.eye(r.size), problem.prior(self.scatter)
         W = root * np.linalg.inv(variance) * root.T
-        P = problem.prior(self.scatter)
-        others = sum((each for name, each in problem.others.items()), np.zeros_like(P))
-        S, r = problem.sensitivity, problem.residual
-        H, g = S.T @ W @ S + P + others, S.T @ W @ r + problem.other_descent - P @ x
-        log = -float(r @ W @ r + np.linalg.slogdet(variance)[1])
-        pulled, curved = change @ W, change @ (W @ S)
-        if self.shapes is not None:
-            own = self.shapes
-            J = np.hstack([own.by, own.by_turns]) / k
-            H = scipy.linalg.block_diag(H, np.diag(own.turns**-2)) + J.T @ J
-            g = np.concatenate([g, np.zeros(own.turns.size)]) + J.T @ own.residual / k
-            log -= float(own.residual @ own.residual) / k**2 + 2 * own.residual.size * np.log(k)
-            curved = np.concatenate([curved, np.zeros((*curved.shape[:2], own.turns.size))], axis=2) + self._of_shapes / k**2
-        factor = scipy.linalg.cho_factor(H)
-        z = scipy.linalg.cho_solve(factor, g)
-        log += float(g @ z) - 2 * float(np.log(np.diag(factor[0])).sum())
-        gain = pulled @ r - curved @ z - np.sum(pulled * change, axis=2) / 2
-        if self.shapes is not None:
-            gain += self._along / k**2
-        across = scipy.linalg.solve_triangular(factor[0], curved.reshape(-1, len(H)).T, trans=1, lower=factor[1])
-        return log / 2, gain + np.sum(across**2, axis=0).reshape(gain.shape) / 2
-
-    @cached_property
-    def _of_shapes(self) -> FloatArray:
-        """(l, P, X + T) products of the shapes' changes with their derivatives."""
-        assert self.shapes is not None
-        return np.asarray(self.shapes.change @ np.hstack([self.shapes.by, self.shapes.by_turns]))
-
-    @cached_property
-    def _along(self) -> FloatArray:
-        """(l, P) of those with the shapes' residuals, less half their squares."""
-        assert self.shapes is not None
-        change = self.shapes.change
-        return np.asarray(change @ self.shapes.residual - np.sum(change**2, axis=2) / 2)
+        H, g = S.T @ W @ S + precision, S.T @ W @ r + problem.other_descent - precision @ problem.x
+        H = np.sum([H, *problem.others.values()], axis=0)
+        pulled, across = change @ W, change @ (W @ S)
+        cost, gain = r @ W @ r + np.linalg.slogdet(variance)[1], pulled @ r - np.sum(pulled * change, axis=2) / 2
+        if shapes is not None:
+            H, g, cost = H + shapes.hessian, g + shapes.descent, cost + shapes.cost
+            across, gain = across + shapes.across, gain + shapes.along
+        z = np.linalg.solve(H, g)
+        gain = gain - across @ z + np.sum((across @ np.linalg.inv(H)) * across, axis=2) / 2
+        return float(g @ z - cost - np.linalg.slogdet(H)[1]) / 2, gain
 
 
 def _between(over: FloatArray) -> FloatArray:
