@@ -170,10 +170,8 @@ class _Sources:
         for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
             own = [coupon.batch == batch for coupon in layout.coupons]
             statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
-        losses = [
-            None if elastic.stretches or elastic.unlike else Losses.of(state, [column for _, column in pairing.pairs])
-            for state, pairing in zip(elastic.states, elastic.pairings, strict=True)
-        ]
+        looks = elastic.stretches is None and not elastic.unlike
+        losses = [Losses.of(elastic, number) if looks else None for number in range(len(elastic.rows))]
         found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), losses=tuple(losses))
         bodies, looked = len(elastic.rows), sum(each is not None for each in losses)
         return replace(found, count=found.independent + looked + (3 * bodies if bodies > 1 else 1))
@@ -232,11 +230,8 @@ class _Sources:
         if len(bodies) > 1:
             found += [self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed]
         found += [self._of_mass(each) for each in bodies if self._mass_on(each) not in self.allowed]
-        found += [
-            self._of_loss(number, losses)
-            for number, losses in enumerate(self.losses)
-            if losses is not None and self._stiffness_of(number) not in self.allowed
-        ]
+        looked = [(each, losses) for each, losses in enumerate(self.losses) if losses is not None]
+        found += [self._of_loss(*each) for each in looked if self._stiffness_of(each[0]) not in self.allowed]
         scatters = self.elastic.layout.specimens_scatter and SCATTER not in self.allowed
         return [*found, self._of_scatter()] if scatters else found
 
@@ -307,14 +302,11 @@ class _Sources:
         found = lost_stiffness(self.elastic, number, losses, self.problem, with_shapes=self.with_shapes)
         p, name = float(np.exp(-max(found.evidence, 0.0))), self._stiffness_of(number)
         said = (Said("factor", 1.0, 0.0, found.factor, found.factor_sd),)
-        check = Check(
-            *("stiffness", name, p, found.by_frequencies, self._named(number)),
-            said=said,
-            stretch=found.in_words,
-            level=FALSE_ALARMS / self.count,
+        known = "stiffness", name, p, found.by_frequencies, self._named(number), said
+        check = Check(*known, stretch=found.in_words, level=FALSE_ALARMS / self.count)
+        slipped = replace(
+            self.problem, residual=self.problem.residual - found.mean, noise=self.problem.noise + found.covariance
         )
-        known = self.problem
-        slipped = replace(known, residual=known.residual - found.mean, noise=known.noise + found.covariance)
         return check, lambda: self._allowing(name, problem=slipped)
 
     def _stiffness_of(self, number: int) -> str:
@@ -330,10 +322,8 @@ class _Sources:
     def _by_material(self, number: int) -> FloatArray:
         """(n, n) covariance of a campaign's frequencies where its material is any that the priors allow."""
         q = len(self.elastic.layout.shared)
-        S = (
-            self.problem.sensitivity[self.elastic.rows[number], :q]
-            * self.elastic.layout.sd(self.elastic.layout.scatter)[:q]
-        )
+        by, sd = self.problem.sensitivity, self.elastic.layout.sd(self.elastic.layout.scatter)
+        S = by[self.elastic.rows[number], :q] * sd[:q]
         covariance: FloatArray = S @ S.T
         return covariance
 

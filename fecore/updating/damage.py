@@ -19,7 +19,6 @@ damage E[B] = 1, and P(B ≥ 1/p) ≤ p (as in `added_mass`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,16 +96,12 @@ class Losses:
     stretches: tuple[Stretch, ...]
     log_prior: FloatArray  # (P,)
     change: FloatArray  # (l, P, n) of ln f, by the losses solved for
-    turned: FloatArray  # (l, P, n, m) share of the m elastic modes in each mode, itself 1
+    shapes: tuple[_ShapesGiven, ...]  # what the measured shapes say, for each scale of their error; empty without any
 
     @classmethod
-    def of(cls, state: ForwardState, columns: Sequence[int]) -> Losses | None:
-        """Those of a solved body; None of one that has no elements.
-
-        Args:
-            state: the body.
-            columns: (n,) elastic modes that are paired.
-        """
+    def of(cls, elastic: ElasticResult, number: int) -> Losses | None:
+        """Those of a campaign's body at the estimate; None of one that has no elements."""
+        state, columns = elastic.states[number], [column for _, column in elastic.pairings[number].pairs]
         if isinstance(state.forward.specimen, MatrixBody):
             return None
         m = min(state.frequency_hz.size, max(columns) + 1 + _ABOVE)
@@ -125,8 +120,10 @@ class Losses:
         share = 1.0 / (last - first + 1)
         log_prior = np.tile(np.log(share / share.sum() / len(groups)), len(groups))
         value = state.modes.eigenvalue[state.modes.rigid :][:m]
-        each = [_solved(value, loss * parts, list(columns)) for loss in _LOSSES]
-        return cls(stretches, log_prior, *(np.array(some) for some in zip(*each, strict=True)))
+        each = [_solved(value, loss * parts, columns) for loss in _LOSSES]
+        change, turned = (np.array(some) for some in zip(*each, strict=True))
+        shapes = _Shapes.of(elastic, number, turned)
+        return cls(stretches, log_prior, change, () if shapes is None else tuple(map(shapes.given, _SHAPES.tolist())))
 
 
 def _solved(value: FloatArray, lost: FloatArray, columns: list[int]) -> tuple[FloatArray, FloatArray]:
@@ -188,13 +185,16 @@ def lost_stiffness(
     at, count = elastic.rows[number], len(_LOSSES)
     change = np.zeros((count, len(losses.stretches), problem.residual.size))
     change[..., at] = losses.change
-    data = _Data.of(elastic, number, problem, losses if with_shapes else None)
-    log = data.likelier(change) + losses.log_prior  # (a, P)
-    evidence = float(scipy.special.logsumexp(log) - np.log(_FINE.size))
-    by_frequencies = evidence
-    if data.shapes is not None:
-        alone = _Data.of(elastic, number, problem, None).likelier(change) + losses.log_prior
-        by_frequencies = float(scipy.special.logsumexp(alone) - np.log(_FINE.size))
+    given = _without_joints(elastic, problem)
+
+    def likelier(shapes: tuple[_ShapesGiven, ...]) -> tuple[FloatArray, float]:
+        log = _likelier(given, elastic.layout.scatter, shapes, change) + losses.log_prior - np.log(_FINE.size)
+        return log, float(scipy.special.logsumexp(log))
+
+    log, by_frequencies = likelier(())
+    evidence = by_frequencies
+    if with_shapes and losses.shapes:
+        log, evidence = likelier(losses.shapes)
     share = scipy.special.softmax(log)
     here, left = share.sum(axis=0), 1 - _FINE
     best = losses.stretches[int(np.argmax(here))]
@@ -241,8 +241,8 @@ class _Shapes:
     descent: FloatArray
 
     @classmethod
-    def of(cls, elastic: ElasticResult, number: int, losses: Losses) -> _Shapes | None:
-        """Of a campaign; None where it has no shapes."""
+    def of(cls, elastic: ElasticResult, number: int, turned: FloatArray) -> _Shapes | None:
+        """Of a campaign, by (l, P, n, m) of modes that losses turned; None where it has no shapes."""
         campaign, state = elastic.layout.campaigns[number], elastic.states[number]
         pairing, measured = elastic.pairings[number], campaign.modes.shapes
         if measured is None:
@@ -251,13 +251,13 @@ class _Shapes:
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]])
         missed, of_theta = shape_residual(campaign.modes, state, pairing, weight)
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
-        shapes = state.shapes[: losses.turned.shape[3], :count]
+        shapes = state.shapes[: turned.shape[3], :count]
         basis = np.linalg.qr(shapes.T)[0]  # (points, b)
         # A model's shape at the scale at which it is compared with the measured one, over σ.
         scale = weight * _scales(measured[rows], shapes[columns]) / SHAPE_DISCREPANCY
         shapes = shapes @ basis
         own = shapes[columns]
-        seen = losses.turned @ shapes
+        seen = turned @ shapes
         along = np.sum(seen * own, axis=3) / np.sum(own**2, axis=1)
         like = np.abs(along) > _LIKE
         change = scale[:, None] * (seen / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
@@ -316,58 +316,54 @@ def _turned(state: ForwardState, columns: list[int], shapes: FloatArray, scale: 
     return np.asarray(each.transpose(0, 2, 1) @ each)
 
 
-@dataclass(frozen=True)
-class _Data:
-    """The data, and the pairs of s and k that count with the logarithms of their posterior weights without damage."""
+def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearProblem:
+    """The problem without the error of the joints' model in its noise, and with inputs that may be something."""
+    noise = problem.noise.copy()
+    parts = zip(elastic.layout.campaigns, elastic.excursions, elastic.pairings, elastic.rows, strict=True)
+    for campaign, found, pairing, at in parts:
+        noise[at, at] -= campaign.model_error**2 * np.eye(at.stop - at.start)
+        for each in found:
+            shift = each.rms * each.shift[[column for _, column in pairing.pairs]]
+            noise[at, at] += np.outer(shift, shift)
+    return replace(problem, noise=noise)
 
-    problem: LinearProblem
-    shapes: _Shapes | None
-    scatter: float
 
-    @classmethod
-    def of(cls, elastic: ElasticResult, number: int, problem: LinearProblem, losses: Losses | None) -> _Data:
-        noise = problem.noise.copy()
-        for campaign, at in zip(elastic.layout.campaigns, elastic.rows, strict=True):
-            noise[at, at] -= campaign.model_error**2 * np.eye(at.stop - at.start)
-        for found, pairing, at in zip(elastic.excursions, elastic.pairings, elastic.rows, strict=True):
-            for each in found:
-                shift = each.rms * each.shift[[column for _, column in pairing.pairs]]
-                noise[at, at] += np.outer(shift, shift)
-        problem = replace(problem, noise=noise)
-        return cls(problem, None if losses is None else _Shapes.of(elastic, number, losses), elastic.layout.scatter)
+def _likelier(
+    problem: LinearProblem, scatter: float, shapes: tuple[_ShapesGiven, ...], change: FloatArray
+) -> FloatArray:
+    """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say, if they are asked."""
+    spreads, log_spreads = grid_of_discrepancies(_COARSE)
+    log_sizes = log_prior_of_scale(_SHAPES, 1.0).tolist()
+    found = [
+        (log_size + log_spread, *_given(problem, scatter, s, own, change))
+        for log_size, own in (zip(log_sizes, shapes, strict=True) if shapes else [(0.0, None)])
+        for s, log_spread in zip(spreads.tolist(), log_spreads.tolist(), strict=True)
+    ]
+    logs = np.array([log + own for log, own, _ in found])
+    weight = logs - scipy.special.logsumexp(logs)
+    # ln B is zero without a loss, and nearly a parabola in it.
+    over = [each / _LOSSES[:, None] for *_, each in found]
+    each = [w + _FINE[:, None] * _between(own) for w, own in zip(weight, over, strict=True)]
+    return np.asarray(scipy.special.logsumexp(each, axis=0))
 
-    def likelier(self, change: FloatArray) -> FloatArray:
-        """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f."""
-        spreads, log_spreads = grid_of_discrepancies(_COARSE)
-        sizes = np.ones(1) if self.shapes is None else _SHAPES
-        found = []
-        for k, log_size in zip(sizes.tolist(), log_prior_of_scale(sizes, 1.0).tolist(), strict=True):
-            shapes = None if self.shapes is None else self.shapes.given(k)
-            for s, log_spread in zip(spreads.tolist(), log_spreads.tolist(), strict=True):
-                found.append((log_size + log_spread, *self._given(s, shapes, change)))
-        logs = np.array([log + own for log, own, _ in found])
-        weight = logs - scipy.special.logsumexp(logs)
-        # ln B is zero without a loss, and nearly a parabola in it.
-        over = [each / _LOSSES[:, None] for *_, each in found]
-        each = [w + _FINE[:, None] * _between(own) for w, own in zip(weight, over, strict=True)]
-        return np.asarray(scipy.special.logsumexp(each, axis=0))
 
-    def _given(self, s: float, shapes: _ShapesGiven | None, change: FloatArray) -> tuple[float, FloatArray]:
-        """The log evidence without a loss at s, and (l, P) ln B of each loss there."""
-        problem = self.problem
-        S, r, root = problem.sensitivity, problem.residual, np.sqrt(problem.weights)[:, None]
-        variance, precision = problem.noise + s**2 * np.eye(r.size), problem.prior(self.scatter)
-        W = root * np.linalg.inv(variance) * root.T
-        H, g = S.T @ W @ S + precision, S.T @ W @ r + problem.other_descent - precision @ problem.x
-        H = np.sum([H, *problem.others.values()], axis=0)
-        pulled, across = change @ W, change @ (W @ S)
-        cost, gain = r @ W @ r + np.linalg.slogdet(variance)[1], pulled @ r - np.sum(pulled * change, axis=2) / 2
-        if shapes is not None:
-            H, g, cost = H + shapes.hessian, g + shapes.descent, cost + shapes.cost
-            across, gain = across + shapes.across, gain + shapes.along
-        z = np.linalg.solve(H, g)
-        gain = gain - across @ z + np.sum((across @ np.linalg.inv(H)) * across, axis=2) / 2
-        return float(g @ z - cost - np.linalg.slogdet(H)[1]) / 2, gain
+def _given(
+    problem: LinearProblem, scatter: float, s: float, shapes: _ShapesGiven | None, change: FloatArray
+) -> tuple[float, FloatArray]:
+    """The log evidence without a loss at s, and (l, P) ln B of each loss there."""
+    S, r, root = problem.sensitivity, problem.residual, np.sqrt(problem.weights)[:, None]
+    variance, precision = problem.noise + s**2 * np.eye(r.size), problem.prior(scatter)
+    W = root * np.linalg.inv(variance) * root.T
+    H, g = S.T @ W @ S + precision, S.T @ W @ r + problem.other_descent - precision @ problem.x
+    H = np.sum([H, *problem.others.values()], axis=0)
+    pulled, across = change @ W, change @ (W @ S)
+    cost, gain = r @ W @ r + np.linalg.slogdet(variance)[1], pulled @ r - np.sum(pulled * change, axis=2) / 2
+    if shapes is not None:
+        H, g, cost = H + shapes.hessian, g + shapes.descent, cost + shapes.cost
+        across, gain = across + shapes.across, gain + shapes.along
+    z = np.linalg.solve(H, g)
+    gain = gain - across @ z + np.sum((across @ np.linalg.inv(H)) * across, axis=2) / 2
+    return float(g @ z - cost - np.linalg.slogdet(H)[1]) / 2, gain
 
 
 def _between(over: FloatArray) -> FloatArray:
