@@ -24,10 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import FloatArray
 from fecore.body.matrices import MatrixBody
-from fecore.modal import turn_real
-from fecore.updating.elastic import shape_residual
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.posterior import (
     DISCREPANCY,
@@ -36,6 +34,7 @@ from fecore.updating.posterior import (
     grid_of_discrepancies,
     log_prior_of_scale,
 )
+from fecore.updating.shape_error import ShapeErrors, real_shape
 from fecore.updating.state import ForwardState
 
 _PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a stretch takes at most
@@ -244,31 +243,32 @@ class _Shapes:
     def of(cls, elastic: ElasticResult, number: int, turned: FloatArray) -> _Shapes | None:
         """Of a campaign, by (l, P, n, m) of modes that losses turned; None where it has no shapes."""
         campaign, state = elastic.layout.campaigns[number], elastic.states[number]
-        pairing, measured = elastic.pairings[number], campaign.modes.shapes
-        if measured is None:
+        pairing = elastic.pairings[number]
+        if campaign.modes.shapes is None:
             return None
         count, (rows, columns) = len(campaign.modes.dofs), (list(each) for each in zip(*pairing.pairs, strict=True))
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]])
-        missed, of_theta = shape_residual(campaign.modes, state, pairing, weight)
+        missed, of_theta = ShapeErrors({}, {}).residual(campaign.modes, state, pairing, weight)
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
         shapes = state.shapes[: turned.shape[3], :count]
         basis = np.linalg.qr(shapes.T)[0]  # (points, b)
         # A model's shape at the scale at which it is compared with the measured one, over σ.
-        scale = weight * _scales(measured[rows], shapes[columns]) / SHAPE_DISCREPANCY
+        real, own = np.array([real_shape(campaign.modes, row) for row in rows]), shapes[columns]
+        scale = weight * np.sum(real * own, axis=1) / np.sum(own**2, axis=1) / SHAPE_DISCREPANCY
         shapes = shapes @ basis
         own = shapes[columns]
         seen = turned @ shapes
         along = np.sum(seen * own, axis=3) / np.sum(own**2, axis=1)
         like = np.abs(along) > _LIKE
         change = scale[:, None] * (seen / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
-        fitted = "mode shapes" in elastic.problem.others
+        fitted = elastic.problem.others.get("mode shapes")
         return cls(
             missed.reshape(-1, count) @ basis,
             np.einsum("npx,pb->nbx", by.reshape(len(rows), count, -1), basis),
             _turned(state, columns, shapes, scale),
             change,
-            fitted * (by.T @ by),
-            fitted * (by.T @ missed),
+            np.zeros((by.shape[1],) * 2) if fitted is None else fitted,
+            np.zeros(by.shape[1]) if fitted is None else elastic.problem.other_descent,
         )
 
     def given(self, k: float) -> _ShapesGiven:
@@ -295,13 +295,6 @@ class _ShapesGiven:
     descent: FloatArray  # (X,)
     across: FloatArray  # (l, P, X) dᵀWS
     along: FloatArray  # (l, P) dᵀWr - ½ dᵀWd
-
-
-def _scales(measured: ComplexArray, model: FloatArray) -> FloatArray:
-    """(n,) of (n, p) model shapes that make them most like the measured ones, whose largest entries are 1."""
-    real = np.array([turn_real(each).real for each in measured])
-    real /= np.abs(real).max(axis=1, keepdims=True)
-    return np.asarray(np.sum(real * model, axis=1) / np.sum(model**2, axis=1))
 
 
 def _turned(state: ForwardState, columns: list[int], shapes: FloatArray, scale: FloatArray) -> FloatArray:
@@ -332,7 +325,7 @@ def _likelier(
     problem: LinearProblem, scatter: float, shapes: tuple[_ShapesGiven, ...], change: FloatArray
 ) -> FloatArray:
     """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say, if they are asked."""
-    spreads, log_spreads = grid_of_discrepancies(_COARSE)
+    spreads, log_spreads = grid_of_discrepancies(coarse=_COARSE)
     log_sizes = log_prior_of_scale(_SHAPES, 1.0).tolist()
     found = [
         (log_size + log_spread, *_given(problem, scatter, s, own, change))
