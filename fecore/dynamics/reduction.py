@@ -28,8 +28,7 @@ from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.dense import DenseFactor, largest_eigenpairs
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.factor import Factor, factorise
-from fecore.dynamics.sensitivity import residual_series
-from fecore.dynamics.synthesis import RESIDUAL_TERMS
+from fecore.dynamics.synthesis import RESIDUAL_TERMS, residual_series
 
 FREQUENCY_TOLERANCE = 1e-6
 """Largest estimated relative error of a natural frequency. The true one is some ten times smaller."""
@@ -89,7 +88,7 @@ class ReducedSystem:
         return energy
 
 
-def _bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
+def bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
     """(k, r, r) symmetric matrices of which the first columns are known and (k, r, f) the last ones are given."""
     size = known.shape[1]
     top = np.concatenate([known, fresh[:, :size]], axis=2)
@@ -174,7 +173,7 @@ class ReducedModel:
         stiffness, stiffness_sketch = np.split(model.stiffness.project(with_probe, fresh), [fresh.stop], axis=1)
         mass, mass_sketch = np.split(model.mass.project(with_probe, fresh), [fresh.stop], axis=1)
         if known is not None:
-            stiffness, mass = _bordered(known.stiffness, stiffness), _bordered(known.mass, mass)
+            stiffness, mass = bordered(known.stiffness, stiffness), bordered(known.mass, mass)
             stiffness_sketch = np.concatenate([known.stiffness_sketch, stiffness_sketch], axis=2)
             mass_sketch = np.concatenate([known.mass_sketch, mass_sketch], axis=2)
         system = ReducedSystem(
@@ -246,6 +245,10 @@ class ReducedModel:
         modes = self.system.modes(stiffness, mass, self._count)
         factor = factorise(K - self._shift * M, self._factor)
         self._hold_static(loads, replace(modes, shapes=self.basis @ modes.shapes, factor=factor), mass)
+
+    def static(self, loads: FloatArray) -> FloatArray:
+        """(dofs, l) what the deflections under (dofs, l) forces at the start have outside the basis, of unit energy."""
+        return self._unit_energy(self._outside(self._factor.solve(loads)))
 
     def _hold_static(self, loads: FloatArray, modes: NormalModes, mass: FloatArray) -> None:
         loads = loads[:, loads.any(axis=0)]  # at a support a force moves nothing

@@ -120,9 +120,8 @@ def _seen(rows: Sequence[tuple[float, float, float] | None], samples: int, sampl
         return SeenRate(0.0, None)
     rate, bend, doubt = (float(x) for x in near.mean(axis=0))
     least = np.sqrt(6 / samples) * np.array([1 / length, 1.0])  # what white noise leaves open, of a few hits too
-    scatter = near[:, :2].std(axis=0) / (_TRIMMED * np.sqrt(1 - 3 / len(near)))  # with that of Student's t
-    sd, bend_sd = (float(x) for x in np.maximum(scatter, least) / np.sqrt(len(near)))
-    sd = float(np.hypot(sd, doubt))
+    sd, bend_sd = (float(x) for x in np.maximum(near[:, :2].std(axis=0), least) / np.sqrt(len(near)))
+    sd = float(np.hypot(sd / (_TRIMMED * np.sqrt(1 - 3 / len(near))), doubt))  # that of Student's t is larger than 1
     if rate < _CERTAIN * sd:
         return SeenRate(0.0, float(np.hypot(rate, sd)))
     if abs(bend) > _BENT * rate * length + _CERTAIN * bend_sd:

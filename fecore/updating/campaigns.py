@@ -7,6 +7,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
+from fecore.updating.amounts import plus_minus
 from fecore.updating.campaign_layout import (
     MATERIAL,
     MATERIAL_PARAMETERS,
@@ -16,7 +17,8 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.contradictions import Agreement, Conflict, compare_sources
+from fecore.updating.conflicts import Agreement, Conflict
+from fecore.updating.contradictions import compare_sources
 from fecore.updating.curves import check_temperatures, curve_of
 from fecore.updating.elastic_findings import (
     USUAL_MISS,
@@ -30,7 +32,7 @@ from fecore.updating.elastic_findings import (
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
 from fecore.updating.estimates import constant_estimates, own_estimates
-from fecore.updating.findings import Level, found, judge, modes_of, ordered, plus_minus, warnings
+from fecore.updating.findings import Level, found, judge, modes_of, ordered, warnings
 from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
@@ -131,8 +133,8 @@ def update_campaigns(
     progress("laying out the campaigns", 0.0)
     ready = as_updated(campaigns)
     temperatures, stated = [each.temperature_c for each in ready], recipe.reference_temperature_c
-    reference = check_temperatures(recipe.parameters, ready[0].body, temperatures, stated)
     layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons, stated)
+    reference = check_temperatures(recipe.parameters, ready[0].body, temperatures, stated)
 
     def shown(share: float) -> None:
         progress("updating the material", 0.1 + 0.6 * share)

@@ -12,9 +12,12 @@ from fecore.body.specimen import EDGE_ROUNDING
 from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
-from fecore.updating.contradictions import Check, Conflict, compare_sources
+from fecore.updating.additions import MASS
+from fecore.updating.amounts import amount, plus_minus
+from fecore.updating.conflicts import Check, Conflict, Said
+from fecore.updating.contradictions import compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
-from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
+from fecore.updating.findings import Level, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import Parameter
@@ -32,6 +35,7 @@ HOPELESS_MISS = 0.03
 _DOUBTED = 2.0  # standard deviations of a dimension from which a point of the grid beyond it contradicts it
 _HARDLY = 0.05  # probability of a change of stiffness below which none is reported
 _NAMED = 4  # points named in one sentence
+_MILLION = float(np.log(1e6))  # log odds beyond which a number says no more
 _ROUND_OFF = 1e-9  # of the share of a length's variance that the data leave
 
 
@@ -39,8 +43,8 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     """All findings, by what they mean."""
     pairing, twins = elastic.pairing, _twins(elastic, modes)
     alone = len(pairing.unpaired_measured)
-    told = {other for others in twins.values() for other in others}
-    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in told))
+    twinned = {other for others in twins.values() for other in others}
+    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned))
     findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
@@ -221,7 +225,7 @@ def contradiction(conflict: Conflict) -> Finding:
     return found(
         "sources_conflict",
         level="do_not_use" if cause.kind == "campaign" or conflict.moved > Z_95 else None,
-        cause=_explained(cause),
+        cause=f"{_explained(cause)}{_odds(conflict)}",
         p=cause.p,
         rivals=f"; nearly as likely: {rivals}" if rivals else "",
         cleared=f"; it also explains what contradicts {cleared}" if cleared else "",
@@ -232,9 +236,10 @@ def _explained(check: Check) -> str:
     """A cause as a sentence says it: `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`."""
     if check.kind == "campaign":
         return f"{check.name} as one of another material, angle or boundary than stated"
-    if check.kind == "mass":
-        (said,) = check.said
-        return f"{check.name} of {1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g near {place_in_words(check.place)}"
+    if check.kind in ("mass", "foot", "support"):
+        sizes = listed([_sized(said) for said in check.said], _NAMED)
+        verb = ", which gives way" if check.kind == "support" else " of"
+        return f"{check.name}{verb} {sizes} near {place_in_words(check.place)}"
     if check.kind == "stiffness":
         (said,), (of, where) = check.said, check.stretch
         return (
@@ -253,6 +258,25 @@ def _explained(check: Check) -> str:
             f"{said.constant + ' ' if several or check.kind == 'coupons' else ''}as {found} instead of {stated}"
         )
     return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
+
+
+def _sized(said: Said) -> str:
+    """The size of what a body may have: `5.4 ± 0.2 g`, `in rotation about y with 82 ± 2 N·m/rad`."""
+    if said.constant == MASS:
+        return f"{1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g"
+    dof, unit = said.constant.rpartition("_")[2], "N/m"
+    way = f"along {'xyz'['uvw'.index(dof)]} with " if dof in ("u", "v", "w") else ""
+    if dof in ("rx", "ry", "rz"):
+        way, unit = f"in rotation about {dof[1]} with ", "N·m/rad"
+    return f"{way}{said.rest:.3g} ± {said.rest_sd:.2g} {unit}"
+
+
+def _odds(conflict: Conflict) -> str:
+    """How far the cause is ahead of the next explanation."""
+    if conflict.odds is None or conflict.odds <= 0:
+        return ""
+    times = f"{np.exp(conflict.odds):.2g}" if conflict.odds < _MILLION else "over a million"
+    return f" ({times} to 1 ahead of the next)"
 
 
 def _changed(elastic: ElasticResult) -> list[Finding]:

@@ -148,7 +148,7 @@ class ElasticResult:
         gain, inverse = self.problem.gain(discrepancy, scatter), self.problem.solve(discrepancy, scatter)[1]
         of_data, of_others = self._roots
         parts = {name: [gain @ each] for name, each in of_data.items()}
-        parts[DISCREPANCY_OF_MODEL] = [gain * discrepancy]
+        parts[DISCREPANCY_OF_MODEL] = [np.asarray(gain * discrepancy)]
         for name, each in of_others.items():
             parts[name] = [inverse @ each]
         if self.layout.common:

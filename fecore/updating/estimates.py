@@ -141,10 +141,9 @@ def spread_along(elastic: ElasticResult, along: FloatArray, samples: FloatArray 
     def of(mixture: Mixture) -> tuple[float, float, float]:
         return float(np.sqrt(along @ mixture.total @ along)), *mixture.reach(along)
 
-    sd, *reaches = of(elastic.given)
-    core = Spread(
-        sd, float(np.linalg.norm(along @ elastic.sources[NOISE])), *reaches, elastic.variance_by_source(along)
-    )
+    sd, below, above = of(elastic.given)
+    noise_sd = float(np.linalg.norm(along @ elastic.sources[NOISE]))
+    core = Spread(sd, noise_sd, below, above, elastic.variance_by_source(along))
     if elastic.in_doubt:
         core = core.widened(*of(elastic.mixture), IN_DOUBT)
     if elastic.spanning is not elastic.mixture:

@@ -27,9 +27,10 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, Quantity
 from fecore.least_squares import nearest
 from fecore.modal.arrangement import pair_label
+from fecore.updating.amounts import amount
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.findings import Level, amount, found, listed
+from fecore.updating.findings import Level, found, listed
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import by_name

@@ -19,13 +19,11 @@ from fecore.body.kinds import energy_shares, largest, motion_shares
 from fecore.body.mechanisms import mechanism_weights
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.sensitivity import (
-    Matrix,
     eigenvalue_derivatives,
     mode_forms,
     mode_shape_derivatives,
-    residual_series,
 )
-from fecore.dynamics.synthesis import RESIDUAL_TERMS, ModalFrfModel, RovingMass
+from fecore.dynamics.synthesis import RESIDUAL_TERMS, Matrix, ModalFrfModel, RovingMass, residual_series
 from fecore.frf import Dof
 from fecore.updating.parameters import Coefficients
 

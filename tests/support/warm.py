@@ -57,10 +57,10 @@ def campaign(
     ratio = (1 + 0.3 * (temperature - 20) / 30) * (6 / omega + 1.2e-6 * omega) / 2
     sds = np.concatenate([_NOISE * hz, _NOISE_OF_DAMPING * ratio])
     off = sds * random.standard_normal(2 * count)
-    dofs = along_z(range(len(_PLACES)))
+    dofs = along_z(range(1, len(_PLACES) + 1))
     measured = MeasuredModes(hz + off[:count], ratio + off[count:], shapes + 0j, dofs, np.diag(sds**2))
     body = OrientedSpecimen(*SIZE, STATED, "free", divisions=(12, 2))
-    points = dict(enumerate(_PLACES))
+    points = dict(enumerate(_PLACES, start=1))
     return Campaign(f"{temperature:g}", "strip", body, measured, points, Inputs(), temperature_c=stated)
 
 

@@ -332,7 +332,9 @@ class SaidOut(Part):
 class CauseOut(Part):
     """A source of data that may be wrong."""
 
-    kind: Literal["input", "coupons", "campaign", "mass", "stiffness", "scatter"] = Field(description="what it is")
+    kind: Literal["input", "coupons", "campaign", "mass", "foot", "support", "stiffness", "scatter"] = Field(
+        description="what it is; a mass, a foot and a support that gives way are those of a body"
+    )
     name: str = Field(description="of the source")
     p: float = Field(description="probability of a larger difference from the other data, if it is as good as stated")
     evidence: float = Field(description="logarithm of how much likelier the data are if it is wrong")
@@ -347,6 +349,9 @@ class ConflictOut(Part):
     rivals: list[CauseOut] = Field(description="other causes that are not ruled out, the likeliest first")
     cleared: list[str] = Field(description="what no longer contradicts the rest once the cause is allowed for")
     moved: float = Field(description="how far a constant then moves at most, in its standard deviations")
+    odds: Number = Field(
+        default=None, description="logarithm of how much likelier the cause is than the next explanation"
+    )
 
 
 class JointResultOut(Part):

@@ -16,9 +16,9 @@ from fecore.dynamics.sensitivity import (
     eigenvalue_derivatives,
     mode_forms,
     mode_shape_derivatives,
-    residual_series,
     same_cluster,
 )
+from fecore.dynamics.synthesis import residual_series
 from fecore.frf import Dof, along_z
 from fecore.updating.forward import ForwardModel
 from fecore.updating.parameters import Parameter, parametrise

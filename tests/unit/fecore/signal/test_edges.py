@@ -218,10 +218,9 @@ def test_good_hits_are_not_cut_where_a_stated_window_ends_in_the_converters_step
 
 
 def test_points_where_nobody_can_see_where_a_hit_landed_are_named() -> None:
+    """Two hits of a point tell no third where it lies."""
     _, places, simulated = campaign(np.random.default_rng(3), "free", 6, 4, 0.0)
-    hits = [
-        s.hit for s in simulated if s.hit.force.dof.point != 6 or s.hit.number < 3
-    ]  # two tell no third where it lies
+    hits = [s.hit for s in simulated if s.hit.force.dof.point != 6 or s.hit.number < 3]
     known = Processing(positions={label: (*place, 0.0) for label, place in places.items()})
     (warning,) = (w for w in process(by_point(hits), known).warnings if "landed" in w)
     assert warning.startswith("where the hits of point 6 landed does not show")

@@ -45,7 +45,7 @@ def test_noise_without_a_window_shows_none(seed: int) -> None:
     seen = seen_rate(hits(0.0, seed))
     assert seen.rate_per_s == 0
     assert seen.sd is not None
-    assert seen.sd < 0.1  # and that there is none is sure
+    assert seen.sd < 0.12  # and that there is none is sure
 
 
 def test_a_hammer_that_rings_into_its_noise_shows_no_window() -> None:

@@ -16,7 +16,7 @@ from fecore.updating.parameters import DEFAULT_PARAMETERS, Parameter
 from fecore.updating.pipeline import update
 from fecore.updating.posterior import DISCREPANCY
 from fecore.updating.result import Comparable, ParameterEstimate, UpdateResult
-from fecore.updating.theory_error import AT_SUPPORTS, SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
+from fecore.updating.theory_error import OF_THEORY, SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
 from tests.support.blind_beams import Beam, stored
 from tests.support.draws import solved
 
@@ -107,9 +107,7 @@ def test_an_even_body_has_a_smaller_discrepancy() -> None:
         discrepancy_scale(body, replace(Inputs(), thickness_sd=share * body.thickness)) for share in (0, 0.003, 1)
     ]
     assert scales == sorted(scales)
-    assert (scales[0], scales[-1], discrepancy_scale(body, Inputs())) == pytest.approx(
-        (AT_SUPPORTS, *[DISCREPANCY] * 2)
-    )
+    assert (scales[0], scales[-1], discrepancy_scale(body, Inputs())) == pytest.approx((OF_THEORY, *[DISCREPANCY] * 2))
     assert 0 < SHEAR_CORRECTION_SD < 0.05
 
 
