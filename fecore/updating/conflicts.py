@@ -75,4 +75,5 @@ class Statement:
 
     @property
     def places(self) -> list[int]:
+        """(k,) unknowns that the values are about."""
         return [int(place) for place in self.rows.argmax(axis=1)]
