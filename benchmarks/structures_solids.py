@@ -74,7 +74,7 @@ def solid(kind: str, d: dict[str, float], walls: dict[str, dict[str, float]], al
     }
     return calculix.solid(
         (x, lines(y_cuts, size, d["tw"]), lines(z_cuts, size, d["tf"])),
-        lambda y, z: "flange" if flange(y, z) else "web" if web(y, z) else None,
+        lambda _x, y, z: "flange" if flange(y, z) else "web" if web(y, z) else None,
         materials,
     )
 

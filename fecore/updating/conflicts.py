@@ -23,6 +23,7 @@ class Check:
     """A source beside all others."""
 
     # `input`, `coupons`, `campaign`, `scatter` of the specimens, or what a body has: `mass`, `foot`, `support` that gives way
+    # or `stiffness` that is lost
     kind: str
     name: str  # of the source, as a sentence names it
     p: float  # probability of a difference from the rest that is larger than the one found
@@ -30,6 +31,8 @@ class Check:
     owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
     said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
     place: tuple[float, ...] = ()  # m, where a mass, a foot or a support likeliest is
+    stretch: tuple[str, ...] = ()  # where stiffness is lost, in words: of what, and between which places
+    level: float = 0.0  # probability at most that it is said to be lost where it is not
 
 
 @dataclass(frozen=True)
@@ -54,3 +57,23 @@ class Agreement:
     alone_sd: FloatArray  # (q,) their standard deviations
     # (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing
     z: FloatArray
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A source that says what k combinations (k, X) of the unknowns are: values, with standard deviations.
+
+    The first unknown of each is that whose value it is about.
+    """
+
+    kind: str
+    name: str
+    owner: str
+    rows: FloatArray
+    values: FloatArray
+    sds: FloatArray
+
+    @property
+    def places(self) -> list[int]:
+        """(k,) unknowns that the values are about."""
+        return [int(place) for place in self.rows.argmax(axis=1)]

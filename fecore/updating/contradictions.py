@@ -9,7 +9,7 @@ over the posterior c of the discrepancy. The scatter between specimens is its pr
 grow with every contradiction and hide it; that specimens scatter more is one of the possible causes. An input speaks of itself,
 a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
 all of them together (posterior predictive χ²). That a body carries, stands on and yields to nothing that was not stated is a
-source too (`screening`).
+source too (`screening`), and that no stretch has lost stiffness (`damage`).
 
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
 of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
@@ -33,7 +33,8 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
 from fecore.updating.additions import Kind
-from fecore.updating.conflicts import Agreement, Check, Conflict, Said
+from fecore.updating.conflicts import Agreement, Check, Conflict, Said, Statement
+from fecore.updating.damage import Losses, lost_stiffness
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.explanations import Explanation, Hints, explanations, hints_of, loosened
 from fecore.updating.layout import Unknown
@@ -81,48 +82,32 @@ def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
 
 
 @dataclass(frozen=True)
-class _Statement:
-    """A source that says what k combinations (k, X) of the unknowns are: values, with standard deviations.
-
-    The first unknown of each is that whose value it is about.
-    """
-
-    kind: str
-    name: str
-    owner: str
-    rows: FloatArray
-    values: FloatArray
-    sds: FloatArray
-
-    @property
-    def places(self) -> list[int]:
-        return [int(place) for place in self.rows.argmax(axis=1)]
-
-
-@dataclass(frozen=True)
 class _Sources:
     """All sources of an update, those apart that are allowed a slip."""
 
     elastic: ElasticResult
     problem: LinearProblem
     scatter: float
-    statements: tuple[_Statement, ...]
+    statements: tuple[Statement, ...]
     count: float = 1.0  # of independent checks
     allowed: frozenset[str] = frozenset()  # names of those that are allowed a slip
+    losses: tuple[Losses | None, ...] = ()  # of each body, None where nobody looks for any
 
     @classmethod
     def of(cls, elastic: ElasticResult) -> _Sources:
         layout = elastic.layout
         statements = [
-            _Statement("input", _labelled(unknown), unknown.owner or "", row[None], np.zeros(1), sd[None])
+            Statement("input", _labelled(unknown), unknown.owner or "", row[None], np.zeros(1), sd[None])
             for row, unknown, sd in zip(np.eye(elastic.x.size), layout.unknowns, layout.sd(layout.scatter), strict=True)
             if not unknown.is_scatter
         ]
         for batch in dict.fromkeys(coupon.batch for coupon in layout.coupons):
             own = [coupon.batch == batch for coupon in layout.coupons]
-            statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
-        found, bodies = cls(elastic, elastic.problem, layout.scatter, tuple(statements)), len(elastic.rows)
-        return replace(found, count=found.independent + (5 * bodies if bodies > 1 else 3))
+            statements.append(Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
+        bodies, looks = len(elastic.rows), elastic.stretches is None and not elastic.unlike
+        losses = tuple(Losses.of(elastic, number) if looks else None for number in range(bodies))
+        found = cls(elastic, elastic.problem, layout.scatter, tuple(statements), losses=losses)
+        return replace(found, count=found.independent + (6 * bodies if bodies > 1 else 4))
 
     @property
     def independent(self) -> float:
@@ -240,6 +225,8 @@ class _Sources:
         if len(bodies) > 1:
             found += [self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed]
         found += [each for number in self._hints for each in self._of_additions(number)]
+        looked = [(each, losses) for each, losses in enumerate(self.losses) if losses is not None]
+        found += [self._of_loss(*each) for each in looked if self._stiffness_of(each[0]) not in self.allowed]
         scatters = self.elastic.layout.specimens_scatter and SCATTER not in self.allowed
         return [*found, self._of_scatter()] if scatters else found
 
@@ -257,7 +244,7 @@ class _Sources:
         check = Check("scatter", SCATTER, 1.0, evidence, said=(Said("", self.scatter, 0.0, estimate, 0.0),))
         return check, lambda: self._allowing(SCATTER, scatter=estimate)
 
-    def _of_statement(self, source: _Statement) -> tuple[Check, Callable[[], _Sources]]:
+    def _of_statement(self, source: Statement) -> tuple[Check, Callable[[], _Sources]]:
         (posterior, logs), A, own = self.posterior_with_logs, source.rows, np.diag(source.sds**2)
         mean = (self.problem.x + posterior.shift) @ A.T
         precision = np.linalg.inv(A @ posterior.covariance @ A.T)
@@ -308,6 +295,18 @@ class _Sources:
             found.append((check, self._with_noise(name, hint.covariance)))
         return found
 
+    def _of_loss(self, number: int, losses: Losses) -> tuple[Check, Callable[[], _Sources]]:
+        found, known = lost_stiffness(self.elastic, number, losses, self.problem), self.problem
+        p, name = float(np.exp(-max(found.evidence, 0.0))), self._stiffness_of(number)
+        said = (Said("factor", 1.0, 0.0, found.factor, found.factor_sd),)
+        stated = "stiffness", name, p, found.by_frequencies, self._named(number), said
+        check = Check(*stated, stretch=found.in_words, level=FALSE_ALARMS / self.count)
+        slipped = replace(known, residual=known.residual - found.mean, noise=known.noise + found.covariance)
+        return check, lambda: self._allowing(name, problem=slipped)
+
+    def _stiffness_of(self, number: int) -> str:
+        return f"stiffness of {self._named(number) or 'the body'}"
+
     def _named(self, number: int) -> str:
         name = self.elastic.layout.campaigns[number].name
         return f"campaign {name}" if name else ""
@@ -338,7 +337,7 @@ def _labelled(unknown: Unknown) -> str:
     return f"prior of {unknown.name}" if unknown.owner is None else unknown.label
 
 
-def _loosened(problem: LinearProblem, source: _Statement, slip: float) -> LinearProblem:
+def _loosened(problem: LinearProblem, source: Statement, slip: float) -> LinearProblem:
     """The problem where a source may be off by a slip."""
     if source.kind == "input":
         wider = np.where(source.rows[0], slip, 1.0)

@@ -240,6 +240,12 @@ def _explained(check: Check) -> str:
         sizes = listed([_sized(said) for said in check.said], _NAMED)
         verb = ", which gives way" if check.kind == "support" else " of"
         return f"{check.name}{verb} {sizes} near {place_in_words(check.place)}"
+    if check.kind == "stiffness":
+        (said,), (of, where) = check.said, check.stretch
+        return (
+            f"{check.name}, {of} at {said.rest:.2f} ± {said.rest_sd:.2f} of it between {where}, which is said of at most "
+            f"{100 * check.level:.1g} % of sound bodies"
+        )
     if check.kind == "scatter":
         (said,) = check.said
         return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"

@@ -317,7 +317,7 @@ def grid_of_discrepancies(scale: float = DISCREPANCY, coarse: int = 1) -> tuple[
     """
     low, high = _GRID[0] + np.log(scale), _GRID[-1] + np.log(DISCREPANCY)
     spreads = np.exp(np.linspace(low, high, _GRID.size)[::coarse])
-    return spreads, _log_prior(spreads, scale)
+    return spreads, log_prior_of_scale(spreads, scale)
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
@@ -325,10 +325,10 @@ def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
     if not scale:
         return np.zeros(1), np.ones(1)
     scatters = scale * _SCATTERS
-    return scatters, scipy.special.softmax(_log_prior(scatters, scale))
+    return scatters, scipy.special.softmax(log_prior_of_scale(scatters, scale))
 
 
-def _log_prior(value: FloatArray, scale: float) -> FloatArray:
+def log_prior_of_scale(value: FloatArray, scale: float) -> FloatArray:
     """Of ln s for a scaled inverse χ² of two degrees of freedom, up to a constant."""
     log: FloatArray = -DISCREPANCY_DOF * (np.log(value) + scale**2 / (2 * value**2))
     return log

@@ -55,20 +55,22 @@ class Solid:
 
 
 def solid(
-    cells: Sequence[Sequence[float]], part: Callable[[float, float], str | None], materials: Mapping[str, list[str]]
+    cells: Sequence[Sequence[float]],
+    part: Callable[[float, float, float], str | None],
+    materials: Mapping[str, list[str]],
 ) -> Solid:
     """Bricks in the cells of a grid.
 
     Args:
         cells: where they begin and end along x, y and z.
-        part: name of the part in which the cells at y, z lie, None where there is nothing.
+        part: name of the part in which the cells at x, y, z lie, None where there is nothing.
         materials: lines of a deck by part, as of `orthotropic`.
     """
     halves = [np.interp(np.arange(2 * len(v) - 1) / 2, np.arange(len(v)), v) for v in cells]
     numbers: dict[tuple[int, ...], int] = {}
     bricks: dict[str, list[list[int]]] = {name: [] for name in materials}
     for i, j, k in product(*(range(len(v) - 1) for v in cells)):
-        if name := part(halves[1][2 * j + 1], halves[2][2 * k + 1]):
+        if name := part(*(v[2 * at + 1] for v, at in zip(halves, (i, j, k), strict=True))):
             at = [(2 * i + x, 2 * j + y, 2 * k + z) for x, y, z in BRICK]
             bricks[name].append([numbers.setdefault(each, len(numbers) + 1) for each in at])
     places = np.array([[v[i] for v, i in zip(halves, key, strict=True)] for key in numbers])
@@ -109,7 +111,7 @@ def plate(
     cos, sin = np.cos(angle), np.sin(angle)
     axes = f"{cos:.12g},{sin:.12g},0.,{-sin:.12g},{cos:.12g},0."
     material = orthotropic("E", [constants[name] for name in names], constants["density"], axes)
-    return solid(cells, lambda _y, _z: "E", {"E": material})
+    return solid(cells, lambda _x, _y, _z: "E", {"E": material})
 
 
 def modes(

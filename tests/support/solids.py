@@ -21,7 +21,7 @@ MODULI = {"plate": 25e3, "rib": 20e3}
 _GRID = np.linspace(0, 300, 11), (-30.0, -4.0, 4.0, 30.0), (-30.0, -15.0, 0.0, 8.0)
 
 
-def _part(y: float, z: float) -> str | None:
+def _part(_x: float, y: float, z: float) -> str | None:
     return "plate" if z > 0 else "rib" if abs(y) < 4 else None
 
 

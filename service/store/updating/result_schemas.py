@@ -332,7 +332,7 @@ class SaidOut(Part):
 class CauseOut(Part):
     """A source of data that may be wrong."""
 
-    kind: Literal["input", "coupons", "campaign", "mass", "foot", "support", "scatter"] = Field(
+    kind: Literal["input", "coupons", "campaign", "mass", "foot", "support", "stiffness", "scatter"] = Field(
         description="what it is; a mass, a foot and a support that gives way are those of a body"
     )
     name: str = Field(description="of the source")

@@ -1,0 +1,62 @@
+"""A stretch that has lost stiffness is named, though constants soak it up; a sound body is not accused."""
+
+import re
+from functools import cache
+
+import pytest
+
+from fecore.updating.contradictions import Conflict, _Sources, compare_sources
+from fecore.updating.elastic import fit
+from fecore.updating.elastic_findings import contradiction
+from fecore.updating.elastic_result import ElasticResult
+from fecore.updating.forward import ForwardModel
+from fecore.updating.layout import Layout
+from fecore.updating.parameters import default_parameters, parametrise
+from tests.support.damaged import FACTOR, LENGTH, LOST, PARTS, body, measured
+
+
+@cache
+def updated(kind: str, *, damaged: bool) -> ElasticResult:
+    measurement, structure = measured(kind, damaged=damaged), body(kind)
+    inputs, modes = measurement.inputs, measurement.modes
+    assert modes is not None
+    prior = parametrise(structure, default_parameters(structure))
+    prior = prior.with_inputs(inputs.standard_deviations(structure.nominal))
+    highest = float(modes.frequency_hz[-1])
+    forward = ForwardModel.of_dofs(prior, modes.dofs, measurement.points, highest, modes=len(modes))
+    return fit(Layout.of_one(forward, modes, inputs))
+
+
+@pytest.mark.parametrize("kind", ["strip", "angle"])
+def test_a_sound_body_is_not_said_to_have_lost_stiffness(kind: str) -> None:
+    """The evidence is a mean ratio of likelihoods, which of a sound body exceeds 1/p with probability p at most."""
+    (check,) = [each for each, _ in _Sources.of(updated(kind, damaged=False)).checks if each.kind == "stiffness"]
+    assert check.p == 1.0
+
+
+@pytest.mark.parametrize("kind", ["strip", "angle"])
+def test_a_stretch_that_has_lost_stiffness_is_named_with_its_set_place_and_factor(kind: str) -> None:
+    (conflict, *others) = compare_sources(updated(kind, damaged=True))[0]
+    assert not others
+    cause = conflict.cause
+    assert (cause.kind, cause.name) == ("stiffness", "stiffness of the body")
+    (said,) = cause.said
+    assert abs(said.rest - FACTOR) < max(3 * said.rest_sd, 0.05)
+    of, where = cause.stretch
+    assert of == {"strip": "all", "angle": "web"}[kind]
+    begin, end, least, most = map(float, re.findall(r"\d+", where))
+    first, last = (1e3 * LENGTH[kind] * at / PARTS for at in LOST[kind])
+    assert least - 1 < first
+    assert last < most + 1
+    assert abs(begin - first) < 1e3 * LENGTH[kind] / PARTS + 1
+    assert abs(end - last) < 1e3 * LENGTH[kind] / PARTS + 1
+
+
+def test_the_finding_states_the_level_and_the_verdict_follows() -> None:
+    finding = contradiction(_first(updated("angle", damaged=True)))
+    assert finding.level is not None
+    assert re.search(r"web at 0\.\d\d ± 0\.\d\d of it between x = .* of at most 0\.\d % of sound bodies", finding.text)
+
+
+def _first(elastic: ElasticResult) -> Conflict:
+    return compare_sources(elastic)[0][0]
