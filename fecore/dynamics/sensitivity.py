@@ -83,11 +83,14 @@ def _bordered_solve(matrix: Matrix, border: FloatArray, right: FloatArray) -> Fl
     return np.linalg.solve(dense, right)
 
 
-def static_series(modes: NormalModes, mass: Matrix, loads: FloatArray, terms: int) -> FloatArray:
-    """y_t = (F⁻¹M)ᵗ F⁻¹ b for t = 0 … terms-1, F = K - σM: terms of the receptance in powers of ω² - σ.
+def residual_series(modes: NormalModes, mass: Matrix, loads: FloatArray, terms: int) -> FloatArray:
+    """y_t = P (F⁻¹M)ᵗ F⁻¹ b for t = 0 … terms-1, F = K - σM, P = I - ΦΦᵀM: the receptance in powers of ω² - σ, modes left out.
+
+    The modes are taken out of the load and of every term: what they have there is larger by ((λ - σ)/(λ₁ - σ))ᵗ⁺¹, λ that of
+    the first mode left out, so that of a difference at the end nothing but round-off is left where a body is free.
 
     Args:
-        modes: they carry F's factorisation and σ.
+        modes: Φ, which are left out; they carry F's factorisation and σ.
         mass: M.
         loads: (dofs, l) forces b.
         terms: how many.
@@ -95,7 +98,11 @@ def static_series(modes: NormalModes, mass: Matrix, loads: FloatArray, terms: in
     Returns:
         (terms, dofs, l).
     """
-    y = np.empty((terms, *loads.shape))
+    images = mass @ modes.shapes
+    force = loads - images @ (modes.shapes.T @ loads)
+    series = np.empty((terms, *loads.shape))
     for t in range(terms):
-        y[t] = modes.factor.solve(loads if t == 0 else mass @ y[t - 1])
-    return y
+        moved = modes.factor.solve(force)
+        series[t] = moved - modes.shapes @ (images.T @ moved)
+        force = mass @ series[t]
+    return series

@@ -7,9 +7,9 @@ close modes do to each other; elsewhere it is right to the first order in consta
 
 With the size h of elements the error goes with h⁴ where motion is smooth, so there what the finest mesh misses is taken to be
 a tenth of what it moved. About the corner of a cut-out it goes with h¹·⁰⁹ only (Williams 1952: stresses as r^-0.456 at 270°),
-and no mesh that is worth its time gets rid of it; but it is a share of the strain energy of the elements at the corner, whatever
-the mode. The shares are those of plates in the form of an L, isotropic and not, by quad8 elements of two sizes. Facets that turn
-little are taken for a curve, the more surely the less they turn.
+and no mesh that is worth its time gets rid of it; but it is a share of the strain energy of the elements at the corner,
+whatever the mode. The shares are those of isotropic plates in the form of an L, and of an orthotropic one with a cut-out, by
+quad8 elements of two sizes. Facets that turn little are taken for a curve, the more surely the less they turn.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ _CHEAP = 30_000  # dofs up to which a finer mesh is made finer still, …
 _ROUNDS = 3  # … at most so often, …
 _CLOSE = 2e-3  # … while a mode moves by more
 _LEFT = 0.1  # share of what the last refinement moved that the finest mesh may still miss
-_AT_CORNERS = {"A": 0.10, "D": 0.04, "S": 0.04}  # shares of the energy of quadratic elements at a corner; as L-plates have them, …
+_AT_CORNERS = {
+    "A": 0.10,
+    "D": 0.04,
+    "S": 0.04,
+}  # shares of the energy of quadratic elements at a corner; as L-plates have them, …
 _OF_CORNERS = 0.4  # … and one standard deviation of these, relative
 _FACETED = 0.1  # probability that facets are those of the body where they turn by 30°; in proportion where by less
 _LEAST = 0.01  # of an eigenvalue, that the body's own mesh gives at least

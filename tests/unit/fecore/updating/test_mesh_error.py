@@ -48,11 +48,11 @@ def test_corners_of_a_cut_out_are_met_beyond_the_finest_mesh() -> None:
     forward = _forward(body, float(solid[-1]))
     state = forward.solve(forward.parametrisation.prior_mean)
     assert state.by_mesh is not None
-    left = np.abs(state.by_mesh[1][:14])
-    off = np.abs(state.frequency_hz[:14] / solid - 1)
+    left = np.abs(state.by_mesh[1][:12])
+    off = np.abs(state.frequency_hz[:12] / solid[:12] - 1)
     assert np.all(off < 2 * left + 0.002)  # of plate theory
     assert left.max() > 0.002  # a mode in the plane that pulls at the corners
-    assert left[3] < 2e-4  # one that does not
+    assert left[3] < left.max() / 20  # one that does not
 
 
 def test_a_change_of_constants_is_followed_and_exact_where_the_error_is_known_anew() -> None:
@@ -74,7 +74,7 @@ def test_constants_on_a_coarse_curved_deck_are_the_solids() -> None:
         if constant in TRUTH:
             z = (parameter.estimate - TRUTH[constant]) / parameter.standard_deviation
             assert abs(z) < 3.5, (parameter.name, z)
-            assert parameter.identifiable
+            assert parameter.identifiable == (parameter.tied_to is None)
     budget = {parameter.name: {entry.source for entry in parameter.budget} for parameter in found.parameters}
     assert {"mesh", "shear factor"} <= budget["skin.G13"]
     (said,) = [each.text for each in found.findings if each.kind == "mesh_moves"]
