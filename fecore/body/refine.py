@@ -103,7 +103,13 @@ class _Work:
         self._places = [mesh.nodes]
         self._weights: list[scipy.sparse.csr_array] = [scipy.sparse.eye_array(self._old, format="csr")]
         self._amid: list[IntArray] = [np.zeros((0, 2), dtype=np.int64)]  # of the new nodes
-        self._known: dict[tuple[int, int], int] = {}
+        # Linear elements and beams beside quadratic ones have the middles of these.
+        self._known = {
+            (min(a, b), max(a, b)): m
+            for block in mesh.blocks
+            for ends in _ends_and_middles(block)
+            for a, b, m in block.nodes[:, ends].tolist()
+        }
         self._count = self._old
         self._bows, self._sides = bows, sides
 
@@ -242,6 +248,13 @@ class _Work:
             else:
                 continue
             yield known[number]
+
+
+def _ends_and_middles(block: Block) -> list[list[int]]:
+    """Places of the ends and the middle of each side of a quadratic element."""
+    if block.kind == "beam3":
+        return [[0, 1, 2]]
+    return [list(side) for side in SHELLS[block.kind].sides if len(side) == 3] if block.is_shell else []
 
 
 def _half(side: tuple[int, ...], count: int) -> FloatArray:

@@ -5,10 +5,10 @@ The modes φ of the body are carried to finer meshes (`fecore.body.refine`) and 
 φᵀM_jφ. So a basis that holds φ has the finer mesh's frequencies where φ are modes, their derivatives by all constants, and what
 close modes do to each other; elsewhere it is right to the first order in constants times mesh.
 
-With the size h of elements the error goes with h⁴ where motion is smooth, so there what the finest mesh misses is
-taken to be a tenth of what it moved. About the corner of a cut-out it goes with h¹·⁰⁹ only (Williams 1952: stresses
-as r^-0.456 at 270°), and no mesh that is worth its time gets rid of it; but it is a share of the strain energy of the
-elements at the corner, whatever the mode. The shares are those of plates in the form of an L, isotropic and not, by
+With the size h of elements the error goes with h⁴ where motion is smooth, so there what the finest mesh misses is taken to be
+a tenth of what it moved. About the corner of a cut-out it goes with h¹·⁰⁹ only (Williams 1952: stresses as r^-0.456 at 270°),
+and no mesh that is worth its time gets rid of it; but it is a share of the strain energy of the elements at the corner,
+whatever the mode. The shares are those of isotropic plates in the form of an L, and of an orthotropic one with a cut-out, by
 quad8 elements of two sizes. Facets that turn little are taken for a curve, the more surely the less they turn.
 """
 

@@ -117,6 +117,14 @@ class ForwardState:
         energies = self._energies[self.modes.rigid :] * self.coefficients.stiffness
         return energy_shares(self.forward.specimen.model, energies)
 
+    @property
+    def shear(self) -> FloatArray:
+        """(n,) shares of the elastic modes' strain energy in transverse shear of shells."""
+        energies = self._energies[self.modes.rigid :] * self.coefficients.stiffness
+        names = self.forward.specimen.model.stiffness.names
+        across = [name.rpartition(".")[2] in ("S44", "S45", "S55") for name in names]
+        return np.asarray(energies[:, across].sum(axis=1) / self.modes.eigenvalue[self.modes.rigid :])
+
     def shares(self, mode: int) -> dict[str, dict[str, float]]:
         """`motion` and `energy` of an elastic mode, to 1e-4."""
         both = {"motion": self.motion, "energy": self.energy}

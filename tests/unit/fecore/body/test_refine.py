@@ -5,25 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fecore.body.facets import facet_turn
+from fecore.body.beams import BeamSection
+from fecore.body.facets import facet_turn, re_entrant
 from fecore.body.generators import profile
 from fecore.body.mesh import Block, Mesh
 from fecore.body.refine import element_size, refined
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
-from fecore.body.supports import Link, Support
+from fecore.body.supports import Link, Mass, Support
 from tests.support.panels import RADIUS, deck
 from tests.support.stored_solids import frequencies
 
 
+def _mass(body: Structure) -> float:
+    moved = body.model.motions[:, 0]
+    return float(moved @ body.model.mass.at(body.mass_coefficients(np.array(list(body.nominal.values())))) @ moved)
+
+
 def _area(body: Structure) -> float:
     """From the mass of a body of one section."""
-    q = np.array(list(body.nominal.values()))
-    moved = body.model.motions[:, 0]
-    mass = moved @ body.model.mass.at(body.mass_coefficients(q)) @ moved
     section = body.sections["skin"]
     assert isinstance(section, ShellSection)
-    return float(mass / section.nominal["density"] / section.thickness)
+    return float(_mass(body) / section.nominal["density"] / section.thickness)
 
 
 @pytest.mark.parametrize("element", ["quad4", "quad8"])
@@ -36,6 +39,8 @@ def test_flat_elements_keep_nodes_and_area(element: str) -> None:
     assert found.interpolation @ body.mesh.nodes == pytest.approx(fine.nodes, abs=1e-15)
     assert element_size(fine) == pytest.approx(element_size(body.mesh) / (1 if element == "quad4" else 2))
     assert facet_turn(body.mesh) == 0
+    corners = body.mesh.nodes[re_entrant(body.mesh)]
+    assert {tuple(np.round(each[:2], 9)) for each in corners} == {(x, y) for x in (0.1, 0.2) for y in (-0.05, 0.05)}
 
 
 def test_new_nodes_of_facets_lie_on_the_cylinder_to_the_fourth_order_up_to_its_edges() -> None:
@@ -79,6 +84,34 @@ def test_folds_stay_folds_and_triangles_bars_and_thickness_go_along() -> None:
     assert raised.thickness[0] == pytest.approx([1, 1, 3, 1, 2, 2])
     halved = refined(refined(skin).body).body.mesh.blocks[0]
     assert halved.nodes.shape == (8, 6)
+
+
+def test_a_deck_of_all_sorts_stays_one_body() -> None:
+    wall = ShellSection(deck("tapered", 1, 1, "quad4").sections["skin"].plies)
+    bar = replace(BeamSection.rectangle(0.01, 0.02, 70e9, 26e9, 2700.0), axis=(1.0, 0.0, 0.0))
+    x = np.array([[i, j, 0] for j in (0, 0.5, 1) for i in (0, 1, 1.5, 2)]) * 0.1
+    quad8 = np.array([[1, 3, 11, 9, 2, 7, 10, 5]])
+    blocks = (
+        Block("quad4", np.array([[0, 1, 5, 4]]), "skin"),  # two small ones beside half a side each
+        Block("tri3", np.array([[4, 5, 9], [4, 9, 8]]), "skin"),
+        Block("quad8", quad8, "skin"),
+        Block("beam2", np.array([[3, 11]]), "bar"),  # past the middle of the side
+    )
+    node = len(x)
+    mesh = Mesh(np.vstack([x, [0.1, 0.05, 0.1]]), blocks)
+    body = Structure(
+        mesh,
+        {"skin": wall, "bar": bar},
+        masses=(Mass(0.3, node),),
+        links=(Link(node, (0, 3, 8, 11)),),
+    )
+    once = refined(body).body
+    coarse, fine = (each.model for each in (body, once))
+    assert fine.rigid_modes.shape[1] == coarse.rigid_modes.shape[1] == 6
+    assert _mass(once) == pytest.approx(_mass(body), rel=1e-12)
+    used = once.mesh.nodes[np.unique(np.concatenate([block.nodes.ravel() for block in once.mesh.blocks]))]
+    assert len(np.unique(np.round(used, 9), axis=0)) == len(used)  # no slit
+    assert np.all(frequencies(once, 6) < frequencies(body, 6) * 1.001)
 
 
 def test_supports_hold_the_new_nodes_amid_them_and_no_others() -> None:
