@@ -38,6 +38,7 @@ TABLES = {
         Case("hits_habits", "hits", quick="1"),
         Case("hits_accuracy", "hits", quick="1 4"),
         Case("hits_damping", "hits", quick="2"),
+        Case("hits_windows", "hits", quick="2"),
         Case("identification", "identification", quick="2"),
         Case("calibrate", "calibrate"),
         Case("real_bodies", "updates", "table", "table nothing"),

@@ -16,6 +16,7 @@ from fecore.body.specimen import Specimen
 from fecore.frf import Dof
 from fecore.modal import Options, identify
 from fecore.signal import Hit, Processing, Windows, by_point, process, remove_window
+from fecore.signal.unstated import SeenRate, seen_rate
 from fecore.updating.inputs import Inputs
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
@@ -206,6 +207,40 @@ def hits_damping(draws: int = 20) -> None:
             table.row(number, rate, *shown, result.verdict.level)
     groups = {f"{n}, window {r:g} 1/s": [offs[n] for offs in found] for r, found in rows.items() for n in ("a0", "a1")}
     print_coverage("", groups)
+
+
+def hits_windows(draws: int = 40, hits: int = 45) -> None:
+    """The rate of an exponential window that nobody stated, before a 16-bit converter and behind it, by the force's noise."""
+    table = Table(
+        "", "window:20", "noise, steps:g", "1/s:g", "not seen:d", "sd:.4f", "within 95 %:.0%", "largest z:.1f"
+    )
+    for first, noise in ((True, 1.3), (True, 0.8), (False, 1.3), (False, 0.3)):
+        for rate in (0.0, 0.5, 1.0, 3.0):
+            seen = [_window_seen(np.random.default_rng([53, k]), first, noise, rate, hits) for k in range(draws)]
+            sd = np.array([s.sd for s in seen if s.sd is not None])
+            z = (np.array([s.rate_per_s for s in seen if s.sd is not None]) - rate) / sd
+            most = np.median(sd), np.mean(np.abs(z) < 1.96), np.abs(z).max(initial=0.0)
+            table.row("before the converter" if first else "behind it", noise, rate, draws - len(z), *most)
+
+
+def _window_seen(rng: np.random.Generator, first: bool, noise: float, rate: float, hits: int) -> SeenRate:
+    force, step = 65.0, 65e-3
+    laboratory = replace(
+        random_laboratory(rng, rate),
+        sample_rate_hz=6400.0,
+        samples=8192,
+        pretrigger=160,
+        tip_s=1e-3,
+        high_pass=True,
+        force_n=force,
+        force_step=step,
+        force_noise=noise * step,
+        hum=2e-4,
+        window_first=first,
+    )
+    bench = Bench(random_body(rng, "clamped"), laboratory, (0.1, 0.0), rng)
+    made = [bench.hit(1, (0.2, 0.0), number).hit for number in range(1, hits + 1)]
+    return seen_rate([replace(hit, force=replace(hit.force, window_rate_per_s=0.0)) for hit in made])
 
 
 def _strip(rng: np.random.Generator, boundary: str) -> tuple[Body, Specimen, tuple[float, float]]:

@@ -133,6 +133,7 @@ def pair_modes(
     *,
     hidden: Sequence[int] = (),
     mixing: float = 0.0,
+    highest_hz: float = np.inf,
 ) -> Pairing:
     """Pair measured with model modes as one assignment problem, never one by one.
 
@@ -153,6 +154,7 @@ def pair_modes(
         hidden: numbers of model modes that no sensor of this test can see: in-plane ones.
         mixing: relative distance of model modes within which the model's error may mix their shapes: a measured one is then
             compared with their span.
+        highest_hz: up to where modes were looked for: those of the model beyond are not missed.
 
     Raises:
         InputError: shapes and frequencies that do not fit together.
@@ -189,7 +191,7 @@ def pair_modes(
             matrix[pair] = likeness[pair]
     ambiguous = _ambiguous(pairs, score if matrix is None else np.nan_to_num(matrix), distance, margin)
     taken = {j for _, j in pairs} | set(hidden)
-    low, high = measured.min() * (1 - _FREQUENCY_SCALE), measured.max() * (1 + _FREQUENCY_SCALE)
+    low, high = measured.min() * (1 - _FREQUENCY_SCALE), min(measured.max() * (1 + _FREQUENCY_SCALE), highest_hz)
     return Pairing(
         pairs,
         matrix,

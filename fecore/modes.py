@@ -19,6 +19,7 @@ class MeasuredModes:
     dofs: tuple[Dof, ...] = ()  # the p measurement degrees of freedom of the shapes (signed directions)
     covariance: FloatArray | None = None  # (2n, 2n) covariance of (f₁ … f_n in Hz, ζ₁ … ζ_n), or None where not known
     probability: FloatArray | None = None  # (n,) that each is a mode of the structure, or None where somebody says so
+    highest_hz: float = np.inf  # up to where modes were looked for: the last line of the FRFs, Hz
 
     def __post_init__(self) -> None:
         n = self.frequency_hz.size

@@ -180,6 +180,13 @@ class AffineMatrix:
                     forms[group.coefficients[k]] += group.terms[k, i, j] * product
         return forms
 
+    def about(self, nodes: IntArray) -> AffineMatrix:
+        """The part of the elements that have one of some nodes, for forms."""
+        kept = [np.isin(group.nodes, nodes).any(axis=1) for group in self.groups]
+        groups = [replace(g, nodes=g.nodes[at], which=g.which[at]) for g, at in zip(self.groups, kept, strict=True)]
+        slots = tuple(all_of[..., at] for all_of, at in zip(self.slots, kept, strict=True))
+        return replace(self, groups=tuple(groups), slots=slots)
+
     def everywhere(self, vectors: FloatArray) -> FloatArray:
         """(nodes, dofs of a node, m) motions of (size, m) vectors over the free dofs; nothing where a dof is held."""
         motion = np.zeros((*self.pattern.free.shape, vectors.shape[1]))

@@ -22,11 +22,13 @@ UNITS = {
     "I1": "m⁴",
     "I2": "m⁴",
     "J": "m⁴",
+    "per_K": "1/K",
+    "temperature": "°C",
 }
 """SI unit of each kind of constant."""
 
-SIGNED = frozenset({"nu_xy", "nu", "nu12", "fibre_angle", "angle"})
-"""Kinds of constants that may be negative: Poisson's ratios and angles."""
+SIGNED = frozenset({"nu_xy", "nu", "nu12", "fibre_angle", "angle", "per_K", "temperature"})
+"""Kinds of constants that may be negative: Poisson's ratios, angles, coefficients of temperature."""
 
 
 FACTORS = frozenset({"zone", "factor"})

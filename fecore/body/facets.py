@@ -84,6 +84,17 @@ def bows(mesh: Mesh) -> FloatArray:
     return found
 
 
+def re_entrant(mesh: Mesh) -> IntArray:
+    """Nodes at which the free edge of a surface turns inwards by more than 30°, as at the corner of a cut-out."""
+    if not any(block.is_shell for block in mesh.blocks):
+        return np.zeros(0, dtype=np.int64)
+    facets = _Facets.of(mesh)
+    fans, open_, _ = facets.fans()
+    angle = np.bincount(fans[facets.real], weights=facets.weight[facets.real], minlength=len(open_))
+    turned = facets.real & (open_ & (angle > np.pi + SMOOTH))[fans]
+    return np.unique(facets.corners[turned])
+
+
 def _mirrored(normal: FloatArray, e: FloatArray) -> FloatArray:
     """(n, 3) normals at one end of sides as on a circle, from those at the other."""
     along = e / np.maximum(np.linalg.norm(e, axis=1), 1e-300)[:, None]  # a side may have no length

@@ -125,10 +125,24 @@ class Model:
         found = self.surfaces.find(np.repeat(points, 3, axis=0))
         return self._rows(replace(found, arm=np.zeros_like(found.arm)), np.tile(np.eye(3), (len(points), 1)))
 
+    def slopes(self, points: FloatArray, directions: FloatArray) -> scipy.sparse.csr_array:
+        """(3p, dofs) change of `observe` per metre that a point moves along x, y and z, as the surface turns there: n × θ.
+
+        Raises:
+            OffSpecimenError: as of `observe`.
+        """
+        found = self.surfaces.find(points)
+        across = np.cross(directions[:, None], np.eye(3))  # (p, 3, 3): (n × θ)_i = -(n × e_i) · θ
+        rows = -np.einsum("pik,pknd->pind", across, found.turns())
+        return self._matrix(np.repeat(found.nodes, 3, axis=0), rows.reshape(-1, *rows.shape[2:]))
+
     def _rows(self, places: Places, directions: FloatArray) -> scipy.sparse.csr_array:
         """(p, dofs) displacement of places that have been found along (p, 3) directions."""
-        rows = places.rows(directions)
-        columns = 6 * places.nodes[..., None] + np.arange(6)
+        return self._matrix(places.nodes, places.rows(directions))
+
+    def _matrix(self, nodes: IntArray, rows: FloatArray) -> scipy.sparse.csr_array:
+        """(p, dofs) of (p, n, 6) coefficients of the motions of (p, n) nodes."""
+        columns = 6 * nodes[..., None] + np.arange(6)
         points = np.broadcast_to(np.arange(len(rows))[:, None, None], rows.shape)
         kept = rows != 0
         shape = len(rows), 6 * len(self.free)

@@ -109,7 +109,10 @@ _NAMES = {**_WHOLE, "E1": "Ex", "E2": "Ey", "G12": "Gxy", "G13": "Gxz", "G23": "
 
 @dataclass(frozen=True)
 class Specimen(FlatBody):
-    """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out of plane."""
+    """A strip of a homogenised orthotropic material; x along its length from the clamped end, z out of plane.
+
+    Its stiffness is one layer's; its mass lies where the layers of the stack have it, as a sandwich's does in its faces.
+    """
 
     # length, width, thickness: m
     length: float
@@ -128,16 +131,30 @@ class Specimen(FlatBody):
     zones: tuple[float, ...] = ()
     # changes of compliance 1/s - 1 of equal parts of each zone, over their mean in the zone; even by default
     profile: tuple[float, ...] = ()
+    # (thickness, density) of layers from the bottom to the top, such as a sandwich's: how the mass is spread over the
+    # thickness. Their ratios count alone; evenly by default
+    layers: tuple[tuple[float, float], ...] = ()
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.thickness) and self.thickness > 0):
             raise InputError("geometry.thickness_m", f"is {self.thickness}, expected a positive number of metres")
         check_zones(self.zones, self.length)
+        if self.layers and self.section.is_coupled:
+            raise InputError("layers", "are heavier on one side, so that bending moves the middle: update the plies")
 
     @property
     def section(self) -> Section:
         """The nominal section."""
-        return section([Ply(self.material, self.thickness, float(np.degrees(self.fibre_angle)))])
+        turn = float(np.degrees(self.fibre_angle))
+        return section([replace(ply, angle_deg=turn) for ply in self._plies])
+
+    @property
+    def _plies(self) -> tuple[Ply, ...]:
+        """The one material, in layers of their own densities."""
+        t, rho = np.array(self.layers or ((1.0, 1.0),)).T
+        t, rho = self.thickness * t / t.sum(), self.material.density * rho * t.sum() / (t @ rho)
+        rows = zip(t.tolist(), rho.tolist(), strict=True)
+        return tuple(Ply(replace(self.material, density=density), thickness) for thickness, density in rows)
 
     @property
     def nominal(self) -> dict[str, float]:
@@ -148,7 +165,7 @@ class Specimen(FlatBody):
     @cached_property
     def structure(self) -> Structure:
         """The strip with the dofs w, θx and θy."""
-        return self._structure((Ply(self.material, self.thickness),), _BENDING)
+        return self._structure(self._plies, _BENDING)
 
 
 @dataclass(frozen=True)
@@ -185,10 +202,10 @@ class OrientedSpecimen(Specimen):
     def structure(self) -> Structure:
         """The strip, with a clamp of k = EI/L per width."""
         if not self.clamp_compliance:
-            return self._structure((Ply(self.material, self.thickness),), _BENDING)
+            return self._structure(self._plies, _BENDING)
         per_metre = self.bending_modulus * self.thickness**3 / (12 * self.length)
         clamps = (Clamp(self.clamp_compliance, Spring(CLAMP, per_metre, 5, edge="start")),)
-        return self._structure((Ply(self.material, self.thickness),), _BENDING, clamps)
+        return self._structure(self._plies, _BENDING, clamps)
 
     @property
     def bending_modulus(self) -> float:

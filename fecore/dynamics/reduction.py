@@ -15,7 +15,7 @@ whose products with K_kV are stored too (Balabanov and Nouy, Adv. Comput. Math. 
 the error is too large the full model is solved and its modes join the basis.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain
 
@@ -28,7 +28,7 @@ from fecore.dynamics.bodies import body_modes
 from fecore.dynamics.dense import DenseFactor, largest_eigenpairs
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.factor import Factor, factorise
-from fecore.dynamics.synthesis import RESIDUAL_TERMS
+from fecore.dynamics.synthesis import RESIDUAL_TERMS, residual_series
 
 FREQUENCY_TOLERANCE = 1e-6
 """Largest estimated relative error of a natural frequency. The true one is some ten times smaller."""
@@ -88,7 +88,7 @@ class ReducedSystem:
         return energy
 
 
-def _bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
+def bordered(known: FloatArray, fresh: FloatArray) -> FloatArray:
     """(k, r, r) symmetric matrices of which the first columns are known and (k, r, f) the last ones are given."""
     size = known.shape[1]
     top = np.concatenate([known, fresh[:, :size]], axis=2)
@@ -156,7 +156,7 @@ class ReducedModel:
         self._add_with_derivatives(modes.shapes[:, modes.rigid : held])
         if held < modes.eigenvalue.size:
             self._add(self._unit_energy(modes.shapes[:, held:]), self._kept)
-        self._hold_static(self._loads, self._factor, mass)
+        self._hold_static(self._loads, modes, mass)
         self._begun = self.basis.shape[1]
 
     @property
@@ -173,7 +173,7 @@ class ReducedModel:
         stiffness, stiffness_sketch = np.split(model.stiffness.project(with_probe, fresh), [fresh.stop], axis=1)
         mass, mass_sketch = np.split(model.mass.project(with_probe, fresh), [fresh.stop], axis=1)
         if known is not None:
-            stiffness, mass = _bordered(known.stiffness, stiffness), _bordered(known.mass, mass)
+            stiffness, mass = bordered(known.stiffness, stiffness), bordered(known.mass, mass)
             stiffness_sketch = np.concatenate([known.stiffness_sketch, stiffness_sketch], axis=2)
             mass_sketch = np.concatenate([known.mass_sketch, mass_sketch], axis=2)
         system = ReducedSystem(
@@ -242,19 +242,23 @@ class ReducedModel:
         """Take the static deflections at given coefficients under (dofs, l) more unit forces into the basis."""
         self._loads = np.hstack([self._loads, loads])
         K, M = self._model.stiffness.at(stiffness), self._model.mass.at(mass)
-        self._hold_static(loads, factorise(K - self._shift * M, self._factor), mass)
+        modes = self.system.modes(stiffness, mass, self._count)
+        factor = factorise(K - self._shift * M, self._factor)
+        self._hold_static(loads, replace(modes, shapes=self.basis @ modes.shapes, factor=factor), mass)
 
-    def _hold_static(self, loads: FloatArray, factor: Factor, mass: FloatArray) -> None:
+    def static(self, loads: FloatArray) -> FloatArray:
+        """(dofs, l) what the deflections under (dofs, l) forces at the start have outside the basis, of unit energy."""
+        return self._unit_energy(self._outside(self._factor.solve(loads)))
+
+    def _hold_static(self, loads: FloatArray, modes: NormalModes, mass: FloatArray) -> None:
         loads = loads[:, loads.any(axis=0)]  # at a support a force moves nothing
         if loads.shape[1] == 0:
             return
-        M, forces, series = self._model.mass.at(mass), loads, []
-        for _ in range(RESIDUAL_TERMS):
-            series.append(factor.solve(forces))
-            # Nearly all of it are the lowest modes; FRFs are judged by what it has besides them.
-            self._add(self._unit_energy(self._outside(series[-1])), self._kept)
-            forces = M @ series[-1]
-        self._add_with_derivatives(series[0])
+        M = self._model.mass.at(mass)
+        # Nearly all of a deflection are the lowest modes; FRFs are judged by what it has besides them.
+        for each in residual_series(modes, M, loads, RESIDUAL_TERMS):
+            self._add(self._unit_energy(self._outside(each)), self._kept)
+        self._add_with_derivatives(modes.factor.solve(loads))
 
     def _solve_full(self, stiffness: FloatArray, mass: FloatArray, like: Factor | None) -> NormalModes:
         self.full_solves += 1

@@ -1,4 +1,4 @@
-"""Exact derivatives of eigenvalues, shapes and residual terms by parameters, repeated roots included.
+"""Exact derivatives of eigenvalues and shapes by parameters, repeated roots included.
 
 With K' = ∂K/∂θ, M' = ∂M/∂θ and mass-normalised shapes (Nelson, AIAA J. 14, 1976; Lee and Jung, J. Sound Vib. 202, 1997):
 
@@ -12,15 +12,13 @@ All functions take sparse matrices over the dofs, or dense ones over a reduced b
 """
 
 from collections.abc import Sequence
-from typing import TypeAlias
 
 import numpy as np
 import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.dynamics.eigen import NormalModes
-
-Matrix: TypeAlias = "scipy.sparse.csc_array | FloatArray"
+from fecore.dynamics.synthesis import Matrix
 
 _REPEATED = 1e-8  # relative distance of eigenvalues below which they count as one
 
@@ -81,21 +79,3 @@ def _bordered_solve(matrix: Matrix, border: FloatArray, right: FloatArray) -> Fl
         return solution
     dense = np.block([[np.asarray(matrix), border], [border.T, np.zeros((size, size))]])
     return np.linalg.solve(dense, right)
-
-
-def static_series(modes: NormalModes, mass: Matrix, loads: FloatArray, terms: int) -> FloatArray:
-    """y_t = (F⁻¹M)ᵗ F⁻¹ b for t = 0 … terms-1, F = K - σM: terms of the receptance in powers of ω² - σ.
-
-    Args:
-        modes: they carry F's factorisation and σ.
-        mass: M.
-        loads: (dofs, l) forces b.
-        terms: how many.
-
-    Returns:
-        (terms, dofs, l).
-    """
-    y = np.empty((terms, *loads.shape))
-    for t in range(terms):
-        y[t] = modes.factor.solve(loads if t == 0 else mass @ y[t - 1])
-    return y

@@ -3,14 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
+import scipy
 
 from fecore.arrays import ComplexArray, FloatArray
+from fecore.dynamics.eigen import NormalModes
 from fecore.frf import Quantity, convert
+
+Matrix: TypeAlias = "scipy.sparse.csc_array | FloatArray"
 
 RESIDUAL_TERMS = 3
 """Terms of the truncated modes' series that models hand over: the error falls as (ω²/λ)³ of the first mode left out."""
+
+
+def residual_series(modes: NormalModes, mass: Matrix, loads: FloatArray, terms: int) -> FloatArray:
+    """y_t = P (F⁻¹M)ᵗ F⁻¹ b for t = 0 … terms-1, F = K - σM, P = I - ΦΦᵀM: the receptance in powers of ω² - σ, modes left out.
+
+    The modes are taken out of the load and of every term: what they have there is larger by ((λ - σ)/(λ₁ - σ))ᵗ⁺¹, λ that of
+    the first mode left out, so that of a difference at the end nothing but round-off is left where a body is free.
+
+    Args:
+        modes: Φ, which are left out; they carry F's factorisation and σ.
+        mass: M.
+        loads: (dofs, l) forces b.
+        terms: how many.
+
+    Returns:
+        (terms, dofs, l).
+    """
+    images = mass @ modes.shapes
+    force = loads - images @ (modes.shapes.T @ loads)
+    series = np.empty((terms, *loads.shape))
+    for t in range(terms):
+        moved = modes.factor.solve(force)
+        series[t] = moved - modes.shapes @ (images.T @ moved)
+        force = mass @ series[t]
+    return series
 
 
 def residual_powers(omega: FloatArray, shift: float, terms: int, beyond: tuple[float, float]) -> ComplexArray:

@@ -1,7 +1,7 @@
 """Time blocks of a hammer test: one channel's block, and the hit that several channels recorded together."""
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -21,7 +21,18 @@ FRF_QUANTITY: dict[ChannelQuantity, Quantity] = {
 FEWEST_SAMPLES = 64
 """Samples below which a block holds neither a pulse with its surroundings nor a spectrum."""
 
+MEAN_TO_SD = float(np.sqrt(np.pi) / 2)
+"""Of the mean step between two white samples, to the standard deviation of one."""
+
 _WEAKEST = 0.03  # of an analyser's window, that is undone: below it there is noise alone
+_PART = 64  # samples, of which the quietest in the block's first quarter show its noise
+
+
+def smallest_step(x: FloatArray) -> float:
+    """The converter's step: the smallest gap between values."""
+    gaps = np.diff(np.sort(x))
+    gaps = gaps[gaps > 1e-6 * np.abs(x).max()]
+    return float(gaps.min()) if gaps.size else 0.0
 
 
 @lru_cache(maxsize=16)
@@ -80,15 +91,27 @@ class Block:
             return None
         return exponential(self.samples.size, self.window_rate_per_s / sample_rate_hz)
 
+    @cached_property
+    def weakest(self) -> float:
+        """The analyser's window where it leaves noise alone, or the converter's steps, as they are where the window came before
+        the converter: white noise is half a step there.
+        """
+        quarter = self.samples[: self.samples.size // 4].astype(float)
+        parts = np.abs(np.diff(quarter))[: (quarter.size - 1) // _PART * _PART].reshape(-1, _PART)
+        noise = float(parts.mean(axis=1).min()) * MEAN_TO_SD if len(parts) else 0.0
+        return float(np.clip(smallest_step(self.samples) / max(2 * noise, 1e-300), _WEAKEST, 1.0))
+
     def shown(self, sample_rate_hz: float) -> int:
-        """Samples from the first on that the analyser's window leaves more than noise of."""
-        rate = self.window_rate_per_s / sample_rate_hz
-        return self.samples.size if rate == 0 else min(int(np.log(1 / _WEAKEST) / rate) + 1, self.samples.size)
+        """Samples from the first on that the analyser's window leaves more of; the first quarter at least."""
+        rate, size = self.window_rate_per_s / sample_rate_hz, self.samples.size
+        return size if rate == 0 else min(max(int(np.log(1 / self.weakest) / rate) + 1, size // 4), size)
 
     def undone(self, sample_rate_hz: float) -> FloatArray:
-        """(n,) samples as they were before the analyser's window, where it leaves more than noise."""
+        """(n,) samples as they were before the analyser's window, up to there."""
         window = self.window(sample_rate_hz)
-        return np.asarray(self.samples if window is None else self.samples / np.maximum(window, _WEAKEST), dtype=float)
+        return np.asarray(
+            self.samples if window is None else self.samples / np.maximum(window, self.weakest), dtype=float
+        )
 
 
 @dataclass(frozen=True)

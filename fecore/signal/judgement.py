@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fecore.arrays import BoolArray, FloatArray
+from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.frf import Dof
 from fecore.signal.comparison import Point, compare, usual_of
 from fecore.signal.placing import Position, locate
@@ -62,6 +62,7 @@ class Verdict:
     probability: float  # that it is good
     findings: tuple[Finding, ...]  # of each criterion the number that weighs most, the heaviest first
     overruled: bool | None = None  # what a user has decided against them, or None
+    directions: int = 0  # along how many it shows by millimetres where the hit landed
 
     @property
     def faults(self) -> tuple[Finding, ...]:
@@ -77,7 +78,7 @@ class Verdict:
 @dataclass(frozen=True)
 class Features:
     """Of N hits: (N, F) numbers, their u, and usual number and step of u on their bad side, logarithms but where a row of
-    `weights` has a unit; (N,) whether none is beside a hit.
+    `weights` has a unit; (N,) whether none is beside a hit, and along how many directions it was located.
     """
 
     numbers: FloatArray
@@ -85,6 +86,7 @@ class Features:
     usual: FloatArray
     step: FloatArray
     alone: BoolArray
+    directions: IntArray
 
 
 def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> Features:
@@ -106,11 +108,13 @@ def features_of(points: Sequence[Point], positions: Mapping[int, Position]) -> F
         numbers[part, -3:] = compare(point, turned[part], seems[part], usual)
     numbers[:, _DISTANCE] /= _in_common(numbers[:, _DISTANCE], parts, good)
     comparable = good & ~(numbers[:, -3] > 1)
-    _locate(points, positions, [comparable[part] for part in parts], [numbers[part] for part in parts])
+    directions = np.zeros(len(own), dtype=int)
+    rows = [(numbers[part], directions[part]) for part in parts]
+    _locate(points, positions, [comparable[part] for part in parts], rows)
     u, usual_numbers, step = _scaled(numbers, good)
     numbers[:, _FLOOR] *= louder
     usual_numbers[:, _FLOOR] += np.log(louder)
-    return Features(numbers, u, usual_numbers, step, ~np.isfinite(numbers[:, _DISTANCE]))
+    return Features(numbers, u, usual_numbers, step, ~np.isfinite(numbers[:, _DISTANCE]), directions)
 
 
 def _in_common(values: FloatArray, parts: Sequence[slice], good: BoolArray) -> FloatArray:
@@ -133,10 +137,10 @@ def _locate(
     points: Sequence[Point],
     positions: Mapping[int, Position],
     comparable: Sequence[BoolArray],
-    rows: Sequence[FloatArray],
+    rows: Sequence[tuple[FloatArray, IntArray]],
 ) -> None:
-    """Fill in how far the hits that can be located landed from the others of their point, mm: points under the same sensors. A
-    hit whose FRF is like those of the others is in its place wherever it is located.
+    """Fill in how far the hits that can be located landed from the others of their point, mm, and along how many directions:
+    points under the same sensors. A hit whose FRF is like those of the others is in its place wherever it is located.
     """
     tours: dict[object, list[int]] = {}
     every = {i: point.shares for i, point in enumerate(points) if point.shares is not None}
@@ -146,8 +150,10 @@ def _locate(
         shares = [{int(k): every[i][k] for k in np.flatnonzero(comparable[i])} for i in tour]
         found = locate([positions.get(points[i].force.point) for i in tour], shares)
         for i, of_point in zip(tour, found, strict=True):
-            for k, offset in of_point.items():
-                rows[i][k, _OFFSET] = 1e3 * min(offset, _TYPICAL_M * rows[i][k, _DISTANCE])
+            numbers, directions = rows[i]
+            for k, (offset, along) in of_point.items():
+                numbers[k, _OFFSET] = 1e3 * min(offset, _TYPICAL_M * numbers[k, _DISTANCE])
+                directions[k] = along
 
 
 def _scaled(numbers: FloatArray, good: BoolArray | None = None) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -227,10 +233,14 @@ def judge(points: Sequence[Point], processing: Processing) -> list[list[Verdict]
     limit = np.where([bool(WEIGHTS[name].unit) for name in NAMES], limit, np.exp(np.where(limit < 500, limit, np.inf)))
     every = enumerate(traits for point in points for traits in point.traits)
     verdicts = (
-        _verdict(traits, float(probability[i]), level, found.numbers[i], limit[i], parts[i]) for i, traits in every
+        replace(
+            _verdict(traits, float(probability[i]), level, found.numbers[i], limit[i], parts[i]),
+            overruled=overrules.get((traits.force, traits.number)),
+            directions=int(found.directions[i]),
+        )
+        for i, traits in every
     )
-    ruled = (replace(v, overruled=overrules.get((v.force, v.number))) for v in verdicts)
-    return [list(islice(ruled, len(point.traits))) for point in points]
+    return [list(islice(verdicts, len(point.traits))) for point in points]
 
 
 def _verdict(

@@ -38,14 +38,18 @@ _HUBER = 2.0  # standard deviations beyond which a share counts less
 Position = tuple[float, float, float]
 
 
-def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, FloatArray]]) -> list[dict[int, float]]:
-    """How far the hits that can be located landed from the others of their point, m, by point and number of the hit.
+Located = tuple[float, int]
+"""How far a hit landed from the others of its point, m, and along how many directions that is known."""
+
+
+def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, FloatArray]]) -> list[dict[int, Located]]:
+    """Where the hits that can be located landed, by point and number of the hit.
 
     Args:
         places: of each point, m; None for a point of unknown place.
         shares: of each point, those of its comparable hits, all of one length K.
     """
-    found: list[dict[int, float]] = [{} for _ in places]
+    found: list[dict[int, Located]] = [{} for _ in places]
     known = [i for i, (place, own) in enumerate(zip(places, shares, strict=True)) if place is not None and own]
     if len({places[i] for i in known}) < FEWEST_POINTS:
         return found
@@ -64,10 +68,11 @@ def locate(places: Sequence[Position | None], shares: Sequence[Mapping[int, Floa
         off = _from_most(np.array([d for d, _ in placed]))
         if off is None:
             continue
+        directions = [int((np.linalg.eigvalsh(covariance) <= _KNOWN_M**2).sum()) for _, covariance in placed]
         found[i] = {
-            number: float(np.linalg.norm(d))
-            for number, d, (_, covariance) in zip(shares[i], off, placed, strict=True)
-            if np.linalg.eigvalsh(covariance)[0] <= _KNOWN_M**2
+            number: (float(np.linalg.norm(d)), known_along)
+            for number, d, known_along in zip(shares[i], off, directions, strict=True)
+            if known_along
         }
     return _over_usual(found)
 
@@ -100,12 +105,12 @@ def _from_most(placed: FloatArray) -> FloatArray | None:
     return found
 
 
-def _over_usual(found: list[dict[int, float]]) -> list[dict[int, float]]:
+def _over_usual(found: list[dict[int, Located]]) -> list[dict[int, Located]]:
     """The same, scaled down where the hits of the whole campaign land farther off than usual: an unsteady hand is no fault of
     one hit.
     """
-    every = [offset for point in found for offset in point.values()]
+    every = [offset for point in found for offset, _ in point.values()]
     if not every:
         return found
     share = min(_USUAL_M / max(float(np.median(every)), 1e-9), 1.0)
-    return [{number: share * offset for number, offset in point.items()} for point in found]
+    return [{number: (share * offset, along) for number, (offset, along) in point.items()} for point in found]

@@ -114,6 +114,7 @@ def process_in_parts(
         warnings=(
             *([window.sentence] if window is not None and window.rate_per_s else []),
             *_warnings(points, verdicts, delay, excited, float(spectra.frequency[-1])),
+            *(_unlocated(points, verdicts) if spectra.processing.positions else []),
             *heights.wrong(spectra.processing.strip, spectra.strong_window()),
         ),
     )
@@ -217,6 +218,18 @@ def _warnings(
     if excited < 0.95 * top:
         found.append(f"the hammer excites the body up to {excited:.0f} Hz; above that the FRFs are mostly noise")
     return tuple(found)
+
+
+def _unlocated(points: Sequence[Point], verdicts: Sequence[Sequence[Verdict]]) -> Iterator[str]:
+    """Points beside which a hit may lie without being seen: places are known by how FRFs change between points."""
+    for directions, how in ((0, "does not show"), (1, "shows along one direction only")):
+        every = zip(_names(points), verdicts, strict=True)
+        blind = [name for name, judged in every if max(verdict.directions for verdict in judged) == directions]
+        if blind:
+            yield (
+                f"where the hits of point {', '.join(blind)} landed {how}: one beside its mark is refused there only where "
+                "its FRF is unlike the others'"
+            )
 
 
 def _names(points: Sequence[Point]) -> list[str]:

@@ -8,16 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fecore.arrays import FloatArray
-from fecore.signal.blocks import Block
+from fecore.signal.blocks import MEAN_TO_SD, Block, smallest_step
 
 FOOT = 0.05
 """A pulse reaches to where the force falls below this share of its peak."""
 
 SMALLEST_SECOND = 0.015
 """Smallest second pulse that is looked for, as a share of the first."""
-
-MEAN_TO_SD = float(np.sqrt(np.pi) / 2)
-"""Of the mean step between two white samples, to the standard deviation of one."""
 
 REACH = 64
 """Samples that the ringing of a linear-phase filter may reach, weakly, beyond `ringing`."""
@@ -119,7 +116,7 @@ def _second(force: FloatArray, peak: int, start: int, stop: int) -> tuple[float,
     tops = np.maximum.reduceat(level, edges)
     steps = np.abs(np.diff(force))[offset : offset + level.size]
     spread = np.add.reduceat(steps, edges) / np.diff(np.append(edges, steps.size)) * MEAN_TO_SD
-    spread = np.maximum(spread, smallest_step(force)) / np.sqrt(width)
+    spread = np.maximum(spread, smallest_step(force[:: max(1, force.size // 512)])) / np.sqrt(width)
     z = tops / np.maximum(spread, 1e-9 * force[peak])
     first = int(np.argmax(z))
     if not np.isfinite(tops[first]) or own == 0:
@@ -129,10 +126,3 @@ def _second(force: FloatArray, peak: int, start: int, stop: int) -> tuple[float,
     if level[place] < _ALONE * float(np.median(tops[np.isfinite(tops)])):  # hum comes again and again
         return none
     return float(level[place]) / own, float(z[first]), int(at[place])
-
-
-def smallest_step(x: FloatArray) -> float:
-    """The converter's step: the smallest gap between values of a block."""
-    gaps = np.diff(np.sort(x[:: max(1, x.size // 512)]))
-    gaps = gaps[gaps > 1e-6 * np.abs(x).max()]
-    return float(gaps.min()) if gaps.size else 0.0

@@ -24,8 +24,8 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.frf import Dof
-from fecore.signal.blocks import Block, Hit
-from fecore.signal.pulse import MEAN_TO_SD, REACH, Pulse, find_pulse, ringing
+from fecore.signal.blocks import MEAN_TO_SD, Block, Hit
+from fecore.signal.pulse import REACH, Pulse, find_pulse, ringing
 
 OWN = ("lost", "second", "swing", "turned", "flat", "beyond", "height", "early", "jump", "floor")
 """The names of the numbers, in their order."""

@@ -123,7 +123,9 @@ def _parameter(
             f" with {' and '.join(watch.covariates)}" if watch.covariates else ""
         )
         return ParameterTrend(series.name, direction, ordered, notes=(*said, short))
-    baseline, watched, left_out = fit_baseline(ordered, watch.baseline, watch.covariates)
+    baseline, watched, left_out = fit_baseline(
+        ordered, watch.baseline, watch.covariates, watch.per_kelvin.get(series.name)
+    )
     limits, wider = _limits(baseline, watch)
     scores = None if watched is None else score(baseline, watched)
     z = np.zeros(0) if scores is None else scores.score
@@ -176,7 +178,7 @@ def _change_and_rate(
     speed: Rate | None = None
     unknown: tuple[str, ...] = ()
     try:
-        speed = rate(ordered, watch.covariates, baseline.mean)
+        speed = rate(ordered, watch.covariates, baseline.mean, watch.per_kelvin.get(ordered.name))
     except InputError as error:
         unknown = (f"no rate of change: {error}",)
     if not np.any(outside):

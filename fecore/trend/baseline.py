@@ -27,6 +27,9 @@ degrees of freedom of a t distribution (Satterthwaite's matching): ν = 2 E[1/v]
 Cutting only moves v up, so charts call no more often than with Student's t, whatever τ is. A prior on τ ≥ 0, as one with
 some weight on τ = 0, calls more often where τ is near the s_i: 1.3 times as often with half a decade of weight.
 
+A slope of which something is known before has a Gaussian prior: it joins the normal equations, and the likelihood of v is that
+with such slopes integrated out under it, the others under a flat one.
+
 The two ends are the textbook's: where the s_i vanish, v = RSS/(n − p) and ν = n − p, Student's t; where they explain all
 scatter, ν is large and intervals are normal.
 """
@@ -40,7 +43,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray, IntArray
 from fecore.errors import InputError
 from fecore.trend.autocorrelation import Autocorrelation, diagnose, normal_score
-from fecore.trend.series import Series, days_since, select
+from fecore.trend.series import TEMPERATURE, Series, days_since, select
 
 _GRID = 400  # points of log v; the posterior is smooth over a decade
 _LEAST, _WIDEST = 1e-2, 1e4  # of v on the grid, in units of the smallest and the largest plausible variance
@@ -62,13 +65,16 @@ class RegressionFit:
     excess: float
 
 
-def fit_with_scatter(X: FloatArray, y: FloatArray, s: FloatArray) -> RegressionFit:
+def fit_with_scatter(
+    X: FloatArray, y: FloatArray, s: FloatArray, prior: tuple[FloatArray, FloatArray] | None = None
+) -> RegressionFit:
     """Fit β and τ.
 
     Args:
         X: (n, p) regressors.
         y: (n,) estimates.
         s: (n,) their own standard deviations, positive.
+        prior: (p,) means and (p,) precisions of β, 0 of what nobody knows before; None of nothing.
 
     Raises:
         InputError: fewer than p + 2 points, or regressors that the points do not separate.
@@ -83,36 +89,46 @@ def fit_with_scatter(X: FloatArray, y: FloatArray, s: FloatArray) -> RegressionF
     seen = float(ordinary @ ordinary) / (n - p)
     v = np.geomspace(_LEAST * max(seen, _NEGLIGIBLE * harmonic), _WIDEST * max(seen, harmonic), _GRID)
     share, between_variance = np.minimum(v / harmonic, 1.0), np.maximum(v - harmonic, 0.0)
-    log_likelihood = _restricted_likelihood(X, ordinary, share[:, None] * s**2 + between_variance[:, None])
+    mean, known = (np.zeros(p), np.zeros(p)) if prior is None else prior
+    # Without a prior the likelihood is the same for any Xβ that is taken off; where there is one, for its mean's alone.
+    off = ordinary if prior is None else y - X @ mean - float(np.mean(y - X @ mean))
+    variances = share[:, None] * s**2 + between_variance[:, None]
+    log_likelihood = _restricted_likelihood(X, off, variances, np.diag(known))
     weight = np.exp(log_likelihood - log_likelihood.max())
     weight /= weight.sum()
     precision = 1 / np.maximum(v, harmonic)
-    mean = float(weight @ precision)
-    spread = float(weight @ (precision - mean) ** 2)
-    total = 1 / mean
+    middle = float(weight @ precision)
+    spread = float(weight @ (precision - middle) ** 2)
+    total = 1 / middle
     between = max(total - harmonic, 0.0)
-    beta, covariance = _generalised_least_squares(X, y, s**2 + between)
-    own = y - X @ _generalised_least_squares(X, y, s**2)[0]
+    beta, covariance = _generalised_least_squares(X, y, s**2 + between, mean, known)
+    own = y - X @ _generalised_least_squares(X, y, s**2, mean, known)[0]
     return RegressionFit(
         beta,
         covariance,
         float(np.sqrt(between)),
         total,
-        min(2 * mean**2 / spread, _NORMAL) if spread > 0 else _NORMAL,
+        min(2 * middle**2 / spread, _NORMAL) if spread > 0 else _NORMAL,
         float(scipy.special.chdtr(n - p, np.sum((own / s) ** 2))),
     )
 
 
-def _generalised_least_squares(X: FloatArray, y: FloatArray, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _generalised_least_squares(
+    X: FloatArray, y: FloatArray, variance: FloatArray, mean: FloatArray, known: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(p,) β and (p, p) its covariance, with a prior of (p,) means and precisions."""
     weighted = X / variance[:, None]
-    covariance = np.linalg.inv(X.T @ weighted)
-    return covariance @ (weighted.T @ y), covariance
+    covariance = np.linalg.inv(X.T @ weighted + np.diag(known))
+    return covariance @ (weighted.T @ y + known * mean), covariance
 
 
-def _restricted_likelihood(X: FloatArray, y: FloatArray, variance: FloatArray) -> FloatArray:
-    """(G,) logarithm of the likelihood of the residuals with β integrated out, for (G, n) variances."""
+def _restricted_likelihood(X: FloatArray, y: FloatArray, variance: FloatArray, known: FloatArray) -> FloatArray:
+    """(G,) logarithm of the likelihood of the residuals with β integrated out, for (G, n) variances.
+
+    `known` is the (p, p) precision of a prior of β about 0.
+    """
     weighted = X.T[None] / variance[:, None, :]
-    information = weighted @ X
+    information = weighted @ X + known
     right = weighted @ y
     explained = np.einsum("gi,gi->g", right, np.linalg.solve(information, right[..., None])[..., 0])
     log_determinant = np.linalg.slogdet(information)[1]
@@ -174,8 +190,27 @@ def complete_campaigns(series: Series, covariates: Sequence[str]) -> IntArray:
     return np.flatnonzero(np.isfinite(series.measured(covariates)).all(axis=1))
 
 
+def slope_prior(
+    covariates: Sequence[str], level: float, per_kelvin: tuple[float, float] | None, more: int = 0
+) -> tuple[FloatArray, FloatArray] | None:
+    """Means and precisions of a level, of the slopes by covariates, and of so many more coefficients; None of nothing.
+
+    Args:
+        covariates: names.
+        level: of the parameter, to which the change per kelvin is relative.
+        per_kelvin: mean and standard deviation of that.
+        more: coefficients after the slopes.
+    """
+    if per_kelvin is None or TEMPERATURE not in covariates or level == 0:
+        return None
+    mean, known = np.zeros((2, 1 + len(covariates) + more))
+    place = 1 + list(covariates).index(TEMPERATURE)
+    mean[place], known[place] = per_kelvin[0] * level, (per_kelvin[1] * level) ** -2
+    return mean, known
+
+
 def fit_baseline(
-    series: Series, n: int, covariates: Sequence[str] = ()
+    series: Series, n: int, covariates: Sequence[str] = (), per_kelvin: tuple[float, float] | None = None
 ) -> tuple[Baseline, Series | None, tuple[str, ...]]:
     """Baseline of the first n campaigns whose covariates are all known; the later campaigns, if any; and notes.
 
@@ -183,6 +218,7 @@ def fit_baseline(
         series: in time order.
         n: campaigns in the baseline; at least the number of coefficients (1 + covariates) and three more.
         covariates: to regress out.
+        per_kelvin: mean and standard deviation of the relative change by temperature, as known before; None: nothing is.
 
     Raises:
         InputError: too few campaigns with all covariates, or a covariate that does not vary.
@@ -204,7 +240,8 @@ def fit_baseline(
         if np.ptp(c[:, k]) == 0:
             raise InputError(f"covariates.{name}", "does not vary in the baseline, so its effect is not known")
     X = np.column_stack([np.ones(n), c - c.mean(axis=0)])
-    fit = fit_with_scatter(X, base.estimate, base.standard_deviation)
+    prior = slope_prior(names, float(np.mean(base.estimate)), per_kelvin)
+    fit = fit_with_scatter(X, base.estimate, base.standard_deviation, prior)
     if fit.excess < _CONSISTENT:
         notes.append("the stated standard deviations are larger than the scatter; changes are found later than need be")
     leverage = np.einsum("ij,jk,ik->i", X, fit.covariance, X)

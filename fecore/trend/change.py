@@ -29,7 +29,7 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
-from fecore.trend.baseline import complete_campaigns, fit_with_scatter
+from fecore.trend.baseline import complete_campaigns, fit_with_scatter, slope_prior
 from fecore.trend.series import Series, days_since, select
 
 Pattern = Literal["step", "ramp"]
@@ -148,12 +148,16 @@ class Line:
     used: int  # campaigns whose covariates are all known
 
 
-def rate(series: Series, covariates: Sequence[str], baseline_mean: float) -> Rate:
+def rate(
+    series: Series, covariates: Sequence[str], baseline_mean: float, per_kelvin: tuple[float, float] | None = None
+) -> Rate:
     """Rate of change over a series in time order: that of `line`."""
-    return line(series, covariates, baseline_mean).rate
+    return line(series, covariates, baseline_mean, per_kelvin).rate
 
 
-def line(series: Series, covariates: Sequence[str], baseline_mean: float) -> Line:
+def line(
+    series: Series, covariates: Sequence[str], baseline_mean: float, per_kelvin: tuple[float, float] | None = None
+) -> Line:
     """The line through a series in time order, fitted together with the covariates.
 
     Campaigns that miss a covariate say nothing about the rate and are left out.
@@ -162,6 +166,7 @@ def line(series: Series, covariates: Sequence[str], baseline_mean: float) -> Lin
         series: in time order.
         covariates: names of those to regress out.
         baseline_mean: what the rate is relative to.
+        per_kelvin: mean and standard deviation of the relative change by temperature, as known before; None: nothing is.
 
     Raises:
         InputError: fewer complete campaigns than coefficients and two more, or a baseline of 0.
@@ -172,7 +177,8 @@ def line(series: Series, covariates: Sequence[str], baseline_mean: float) -> Lin
     )
     centre = regressors.mean(axis=0)
     X = np.column_stack([np.ones(len(complete)), regressors - centre])
-    fit = fit_with_scatter(X, complete.estimate, complete.standard_deviation)
+    prior = slope_prior(covariates, baseline_mean, per_kelvin, more=1)
+    fit = fit_with_scatter(X, complete.estimate, complete.standard_deviation, prior)
     sd = np.sqrt(np.diag(fit.covariance))
     level, slope = float(fit.coefficients[0]), float(fit.coefficients[-1])
     years = np.array([0.0, series.days[-1] / DAYS_A_YEAR])

@@ -7,9 +7,11 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
+from fecore.temperatures import temperatures_between
 from fecore.trend.assessment import ParameterTrend
 from fecore.trend.baseline import Baseline, score
 from fecore.trend.change import ChangePoint, Rate
+from fecore.trend.series import TEMPERATURE
 
 
 def describe_trend(trend: ParameterTrend) -> dict[str, Any]:
@@ -19,6 +21,7 @@ def describe_trend(trend: ParameterTrend) -> dict[str, Any]:
         "direction": trend.direction,
         "state": trend.state.value,
         "baseline": None if trend.baseline is None else _baseline(trend.baseline),
+        "curve": None if trend.baseline is None else _curve(trend.baseline),
         "limits": None if trend.limits is None else {"chart": trend.limits.chart, "score": _finite(trend.limits.score)},
         "autocorrelation": _autocorrelation(trend),
         "points": _points(trend),
@@ -51,6 +54,29 @@ def _baseline(baseline: Baseline) -> dict[str, Any]:
             }
             for k, name in enumerate(baseline.covariates)
         ],
+    }
+
+
+def _curve(baseline: Baseline) -> dict[str, Any] | None:
+    """The parameter over temperature, other covariates at the baseline's mean; None where temperature is not regressed out."""
+    if TEMPERATURE not in baseline.covariates:
+        return None
+    fit, k = baseline.fit, baseline.covariates.index(TEMPERATURE)
+    temperature = temperatures_between(float(baseline.low[k]), float(baseline.high[k]))
+    at = np.zeros((temperature.size, 1 + len(baseline.covariates)))
+    at[:, 0], at[:, 1 + k] = 1.0, temperature - baseline.centre[k]
+    estimate = at @ fit.coefficients
+    reach = float(scipy.special.stdtrit(fit.degrees_of_freedom, 0.975)) * np.sqrt(
+        np.einsum("ij,jk,ik->i", at, fit.covariance, at)
+    )
+    level = baseline.mean or math.nan
+    return {
+        "temperature_c": temperature.tolist(),
+        "estimate": estimate.tolist(),
+        "low": (estimate - reach).tolist(),
+        "high": (estimate + reach).tolist(),
+        "per_K": _finite(float(fit.coefficients[1 + k]) / level),
+        "per_K_sd": _finite(float(np.sqrt(fit.covariance[1 + k, 1 + k])) / abs(level)),
     }
 
 

@@ -14,6 +14,9 @@ from fecore.arrays import FloatArray
 from fecore.errors import InputError
 from fecore.trend.charts import Chart
 
+TEMPERATURE = "temperature_c"
+"""Name of the covariate of which a parameter's change is known before."""
+
 Direction = Literal["fall", "rise", "both"]
 
 SIDES: dict[Direction, dict[str, int]] = {"fall": {"fall": -1}, "rise": {"rise": 1}, "both": {"fall": -1, "rise": 1}}
@@ -33,6 +36,9 @@ class Watch:
     pending: int = 1  # consecutive campaigns outside that make an alarm; the limits know of it
     chart: Chart = field(default_factory=Chart)  # kind of chart
     expected_interval_days: float | None = None  # between campaigns; None where nothing is expected
+    # of watched parameters, mean and standard deviation of their relative change per kelvin, as it is known before: the
+    # prior of their regression on `temperature_c`
+    per_kelvin: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.directions:

@@ -22,7 +22,7 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.updating.posterior import DISCREPANCY, LinearProblem, Mixture
 
-_FAR_OFF = 0.01  # π: of the modes, that the model misses by far more than its discrepancy
+FAR_OFF = 0.01  # π: of the modes, that the model misses by far more than its discrepancy
 _THEN_BY = 0.05  # by how much then: as a wrong boundary, thickness or material does
 
 
@@ -42,7 +42,7 @@ def weights_of(problem: LinearProblem, probability: FloatArray, width: FloatArra
     for k in np.flatnonzero(probability < 1).tolist():
         none = problem.with_weight(k, 0.0)
         fits = problem.with_weight(k, 1.0).log_evidence(scatter) - none.log_evidence(scatter) - np.log(2 * np.pi) / 2
-        real = np.logaddexp(fits, np.log(_FAR_OFF) + _missed(none, k, scatter))
+        real = np.logaddexp(fits, np.log(FAR_OFF) + _missed(none, k, scatter))
         weights[k] = scipy.special.expit(_logit(probability[k]) + np.log(width[k]) + real)
     return weights
 

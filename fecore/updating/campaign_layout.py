@@ -20,6 +20,7 @@ from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
 from fecore.updating.layout import CAMPAIGNS_OWN, SPECIMENS_OWN, CampaignModel, Coupon, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, parametrise
+from fecore.updating.temperature import constant_of, is_of_damping, reference_of, with_temperature
 
 MATERIAL = ("Ex", "Ey", "Gxy", "Gxz", "Gyz", "nu_xy")
 """Constants that belong to the material."""
@@ -48,10 +49,15 @@ class Campaign:
     fixed_points: tuple[int, ...] = ()  # points at which a sensor stood through the test, if its mass was not stated
     # (3, 3) directions 1, 2 and 3, as rows, of points where they are not the body's axes
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
+    temperature_c: float | None = None  # of the body in the test; None where nobody stated it
 
 
 def lay_out(
-    campaigns: Sequence[Campaign], parameters: Sequence[Parameter], scatter: float, coupons: Sequence[Coupon] = ()
+    campaigns: Sequence[Campaign],
+    parameters: Sequence[Parameter],
+    scatter: float,
+    coupons: Sequence[Coupon] = (),
+    reference_c: float | None = None,
 ) -> Layout:
     """Lay out the unknowns of some campaigns.
 
@@ -61,13 +67,16 @@ def lay_out(
         scatter: scale of the deviations of its own that every specimen has in each free modulus, where there is more than one
             specimen; 0 for none. A batch of coupons is one more specimen.
         coupons: what static tests say of the material's constants.
+        reference_c: temperature at which the constants are asked for; by default as of `reference_of`.
 
     Raises:
-        InputError: two campaigns have one name, a parameter is not the material's, the parameters contradict themselves, or
-            campaigns begin with different values of one.
+        InputError: two campaigns have one name, a parameter is not the material's, the parameters contradict themselves,
+            campaigns begin with different values of one, or a coefficient of temperature is stated where there is one
+            temperature.
     """
     _check(campaigns, parameters)
-    forwards = [_forward(campaign, parameters) for campaign in campaigns]
+    reference = reference_of([campaign.temperature_c for campaign in campaigns], reference_c)
+    forwards = [_forward(campaign, parameters, reference) for campaign in campaigns]
     first = forwards[0].parametrisation
     shared = first.reported
     _check_priors(campaigns, forwards)
@@ -77,7 +86,7 @@ def lay_out(
     specimens = tuple(dict.fromkeys(campaign.specimen for campaign in campaigns))
     scatter = scatter if len(specimens) > 1 else 0.0
     if scatter:
-        moduli = [name for name in shared if kind_of(name) not in ("nu_xy", "nu12")]
+        moduli = [name for name in shared if kind_of(name) not in ("nu_xy", "nu12", "per_K")]
         places |= {(n, specimen): Unknown.of_scatter(n, specimen) for specimen in specimens for n in moduli}
         of_batches = ((coupon.name, coupon.batch) for coupon in coupons if coupon.name in moduli)
         places |= {key: Unknown.of_scatter(*key) for key in of_batches}
@@ -181,7 +190,7 @@ def check_material(body: Body, parameters: Sequence[Parameter]) -> None:
     if not isinstance(body, OrientedSpecimen):
         return
     for index, parameter in enumerate(parameters):
-        if parameter.name not in MATERIAL:
+        if (constant_of(parameter.name) or parameter.name) not in MATERIAL and not is_of_damping(parameter.name):
             expected = f"is {parameter.name!r}, expected one of the material's: {', '.join(MATERIAL)}"
             raise InputError(f"parameters.{index}.name", expected)
 
@@ -193,8 +202,9 @@ def _key(name: str, campaign: Campaign, shared: tuple[str, ...]) -> tuple[str, s
     return name, f"campaign {campaign.name}" if name in CAMPAIGNS_OWN else f"specimen {campaign.specimen}"
 
 
-def _forward(campaign: Campaign, parameters: Sequence[Parameter]) -> ForwardModel:
-    parametrisation, modes = _with_own(parametrise(campaign.body, parameters), campaign), campaign.modes
+def _forward(campaign: Campaign, parameters: Sequence[Parameter], reference: float | None) -> ForwardModel:
+    shared = with_temperature(parametrise(campaign.body, parameters), reference, campaign.temperature_c, reported=True)
+    parametrisation, modes = _with_own(shared, campaign), campaign.modes
     dofs = modes.dofs if modes.shapes is not None else ()
     rows = tuple(dict.fromkeys([*dofs, *along_z(campaign.fixed_points)]))
     highest = float(modes.frequency_hz[-1])

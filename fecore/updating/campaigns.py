@@ -7,6 +7,7 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.errors import InputError
+from fecore.updating.amounts import plus_minus
 from fecore.updating.campaign_layout import (
     MATERIAL,
     MATERIAL_PARAMETERS,
@@ -16,7 +17,9 @@ from fecore.updating.campaign_layout import (
     lay_out,
     yielding,
 )
-from fecore.updating.contradictions import Agreement, Conflict, compare_sources
+from fecore.updating.conflicts import Agreement, Conflict
+from fecore.updating.contradictions import compare_sources
+from fecore.updating.curves import check_temperatures, curve_of
 from fecore.updating.elastic_findings import (
     USUAL_MISS,
     contradiction,
@@ -24,6 +27,7 @@ from fecore.updating.elastic_findings import (
     mesh_on_trust,
     pairing_findings,
     points_beyond,
+    undetermined,
 )
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.elastic_starts import update_from_several_starts, update_on_finest_mesh
@@ -33,7 +37,8 @@ from fecore.updating.laws import common_damping
 from fecore.updating.layout import Coupon
 from fecore.updating.parameters import Parameter
 from fecore.updating.posterior import SCATTER
-from fecore.updating.result import CommonLaw, Finding, ModeComparison, ParameterEstimate, Verdict
+from fecore.updating.result import CommonLaw, Curve, Finding, ModeComparison, ParameterEstimate, Verdict
+from fecore.updating.temperature import TEMPERATURE, UNKNOWN_TEMPERATURE_SD, constant_of, damping_per_k
 
 __all__ = [
     "MATERIAL",
@@ -57,6 +62,8 @@ class CampaignsRecipe:
     parameters: tuple[Parameter, ...] = MATERIAL_PARAMETERS  # the material's, with their priors
     # scale of the moduli's relative deviations between specimens; 0: all specimens are of exactly one material
     scatter: float = SCATTER
+    # temperature at which the constants are asked for, °C; None for the campaigns' own where that is one, else 23
+    reference_temperature_c: float | None = None
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.scatter) and 0 <= self.scatter <= 1):
@@ -100,6 +107,8 @@ class CampaignsResult:
     conflicts: tuple[Conflict, ...] = ()  # sources that contradict the others, each with its likeliest cause
     # laws with one set of coefficients for all campaigns, ranked; none where no mode has a damping ratio
     damping: tuple[CommonLaw, ...] = ()
+    reference_temperature_c: float | None = None  # at which all of it is given, °C; None where that is not known
+    curve: Curve | None = None  # over temperature; None where all campaigns are at one
 
 
 def update_campaigns(
@@ -123,7 +132,9 @@ def update_campaigns(
     recipe = recipe or CampaignsRecipe()
     progress("laying out the campaigns", 0.0)
     ready = as_updated(campaigns)
-    layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons)
+    temperatures, stated = [each.temperature_c for each in ready], recipe.reference_temperature_c
+    layout = lay_out(ready, recipe.parameters, recipe.scatter, coupons, stated)
+    reference = check_temperatures(recipe.parameters, ready[0].body, temperatures, stated)
 
     def shown(share: float) -> None:
         progress("updating the material", 0.1 + 0.6 * share)
@@ -135,9 +146,11 @@ def update_campaigns(
     parameters = tuple(constant_estimates(elastic, None))
     causes = {conflict.cause.owner for conflict in against} - {""}
     parts = tuple(_part(elastic, number, each, alone[number], causes) for number, each in enumerate(ready))
-    findings = [*map(contradiction, against), *_findings(elastic, parts)]
+    findings = [*map(contradiction, against), *_findings(elastic, parts), *undetermined(parameters, None)]
     for model, campaign in zip(layout.campaigns, ready, strict=True):
         findings += [*points_beyond(model.forward, campaign.inputs, campaign.name), *mesh_on_trust(model.forward)]
+    laws = common_damping(elastic, damping_per_k(recipe.parameters))
+    findings += _unknown_temperatures(elastic, parts)
     total = elastic.mixture.total[: len(layout.shared), : len(layout.shared)]
     sd = np.sqrt(np.diag(total))
     progress("done", 1.0)
@@ -153,8 +166,23 @@ def update_campaigns(
         warnings=warnings(findings),
         findings=ordered(findings),
         conflicts=against,
-        damping=common_damping(elastic),
+        damping=laws,
+        reference_temperature_c=temperatures[0] if reference is None else reference,
+        curve=curve_of(elastic, laws),
     )
+
+
+def _unknown_temperatures(elastic: ElasticResult, parts: Sequence[CampaignPart]) -> list[Finding]:
+    """Campaigns of which nobody stated the temperature, among others at one."""
+    findings = []
+    for part, campaign in zip(parts, elastic.layout.campaigns, strict=True):
+        warmth = campaign.prior.warmth
+        for own in part.own:
+            if own.name == TEMPERATURE and warmth is not None:
+                assumed = plus_minus(TEMPERATURE, warmth.reference, UNKNOWN_TEMPERATURE_SD)
+                now = plus_minus(TEMPERATURE, own.estimate, own.standard_deviation)
+                findings.append(found("temperature_unknown", name=part.name, assumed=assumed, now=now))
+    return findings
 
 
 def _part(
@@ -164,12 +192,13 @@ def _part(
     values = layout.material(agreement.alone)
     sds = agreement.alone_sd * np.where(layout.prior.logarithmic[: values.size], np.abs(values), 1.0)
     rows = zip(layout.shared, map(float, values), map(float, sds), map(float, agreement.z), strict=True)
+    constants = [row for row in rows if constant_of(row[0]) is None]
     return CampaignPart(
         name=campaign.name,
         specimen=campaign.specimen,
         modes=elastic.compared_modes(number, campaign.modes),
         own=tuple(own_estimates(elastic, number)),
-        alone={name: {"estimate": value, "standard_deviation": sd, "z": z} for name, value, sd, z in rows},
+        alone={name: {"estimate": value, "standard_deviation": sd, "z": z} for name, value, sd, z in constants},
         predictive_p=agreement.predictive_p,
         contradicts=not causes.isdisjoint(_owners(campaign)),
     )

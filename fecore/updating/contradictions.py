@@ -8,13 +8,15 @@ and the rest of the data, the source left out, m ± v. Of a source that is as go
 over the posterior c of the discrepancy. The scatter between specimens is its prior's scale there, as an estimate of it would
 grow with every contradiction and hide it; that specimens scatter more is one of the possible causes. An input speaks of itself,
 a coupon of its constant, and a campaign of the combination of its frequencies that says most about the material, as well as of
-all of them together (posterior predictive χ²). That a body carries no other mass than stated is a source too (`added_mass`).
+all of them together (posterior predictive χ²). That a body carries, stands on and yields to nothing that was not stated is a
+source too (`screening`).
 
 Where a source contradicts, each one is a possible cause. A slip of k stated errors multiplies the evidence by the mean
 of N(y; m, k²σ² + v)/N(y; m, σ² + v) over the sizes k of slips; that of a campaign is another material, or any other body.
 A source explains what contradicts where some of it does so no longer once the slip is allowed for. One that the rest says
 nothing of (v ≫ k²σ²), or says what no body could be, changes nothing and explains nothing. A clamp may yield and need not:
-one that is firmer than expected contradicts nothing. The likeliest explanation is the cause. It is allowed for, and the others
+one that is firmer than expected contradicts nothing. What may have been added to a body, and the likeliest inputs, are
+compared by fits that have them (`explanations`). The likeliest explanation is the cause. It is allowed for, and the others
 are looked at anew: those that still contradict have causes of their own, the rest are cleared.
 """
 
@@ -30,9 +32,10 @@ import scipy
 
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
-from fecore.updating.added_mass import added_mass
+from fecore.updating.additions import Kind
+from fecore.updating.conflicts import Agreement, Check, Conflict, Said
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.inputs import UNSTATED_SENSOR
+from fecore.updating.explanations import Explanation, Hints, explanations, hints_of, loosened
 from fecore.updating.layout import Unknown
 from fecore.updating.posterior import LinearProblem, Mixture
 
@@ -51,53 +54,9 @@ RIVAL = float(np.log(20.0))
 """Log evidence by which another cause must be behind to be ruled out."""
 
 
+_REFITTED = 3  # inputs that are fitted anew, the likeliest
+_ADDED: dict[Kind, str] = {"mass": "mass on", "foot": "foot under", "support": "support of"}
 _UNSAID = 1e-9  # of what a source says is left beside the rest, so that matrices can be inverted
-
-
-@dataclass(frozen=True)
-class Said:
-    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
-
-    constant: str
-    stated: float
-    stated_sd: float
-    rest: float
-    rest_sd: float
-
-
-@dataclass(frozen=True)
-class Check:
-    """A source beside all others."""
-
-    kind: str  # `input`, `coupons`, `campaign`, `mass` that a body carries, or `scatter` of the specimens
-    name: str  # of the source, as a sentence names it
-    p: float  # probability of a difference from the rest that is larger than the one found
-    evidence: float  # logarithm of how much likelier the data are where this source is off by a slip
-    owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
-    said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
-    place: tuple[float, ...] = ()  # m, where a mass is likeliest
-
-
-@dataclass(frozen=True)
-class Conflict:
-    """A source that contradicts the others."""
-
-    cause: Check  # the likeliest
-    rivals: tuple[Check, ...]  # other explanations that the data do not rule out, the likeliest first
-    cleared: tuple[str, ...]  # names of sources that contradict no more once the cause is allowed for
-    moved: float  # how far a constant then moves at most, in its stated standard deviations
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """One campaign beside the others."""
-
-    # probability of frequencies further from the others' prediction than measured; None of a single campaign
-    predictive_p: float | None
-    alone: FloatArray  # (q,) coordinates' deviations of the material's parameters by this campaign alone
-    alone_sd: FloatArray  # (q,) their standard deviations
-    # (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing
-    z: FloatArray
 
 
 def compare_sources(elastic: ElasticResult) -> tuple[tuple[Conflict, ...], tuple[Agreement, ...]]:
@@ -113,10 +72,11 @@ def compare_sources(elastic: ElasticResult) -> tuple[tuple[Conflict, ...], tuple
 def _conflicts(sources: _Sources) -> tuple[Conflict, ...]:
     found = list[Conflict]()
     while against := sources.contradicting:
-        (cause, sources), *rivals = sources.explanations()
+        ((cause, allowing), *rivals), odds = sources.explanations()
+        moved, sources = allowing.moved_from(sources.elastic), allowing
         left = {each.name for each in sources.contradicting}
         cleared = tuple(each.name for each in against if each.name not in {cause.name, *left})
-        found.append(Conflict(cause, tuple(rival for rival, _ in rivals), cleared, sources.moved))
+        found.append(Conflict(cause, tuple(rival for rival, _ in rivals), cleared, moved, odds))
     return tuple(found)
 
 
@@ -162,7 +122,7 @@ class _Sources:
             own = [coupon.batch == batch for coupon in layout.coupons]
             statements.append(_Statement("coupons", batch, "", *(part[own] for part in layout.of_coupons)))
         found, bodies = cls(elastic, elastic.problem, layout.scatter, tuple(statements)), len(elastic.rows)
-        return replace(found, count=found.independent + (3 * bodies if bodies > 1 else 1))
+        return replace(found, count=found.independent + (5 * bodies if bodies > 1 else 3))
 
     @property
     def independent(self) -> float:
@@ -190,25 +150,89 @@ class _Sources:
         """The checks that are too improbable to be chance."""
         return [check for check, _ in self.checks if check.p < FALSE_ALARMS / self.count]
 
-    def explanations(self) -> list[tuple[Check, _Sources]]:
+    def explanations(self) -> tuple[list[tuple[Check, _Sources]], float | None]:
         """Which sources explain what contradicts, the likeliest first, each with all sources where it may be off by a slip;
-        where none does, what contradicts most.
+        where none does, what contradicts most. And the log odds of the first to the next of all.
         """
         found, names = list[tuple[Check, _Sources]](), {each.name for each in self.contradicting}
-        for check, slipped in sorted(self.checks, key=lambda each: -each[0].evidence):
+        ranked = sorted(self._candidates, key=lambda each: -each[0].evidence)
+        for check, slipped in ranked:
             if check.evidence <= (found[0][0].evidence - RIVAL if found else 0.0):
                 break
             sources = slipped()
             if names - {other.name for other in sources.contradicting}:
                 found.append((check, sources))
-        most, slipped = min(self.checks, key=lambda each: each[0].p)
-        return found or [(most, slipped())]
+        if not found:
+            most, slipped = min(self.checks, key=lambda each: each[0].p)
+            return [(most, slipped())], None
+        others = [check.evidence for check, _ in ranked if check.name != found[0][0].name]
+        return found, found[0][0].evidence - max(others) if others else None
 
     @property
-    def moved(self) -> float:
-        """How far a shared constant is at most from the estimate, in its stated standard deviations."""
-        off = self.posterior.weight @ self.posterior.shift[:, : len(self.elastic.layout.shared)]
-        return float(np.max(np.abs(off) / np.sqrt(np.diag(self.elastic.mixture.total))[: off.size]))
+    def _candidates(self) -> list[tuple[Check, Callable[[], _Sources]]]:
+        """The checks; of what may be added to bodies, and of the likeliest inputs, as fits anew say, not the linear problem."""
+        if self.problem is not self.elastic.problem:
+            return self.checks
+        found = list[tuple[Check, Callable[[], _Sources]]]()
+        p = min(check.p for check, _ in self.checks)
+        for number, hints in self._hints.items():
+            if max(hint.evidence for _, hint in hints.values()) > 0:
+                found += [self._with(each, number, p) for each in explanations(self.elastic, number, hints)]
+        added = {check.name for check, _ in found}
+        rest = sorted((c for c in self.checks if c[0].name not in added), key=lambda each: -each[0].evidence)
+        return [*found, *map(self._anew, rest[:_REFITTED]), *rest[_REFITTED:]]
+
+    def _with(
+        self, explanation: Explanation, number: int, p: float
+    ) -> tuple[Check, Callable[[], _Sources]]:
+        """Additions to a campaign's body, by the fit that has them, and all sources there.
+
+        The frequencies of the campaign are no source of their own any more: they say where it is, and of what size.
+        """
+        first, name = explanation.additions[0], self._of_body(explanation.additions[0].kind, number)
+        said = tuple(Said(each.name, 0.0, 0.0, size, sd) for each, size, sd in explanation.sizes)
+        check = Check(first.kind, name, p, explanation.evidence, self._named(number), said, first.place)
+        unknowns = explanation.result.layout.unknowns[-len(explanation.additions) :]
+        names = name, self._named(number), *(unknown.label for unknown in unknowns)
+        return check, lambda: self._fitted_anew(explanation.result, names)
+
+    def _anew(self, candidate: tuple[Check, Callable[[], _Sources]]) -> tuple[Check, Callable[[], _Sources]]:
+        """An input or prior with the evidence of a fit where it may be off by a slip."""
+        check, _ = candidate
+        places = [n for n, each in enumerate(self.elastic.layout.unknowns) if _labelled(each) == check.name]
+        if check.kind != "input" or not places or check.evidence <= 0:
+            return candidate
+        slip = min(
+            SLIPS,
+            key=lambda k: abs(np.log(k * check.said[0].stated_sd / abs(check.said[0].rest - check.said[0].stated))),
+        )
+        fitted = loosened(self.elastic, places[0], slip)
+        if fitted is None:
+            return candidate
+        evidence, result = fitted
+        return (
+            replace(check, evidence=evidence - float(np.log(len(SLIPS)))),
+            lambda: self._fitted_anew(result, (check.name,)),
+        )
+
+    def _fitted_anew(self, result: ElasticResult, names: tuple[str, ...]) -> _Sources:
+        """The sources of another fit, in which some may be off."""
+        return replace(_Sources.of(result), count=self.count, allowed=self.allowed | set(names))
+
+    def moved_from(self, other: ElasticResult) -> float:
+        """How far a shared constant is at most from another estimate, in the standard deviations stated there."""
+        q = len(other.layout.shared)
+        off = self.elastic.x[:q] + (self.posterior.weight @ self.posterior.shift)[:q] - other.x[:q]
+        return float(np.max(np.abs(off) / np.sqrt(np.diag(other.mixture.total)[:q])))
+
+    @cached_property
+    def _hints(self) -> dict[int, Hints]:
+        """Of each campaign, what may be added to its body."""
+        return {
+            number: hints_of(self.elastic, number, self.problem, self.posterior_with_logs, SLIPS)
+            for number in range(len(self.elastic.rows))
+            if not any(self._of_body(kind, number) in self.allowed for kind in _ADDED)
+        }
 
     @cached_property
     def checks(self) -> list[tuple[Check, Callable[[], _Sources]]]:
@@ -217,7 +241,7 @@ class _Sources:
         found = [self._of_statement(each) for each in self.statements if each.name not in self.allowed]
         if len(bodies) > 1:
             found += [self._of_campaign(each) for each in bodies if self._named(each) not in self.allowed]
-        found += [self._of_mass(each) for each in bodies if self._mass_on(each) not in self.allowed]
+        found += [each for number in self._hints for each in self._of_additions(number)]
         scatters = self.elastic.layout.specimens_scatter and SCATTER not in self.allowed
         return [*found, self._of_scatter()] if scatters else found
 
@@ -276,20 +300,22 @@ class _Sources:
         more = np.diag(np.where(_among(self.problem, at), ANYTHING**2, 0.0))
         return Check("campaign", name, float(p), float(evidence), name), self._with_noise(name, more)
 
-    def _of_mass(self, number: int) -> tuple[Check, Callable[[], _Sources]]:
-        sizes = [slip * UNSTATED_SENSOR for slip in SLIPS]
-        found = added_mass(self.elastic, number, self.problem, self.posterior_with_logs, sizes)
-        said = (Said("mass", 0.0, UNSTATED_SENSOR, found.mean, found.sd),)
-        p, name = float(np.exp(-max(found.evidence, 0.0))), self._mass_on(number)
-        check = Check("mass", name, p, found.evidence, self._named(number), said=said, place=found.place)
-        return check, self._with_noise(name, found.covariance)
+    def _of_additions(self, number: int) -> list[tuple[Check, Callable[[], _Sources]]]:
+        found = list[tuple[Check, Callable[[], _Sources]]]()
+        for kind, (additions, hint) in self._hints[number].items():
+            first, name = additions[int(np.argmax(hint.share))], self._of_body(kind, number)
+            said = (Said(first.name, 0.0, first.usual, hint.mean, hint.sd),)
+            p = float(np.exp(-max(hint.evidence, 0.0)))
+            check = Check(kind, name, p, hint.evidence, self._named(number), said=said, place=first.place)
+            found.append((check, self._with_noise(name, hint.covariance)))
+        return found
 
     def _named(self, number: int) -> str:
         name = self.elastic.layout.campaigns[number].name
         return f"campaign {name}" if name else ""
 
-    def _mass_on(self, number: int) -> str:
-        return f"mass on {self._named(number) or 'the body'}"
+    def _of_body(self, kind: Kind, number: int) -> str:
+        return f"{_ADDED[kind]} {self._named(number) or 'the body'}"
 
     def _by_material(self, number: int) -> FloatArray:
         """(n, n) covariance of a campaign's frequencies where its material is any that the priors allow."""

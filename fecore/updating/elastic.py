@@ -23,15 +23,15 @@ from fecore.arrays import FloatArray
 from fecore.correlation import Pairing
 from fecore.errors import InputError, UpdatingError
 from fecore.least_squares import Stopping, minimise
-from fecore.modal import turn_real
-from fecore.modes import MeasuredModes
 from fecore.updating.belief import weights_of
 from fecore.updating.elastic_result import ElasticResult, prior_belief, stacked
 from fecore.updating.forward import ForwardState
 from fecore.updating.layout import Layout
 from fecore.updating.pairing import Partners, exchanged, has_shapes, pair_held, pair_likest, pair_with, partners_of
-from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY, LinearProblem
+from fecore.updating.posterior import DISCREPANCY, LinearProblem
 from fecore.updating.result import ConvergenceStep
+from fecore.updating.shape_error import ShapeErrors
+from fecore.updating.theory_error import SHEAR_CORRECTION_SD, by_shear_correction, discrepancy_scale
 
 _TURNS, _STEPS = 30, 6  # pairings and discrepancies that are tried, and steps with each
 _LATE = 12  # turns after which a fit whose partners change swings, and steps that gain next to nothing are rest
@@ -83,9 +83,9 @@ def fit(
         raise InputError("use_shapes", "the measured modes have no shapes at points of the model")
     misfit = Misfit(layout, use_shapes, likest, held)
     origin: FloatArray = np.zeros(len(layout.unknowns))
-    first_scales = _Scales(
-        DISCREPANCY, layout.scatter, tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
-    )
+    weights = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
+    no_shear = tuple(np.zeros(each.size) for each in weights)
+    first_scales = _Scales(DISCREPANCY, layout.scatter, weights, no_shear, misfit.no_shapes)
     initial = misfit.paired(origin, first_scales)
     point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
@@ -112,17 +112,26 @@ def fit(
 
 @dataclass(frozen=True)
 class _Scales:
-    """What each turn estimates anew: discrepancy, scatter, and the weight of each measured mode of each campaign."""
+    """What each turn estimates anew: discrepancy, scatter, and of each campaign's measured modes the weights, and the errors by
+    shear and of shapes.
+
+    Within a turn modes pass one another, and a partner's share of shear would jump.
+    """
 
     spread: float
     scatter: float
     weights: tuple[FloatArray, ...]
+    by_shear: tuple[FloatArray, ...]
+    shapes: tuple[ShapeErrors, ...]  # none where shapes are not fitted
 
     def are_those_of(self, other: _Scales) -> bool:
         """Whether they differ by no more than what changes nothing."""
         mine, theirs = (self.spread, self.scatter), (other.spread, other.scatter)
         same = all(abs(new - old) <= _SAME * old for new, old in zip(mine, theirs, strict=True))
-        return same and all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
+        same &= all(a.are_those_of(b) for a, b in zip(self.shapes, other.shapes, strict=True))
+        same &= all(np.all(np.abs(a - b) <= _SAME) for a, b in zip(self.weights, other.weights, strict=True))
+        both = zip(self.by_shear, other.by_shear, strict=True)
+        return same and all(np.all(np.abs(a - b) <= _SAME * SHEAR_CORRECTION_SD) for a, b in both)
 
 
 @dataclass(frozen=True)
@@ -186,29 +195,39 @@ class Misfit:
         scales: _Scales,
     ) -> _Point:
         """The misfit at solved models, for pairings, a discrepancy, a scatter and the modes' weights."""
-        problem = self.linear(x, states, pairings, scales.weights)
+        problem = self.linear(x, states, pairings, scales.weights, scales.shapes, scales.by_shear)
         return _Point(states, pairings, problem, scales, *problem.at(scales.spread, scales.scatter))
 
     def linear(
-        self, x: FloatArray, states: Sequence[ForwardState], pairings: Sequence[Pairing], weights: Sequence[FloatArray]
+        self,
+        x: FloatArray,
+        states: Sequence[ForwardState],
+        pairings: Sequence[Pairing],
+        weights: Sequence[FloatArray],
+        shapes: Sequence[ShapeErrors],
+        by_shear: Sequence[FloatArray] | None = None,
     ) -> LinearProblem:
-        """The problem that is linear in the step from x."""
+        """The problem that is linear in the step from x; `by_shear` of measured modes is that of their partners by default."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
         residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
-        weight = np.concatenate(
-            [w[[row for row, _ in pairing.pairs]] for w, pairing in zip(weights, pairings, strict=True)]
+        by_shear = self.by_shear(states, pairings) if by_shear is None else by_shear
+        weight, shear = (
+            np.concatenate([each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)])
+            for some in (weights, by_shear)
         )
         missed: list[FloatArray] = [np.zeros(0)]
         by: list[FloatArray] = [np.zeros((0, size))]
-        for campaign, state, pairing, at in zip(self.layout.campaigns, states, pairings, rows, strict=True):
+        for campaign, state, pairing, at, errors in zip(
+            self.layout.campaigns, states, pairings, rows, shapes, strict=True
+        ):
             measured, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
             chain = campaign.prior.slope(state.theta)[:, None] * campaign.pick
             residual[at] = np.log(campaign.modes.frequency_hz[measured] / state.frequency_hz[columns])
             noise[at, at] = campaign.noise(measured)
             sensitivity[at] = state.frequency_jacobian[columns] / state.frequency_hz[columns, None] @ chain
             if self.use_shapes:
-                off, of_theta = _shape_residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
+                off, of_theta = errors.residual(campaign.modes, state, pairing, np.sqrt(weight[at]))
                 missed.append(off)
                 by.append(of_theta @ chain)
         J, m = np.vstack(by), np.concatenate(missed)
@@ -220,8 +239,17 @@ class Misfit:
             C, off = said / sds[:, None], (values - said @ x) / sds
             others["coupons"] = C.T @ C
             descent, cost = descent + C.T @ off, cost + float(off @ off)
-        known = residual, noise, sensitivity, x, self.layout.precision, others
-        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight)
+        known = residual, noise + np.outer(shear, shear), sensitivity, x, self.layout.precision, others
+        scale = max(discrepancy_scale(c.forward.specimen, c.inputs) for c in self.layout.campaigns)
+        return LinearProblem(*known, other_descent=descent, other_cost=cost / 2, weight=weight, scale=scale)
+
+    def by_shear(self, states: Sequence[ForwardState], pairings: Sequence[Pairing]) -> tuple[FloatArray, ...]:
+        """Of each campaign's measured modes, what the shear correction may miss of their partners; 0 without one."""
+        found = tuple(np.zeros(len(campaign.modes)) for campaign in self.layout.campaigns)
+        for own, state, pairing in zip(found, states, pairings, strict=True):
+            rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
+            own[rows] = by_shear_correction(state)[columns]
+        return found
 
     def move(self, point: _Point, step: FloatArray) -> _Point | None:
         """The point that a step leads to; None where no specimen could be, or a held partner is lost."""
@@ -237,19 +265,35 @@ class Misfit:
         return self.at(x, states, pairings, point.scales)
 
     def fresh_scales(self, point: _Point, *, late: bool) -> _Scales:
-        """Discrepancy, scatter and weights as they are at a point; late weights stay, so that the fit comes to rest."""
+        """All scales as they are at a point; late weights and errors of shapes stay, so that the fit comes to rest."""
         problem, old = point.problem, point.scales
         spread, scatter = problem.discrepancy(old.spread, old.scatter), 0.0
         if self.layout.scatter:
             mixture, scatters = problem.mixture(self.layout.scatter)
             scatter = float(np.sqrt(mixture.weight @ scatters**2))
         if late:
-            return _Scales(spread, scatter, old.weights)
+            return _Scales(spread, scatter, old.weights, old.by_shear, old.shapes)
         belief = weights_of(problem, *prior_belief(self.layout, point.pairings), old.scatter)
         likeliest, weights = np.round(belief), [np.ones(each.size) for each in old.weights]
         for own, pairing, at in zip(weights, point.pairings, stacked(point.pairings), strict=True):
             own[[row for row, _ in pairing.pairs]] = likeliest[at]
-        return _Scales(spread, scatter, tuple(weights))
+        by_shear = self.by_shear(point.states, point.pairings)
+        shapes = self.shape_errors(point.states, point.pairings, spread)
+        return _Scales(spread, scatter, tuple(weights), by_shear, shapes)
+
+    @property
+    def no_shapes(self) -> tuple[ShapeErrors, ...]:
+        """Of each campaign, errors of shapes of which nothing is known yet."""
+        return tuple(ShapeErrors({}, {}) for _ in self.layout.campaigns)
+
+    def shape_errors(
+        self, states: Sequence[ForwardState], pairings: Sequence[Pairing], spread: float
+    ) -> tuple[ShapeErrors, ...]:
+        """Of each campaign, the errors of the paired modes' shapes at a discrepancy of the frequencies."""
+        if not self.use_shapes:
+            return self.no_shapes
+        campaigns = zip(self.layout.campaigns, states, pairings, strict=True)
+        return tuple(ShapeErrors.of(campaign.modes, state, pairing, spread) for campaign, state, pairing in campaigns)
 
     def result(self, point: _Point, initial: _Point, history: tuple[ConvergenceStep, ...]) -> ElasticResult:
         """The result at the point of rest."""
@@ -329,25 +373,6 @@ class _Path:
         if isinstance(raised, SwingingError):
             raised.torn, raised.between = tuple(sorted(torn)), tuple(self.between.items())
         return raised
-
-
-def _shape_residual(
-    modes: MeasuredModes, state: ForwardState, pairing: Pairing, root_weight: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Realised measured less model shapes, each at its best scale, in standard deviations, and -∂/∂θ of them."""
-    assert modes.shapes is not None, "it was looked for"
-    residuals, jacobians = [], []
-    points = len(modes.dofs)
-    for (row, column), root in zip(pairing.pairs, root_weight, strict=True):
-        measured = turn_real(modes.shapes[row]).real
-        measured = measured / np.abs(measured).max()
-        model = state.shapes[column, :points]
-        scale = measured @ model / (model @ model)
-        by = state.shape_jacobian[:, state.modes.rigid + column, :points]
-        across = by - np.outer(by @ model, model) / (model @ model)  # the best scale takes what lies along
-        residuals.append(root * (measured - scale * model) / SHAPE_DISCREPANCY)
-        jacobians.append(root * scale * across.T / SHAPE_DISCREPANCY)
-    return np.concatenate(residuals), np.vstack(jacobians)
 
 
 def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPartnersError:

@@ -1,5 +1,8 @@
 """What looks wrong with an elastic update, and what it means for the use of its result."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from fecore.body.locate import place_in_words
@@ -9,12 +12,17 @@ from fecore.body.specimen import EDGE_ROUNDING
 from fecore.body.structure import Structure
 from fecore.modes import MeasuredModes
 from fecore.normal import Z_95
-from fecore.updating.contradictions import Check, Conflict, compare_sources
+from fecore.updating.additions import MASS
+from fecore.updating.amounts import amount, plus_minus
+from fecore.updating.conflicts import Check, Conflict, Said
+from fecore.updating.contradictions import compare_sources
 from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
-from fecore.updating.findings import Level, amount, found, listed, modes_of, plus_minus, remarks
+from fecore.updating.findings import Level, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
-from fecore.updating.result import Finding
+from fecore.updating.parameters import Parameter
+from fecore.updating.result import Finding, ParameterEstimate
+from fecore.updating.temperature import constant_of
 
 SAME_SHAPE = 0.8
 """MAC below which two shapes are not taken to be those of one mode."""
@@ -27,13 +35,17 @@ HOPELESS_MISS = 0.03
 _DOUBTED = 2.0  # standard deviations of a dimension from which a point of the grid beyond it contradicts it
 _HARDLY = 0.05  # probability of a change of stiffness below which none is reported
 _NAMED = 4  # points named in one sentence
+_MILLION = float(np.log(1e6))  # log odds beyond which a number says no more
+_ROUND_OFF = 1e-9  # of the share of a length's variance that the data leave
 
 
 def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
     """All findings, by what they mean."""
-    pairing = elastic.pairing
+    pairing, twins = elastic.pairing, _twins(elastic, modes)
     alone = len(pairing.unpaired_measured)
-    findings = remarks("pairing", pairing.messages(modes.frequency_hz, elastic.updated.frequency_hz))
+    twinned = {other for others in twins.values() for other in others}
+    shown = replace(pairing, unpaired_model=tuple(column for column in pairing.unpaired_model if column not in twinned))
+    findings = remarks("pairing", shown.messages(modes.frequency_hz, elastic.updated.frequency_hz))
     if elastic.unlike and pairing.mac is not None:
         findings.append(found("no_like_mode", mac=np.nanmax(pairing.mac)))
     if alone:
@@ -42,6 +54,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
     return [
         *findings,
         *pairing_findings(elastic),
+        *_two_in_one(elastic, modes, twins),
         *_halves_of_modes(elastic, modes),
         *_unlike_shapes(elastic),
         *_missed_frequencies(elastic),
@@ -49,6 +62,7 @@ def elastic_findings(elastic: ElasticResult, modes: MeasuredModes) -> list[Findi
         *map(contradiction, compare_sources(elastic)[0]),
         *_changed(elastic),
         *_confounded(elastic),
+        *_moved_by_length(elastic),
     ]
 
 
@@ -89,6 +103,30 @@ def _swinging_pairing(elastic: ElasticResult) -> list[Finding]:
     """Modes whose partners had to be held, as the fit from the prior means changed them to and fro."""
     which = ", ".join(elastic.layout.campaigns[number].named(row) for number, row in elastic.torn)
     return [found("partners_swing", which=which)] if which else []
+
+
+def _twins(elastic: ElasticResult, modes: MeasuredModes) -> dict[int, list[int]]:
+    """Modes of the model without a partner within half a bandwidth of a measured mode's partner, by the measured mode."""
+    model, pairing = elastic.updated.frequency_hz, elastic.pairing
+    twins = dict[int, list[int]]()
+    for row, column in pairing.pairs:
+        half = np.nan_to_num(modes.damping_ratio[row]) * modes.frequency_hz[row]
+        if others := [k for k in pairing.unpaired_model if abs(model[k] - model[column]) < half]:
+            twins[row] = others
+    return twins
+
+
+def _two_in_one(elastic: ElasticResult, modes: MeasuredModes, twins: dict[int, list[int]]) -> list[Finding]:
+    """Measured modes where the body has two that lie too close together to be told apart."""
+    model, partner = elastic.updated.frequency_hz, dict(elastic.pairing.pairs)
+    return [
+        found(
+            "two_in_one",
+            which=f"{row + 1} ({modes.frequency_hz[row]:.2f} Hz)",
+            hz=" and ".join(f"{hz:.2f} Hz" for hz in np.sort(model[[partner[row], *others]])),
+        )
+        for row, others in twins.items()
+    ]
 
 
 def _halves_of_modes(elastic: ElasticResult, modes: MeasuredModes) -> list[Finding]:
@@ -187,7 +225,7 @@ def contradiction(conflict: Conflict) -> Finding:
     return found(
         "sources_conflict",
         level="do_not_use" if cause.kind == "campaign" or conflict.moved > Z_95 else None,
-        cause=_explained(cause),
+        cause=f"{_explained(cause)}{_odds(conflict)}",
         p=cause.p,
         rivals=f"; nearly as likely: {rivals}" if rivals else "",
         cleared=f"; it also explains what contradicts {cleared}" if cleared else "",
@@ -198,9 +236,10 @@ def _explained(check: Check) -> str:
     """A cause as a sentence says it: `length of campaign B as 291.2 ± 1.6 mm instead of 300 ± 0.5 mm`."""
     if check.kind == "campaign":
         return f"{check.name} as one of another material, angle or boundary than stated"
-    if check.kind == "mass":
-        (said,) = check.said
-        return f"{check.name} of {1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g near {place_in_words(check.place)}"
+    if check.kind in ("mass", "foot", "support"):
+        sizes = listed([_sized(said) for said in check.said], _NAMED)
+        verb = ", which gives way" if check.kind == "support" else " of"
+        return f"{check.name}{verb} {sizes} near {place_in_words(check.place)}"
     if check.kind == "scatter":
         (said,) = check.said
         return f"specimens that scatter by {100 * said.rest:.2g} % instead of {100 * said.stated:.2g} %"
@@ -215,6 +254,25 @@ def _explained(check: Check) -> str:
     return f"{check.name}{': ' if check.kind == 'coupons' else ' '}{listed(words, _NAMED)}"
 
 
+def _sized(said: Said) -> str:
+    """The size of what a body may have: `5.4 ± 0.2 g`, `in rotation about y with 82 ± 2 N·m/rad`."""
+    if said.constant == MASS:
+        return f"{1e3 * said.rest:.1f} ± {1e3 * said.rest_sd:.1f} g"
+    dof, unit = said.constant.rpartition("_")[2], "N/m"
+    way = f"along {'xyz'['uvw'.index(dof)]} with " if dof in ("u", "v", "w") else ""
+    if dof in ("rx", "ry", "rz"):
+        way, unit = f"in rotation about {dof[1]} with ", "N·m/rad"
+    return f"{way}{said.rest:.3g} ± {said.rest_sd:.2g} {unit}"
+
+
+def _odds(conflict: Conflict) -> str:
+    """How far the cause is ahead of the next explanation."""
+    if conflict.odds is None or conflict.odds <= 0:
+        return ""
+    times = f"{np.exp(conflict.odds):.2g}" if conflict.odds < _MILLION else "over a million"
+    return f" ({times} to 1 ahead of the next)"
+
+
 def _changed(elastic: ElasticResult) -> list[Finding]:
     """Where the stiffness has changed, and where the resolution ends; nothing where it hardly has."""
     stretches = elastic.stretches
@@ -225,11 +283,52 @@ def _changed(elastic: ElasticResult) -> list[Finding]:
 
 
 def _confounded(elastic: ElasticResult) -> list[Finding]:
-    return [
-        found("confounded", name=each.name, others=", ".join(each.confounded_with))
+    """Constants that move with others; a coefficient of temperature by which they were brought elsewhere is none of these."""
+    others = {
+        each.name: [name for name in each.confounded_with if constant_of(name) is None]
         for each in elastic.identifiability
-        if each.confounded_with and each.name in elastic.layout.shared
+        if each.name in elastic.layout.shared
+    }
+    return [found("confounded", name=name, others=", ".join(rest)) for name, rest in others.items() if rest]
+
+
+def _moved_by_length(elastic: ElasticResult) -> list[Finding]:
+    """How a slip of the stated length that the modes would not show moves the constants, where by more than their intervals.
+
+    Of the posterior covariance C and the prior's variance σ² the rest of the data say length by v = 1/(1/C_nn - 1/σ²), and a
+    constant follows a length that is held by C_pn/C_nn.
+    """
+    layout, C = elastic.layout, elastic.inverse
+    if "length" not in layout.labels:
+        return []
+    place = layout.labels.index("length")
+    left = 1 - C[place, place] / layout.sd(elastic.scatter)[place] ** 2
+    rest = float(np.sqrt(C[place, place] / max(left, _ROUND_OFF)))
+    slopes = C[: len(layout.shared), place] / C[place, place]
+    sd = np.sqrt(np.diag(elastic.spanning.total)[: len(layout.shared)])
+    moved = [
+        f"{name} by {100 * np.expm1(slope * np.log(1.01)):+.2g} %"
+        for name, slope, own, each in zip(layout.shared, slopes, sd, elastic.identifiability, strict=False)
+        if each.identifiable and abs(slope) * rest > Z_95 * own
     ]
+    return [found("length_moves", rest=100 * rest, moved=listed(moved, _NAMED))] if moved else []
+
+
+def undetermined(
+    constants: Sequence[ParameterEstimate], parameters: Sequence[Parameter] | None, usual: Sequence[Parameter] = ()
+) -> list[Finding]:
+    """Constants that a recipe asks for and the data do not determine; or that they determine none.
+
+    A recipe that names none, or only the usual ones, asks for what the data determine.
+    """
+    lost = [each.name for each in constants if each.tied_to is None and not each.identifiable]
+    if not any(each.identifiable for each in constants):
+        return [found("nothing_determined")] if constants else []
+    asked, known = (
+        {each.name for each in some if not (each.fixed or each.tied_to)} for some in (parameters or (), usual)
+    )
+    names = [name for name in lost if name in asked and asked != known]
+    return [found("not_determined", names=listed(names, _NAMED))] if names else []
 
 
 def points_beyond(forward: ForwardModel, inputs: Inputs, campaign: str = "") -> list[Finding]:

@@ -32,6 +32,7 @@ from fecore.updating.posterior import (
     spread_over,
 )
 from fecore.updating.result import ConvergenceStep, ModeComparison, StartHistory
+from fecore.updating.theory_error import SHEAR_CORRECTION, by_shear_correction
 
 if TYPE_CHECKING:
     from fecore.updating.stretches import Stretches
@@ -40,6 +41,8 @@ REFUTED = 5.0
 """Log evidence by which a pairing must be behind to be ruled out."""
 
 NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = "measurement noise", "model discrepancy", "model of the joints"
+
+_NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
 
 BELIEVED = 0.5
 """Weight from which a measured mode is more likely one than none."""
@@ -119,40 +122,85 @@ class ElasticResult:
 
     @cached_property
     def excursions(self) -> tuple[tuple[Excursion, ...], ...]:
-        """Of each campaign, inputs that may be something, for what they do."""
-        campaigns = zip(self.layout.campaigns, self.states, strict=True)
-        return tuple(excursions(state, c.inputs, c.fixed_points) for c, state in campaigns)
+        """Of each campaign, inputs that may be something, for what they do, as the frequencies leave them."""
+        found, missed = [], np.zeros(self.problem.residual.size)
+        for c, state, pairing, at in zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True):
+            own = list(excursions(state, c.inputs, c.fixed_points))
+            for place, each in enumerate(own):
+                if each.kind == "one-sided" and each.name != MESH:
+                    by = missed.copy()
+                    by[at] = np.log1p(each.shift[[column for _, column in pairing.pairs]])
+                    own[place] = each.given(*self.problem.of_another(by, self.discrepancy, self.scatter))
+            found.append(tuple(own))
+        return tuple(found)
 
-    @cached_property
+    @property
     def sources(self) -> dict[str, FloatArray]:
+        """As `sources_at`, at the estimated discrepancy and scatter."""
+        return self.sources_at(self.discrepancy, self.scatter)
+
+    def sources_at(self, discrepancy: float, scatter: float) -> dict[str, FloatArray]:
         """By name of its source, (X, k) independent standard deviations of which the error of x is made.
 
         The estimate is linear in data and prior means, so its error is Gε + Gδ + H⁻¹P(x₀ - x); the variances of these parts,
         the noise's, the discrepancy's and each prior's, add up to H⁻¹.
         """
-        missed = np.zeros(self.problem.residual.size)
-        for campaign, at in zip(self.layout.campaigns, self.rows, strict=True):
-            missed[at] = campaign.model_error
-        noise = self.gain @ root(self.problem.noise - np.diag(missed**2))
-        parts: dict[str, list[FloatArray]] = {NOISE: [noise], DISCREPANCY_OF_MODEL: [self.gain * self.discrepancy]}
-        if missed.any():
-            parts[MODEL_OF_JOINTS] = [self.gain * missed]
-        for name, information in self.problem.others.items():
-            parts[name] = [self.inverse @ root(information)]
+        gain, inverse = self.problem.gain(discrepancy, scatter), self.problem.solve(discrepancy, scatter)[1]
+        of_data, of_others = self._roots
+        parts = {name: [gain @ each] for name, each in of_data.items()}
+        parts[DISCREPANCY_OF_MODEL] = [np.asarray(gain * discrepancy)]
+        for name, each in of_others.items():
+            parts[name] = [inverse @ each]
         if self.layout.common:
-            parts[COMMON] = [self.inverse @ root(self.layout.coupling(self.scatter))]
-        for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(self.scatter), strict=True)):
-            parts.setdefault(unknown.source, []).append(self.inverse[:, [place]] / sd)
+            parts[COMMON] = [inverse @ root(self.layout.coupling(scatter))]
+        for place, (unknown, sd) in enumerate(zip(self.layout.unknowns, self.layout.sd(scatter), strict=True)):
+            parts.setdefault(unknown.source, []).append(inverse[:, [place]] / sd)
         return {name: np.hstack(columns) for name, columns in parts.items()}
+
+    @cached_property
+    def _roots(self) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+        """By source, (n, k) roots of the covariance of the frequencies, and (X, k) of the information of what is none."""
+        missed, by_shear = np.zeros((2, self.problem.residual.size))
+        each = zip(self.layout.campaigns, self.states, self.pairings, self.rows, strict=True)
+        for campaign, state, pairing, at in each:
+            missed[at] = campaign.model_error
+            by_shear[at] = by_shear_correction(state)[[column for _, column in pairing.pairs]]
+        known = np.diag(missed**2) + np.outer(by_shear, by_shear)
+        of_data = {NOISE: root(self.problem.noise - known, of=self.problem.noise)}
+        if missed.any():
+            of_data[MODEL_OF_JOINTS] = np.diag(missed)
+        if by_shear.any():
+            of_data[SHEAR_CORRECTION] = by_shear[:, None]
+        return of_data, {name: root(each) for name, each in self.problem.others.items()}
+
+    def variance_by_source(self, along: FloatArray) -> dict[str, float]:
+        """By name of its source, variances of an (X,) combination of the unknowns that add up to that of `given`."""
+        found = dict[str, float]()
+        for share, sources, shift in self._made_of:
+            for name, part in sources.items():
+                found[name] = found.get(name, 0.0) + share * float(np.sum((along @ part) ** 2))
+            found[DISCREPANCY_OF_MODEL] += share * float(along @ shift) ** 2
+        total = sum(found.values())
+        # Of round-off, and of what was neglected.
+        left = float(along @ self.given.total @ along) / total if total else 0.0
+        return {name: part * left for name, part in found.items()}
+
+    @cached_property
+    def _made_of(self) -> list[tuple[float, dict[str, FloatArray], FloatArray]]:
+        """The Gaussians of `given`: weight, and sources as `sources_at` has them at a discrepancy and a scatter of its own, and
+        how far its mean lies from the estimate, which is the discrepancy's.
+        """
+        mixture, scatters = self.problem.mixture(self.layout.scatter)
+        kept = np.flatnonzero(mixture.weight > _NEGLIGIBLE)
+        known = zip(mixture.weight[kept], mixture.scale[kept], scatters[kept], mixture.shift[kept], strict=True)
+        return [(float(w), self.sources_at(float(s), float(t)), shift) for w, s, t, shift in known]
 
     @cached_property
     def identifiability(self) -> tuple[Identifiability, ...]:
         """Of each unknown, whichever of the modes are real and whichever partners that are not ruled out they have."""
         sd = self.layout.marginal_sd(self.scatter)
         known = identifiability(self.layout.labels, self.inverse, sd)
-        if self.spanning is self.given and not self.by_mesh.any():
-            return known
-        return spread_over(known, self.spanning.total + np.diag(self.by_mesh), sd)
+        return spread_over(known, self.spanning.total + np.diag(self.by_excursions(*self.every_excursion)), sd)
 
     @property
     def in_doubt(self) -> bool:
@@ -235,9 +283,13 @@ class ElasticResult:
     @cached_property
     def by_mesh(self) -> FloatArray:
         """(X,) mean square of what x may be off by as even the finest mesh misses something."""
+        return self.by_excursions(*(each for each in self.every_excursion if each.name == MESH))
+
+    def by_excursions(self, *chosen: Excursion) -> FloatArray:
+        """(X,) mean square of what x may be off by as some of the excursions are something."""
         found = np.zeros(self.x.size)
         for each, pull in zip(self.every_excursion, self.pulls.T, strict=True):
-            if each.name == MESH:
+            if any(each is one for one in chosen):
                 found += (each.rms * pull) ** 2
         return found
 

@@ -28,8 +28,10 @@ from fecore.updating.excursions import MESH, Excursion
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.laws import RankedLaw
+from fecore.updating.posterior import Mixture
 from fecore.updating.result import BudgetEntry, Comparable, Finding, ParameterEstimate
 from fecore.updating.sampling import Posterior
+from fecore.updating.temperature import DAMPING_PER_K, PER_K, Warmth, constant_of
 
 IN_DOUBT = "which modes are real"
 """The budget's source for measured modes that may be none."""
@@ -55,6 +57,13 @@ class Spread:
     above: float
     variance: Mapping[str, float]
 
+    def widened(self, sd: float, below: float, above: float, source: str) -> Spread:
+        """Of another posterior: what is wider is a source of its own, and where it is narrower all sources are smaller."""
+        left = sd**2 - self.sd**2
+        variance = {name: part * min((sd / self.sd) ** 2, 1.0) for name, part in self.variance.items()}
+        variance[source] = variance.get(source, 0.0) + max(left, 0.0)
+        return Spread(sd, self.noise_sd, below, above, variance)
+
     def tied(self, master: str, doubt: float) -> Spread:
         """The same of a constant that is tied to the coordinate's, `doubt` the standard deviation of the tie."""
         if not doubt:
@@ -63,12 +72,11 @@ class Spread:
         variance = {**self.variance, f"tie to {master}": doubt**2}
         return Spread(float(np.hypot(self.sd, doubt)), self.noise_sd, below, above, variance)
 
-    def sampled(self, samples: FloatArray | None) -> Spread:
-        """With the standard deviation and the reaches of samples about the estimate, where there are any."""
-        if samples is None:
-            return self
-        low, high = np.quantile(samples, [0.025, 0.975])
-        return replace(self, sd=float(np.std(samples)), below=max(float(-low), 0.0), above=max(float(high), 0.0))
+    def sampled(self, samples: FloatArray) -> Spread:
+        """With the root mean square and the reaches of (n,) samples about the estimate."""
+        sd, (low, high) = float(np.sqrt(np.mean(samples**2))), np.quantile(samples, [0.025, 0.975]).tolist()
+        variance = {name: part * (sd / self.sd) ** 2 for name, part in self.variance.items()}
+        return Spread(sd, self.noise_sd, max(-low, 0.0), max(high, 0.0), variance)
 
     def with_excursions(self, excursions: Sequence[Excursion], pulls: FloatArray) -> Spread:
         """With parts that lie on one side of the interval; reaches of independent parts add as squares."""
@@ -118,27 +126,31 @@ class Spread:
 
 
 def coordinate_spread(elastic: ElasticResult, place: int, samples: FloatArray | None = None) -> Spread:
-    """Of one of stage 1's unknowns; what the marginalised discrepancy adds to the estimated one's part is the discrepancy's.
+    """Of one of stage 1's unknowns, or of its samples."""
+    centred = None if samples is None else samples - (elastic.prior.xi_mean + elastic.x)[place]
+    return spread_along(elastic, np.eye(elastic.x.size)[place], centred)
+
+
+def spread_along(elastic: ElasticResult, along: FloatArray, samples: FloatArray | None = None) -> Spread:
+    """Of an (X,) combination of unknowns: its variance by source, the discrepancy marginalised, and what else may be.
 
     Where other pairings of the modes are not ruled out, what they add is a source of its own. The samples are those of one
     pairing, so the mixture over the pairings gives the interval then.
     """
-    along = np.eye(elastic.x.size)[place]
-    total, given = (float(each.total[place, place]) for each in (elastic.mixture, elastic.given))
-    variance = {name: float(part[place] @ part[place]) for name, part in elastic.sources.items()}
-    noise_sd = float(np.sqrt(variance[NOISE]))
-    variance[DISCREPANCY_OF_MODEL] = max(variance[DISCREPANCY_OF_MODEL] + given - sum(variance.values()), 0.0)
+
+    def of(mixture: Mixture) -> tuple[float, float, float]:
+        return float(np.sqrt(along @ mixture.total @ along)), *mixture.reach(along)
+
+    sd, below, above = of(elastic.given)
+    noise_sd = float(np.linalg.norm(along @ elastic.sources[NOISE]))
+    core = Spread(sd, noise_sd, below, above, elastic.variance_by_source(along))
     if elastic.in_doubt:
-        variance[IN_DOUBT] = max(total - given, 0.0)
+        core = core.widened(*of(elastic.mixture), IN_DOUBT)
     if elastic.spanning is not elastic.mixture:
-        spanned = float(elastic.spanning.total[place, place])
-        variance = {name: part * min(spanned / total, 1.0) for name, part in variance.items()}
-        variance[CHANGED_WHERE if elastic.stretches else OTHER_PARTNERS] = max(spanned - total, 0.0)
-        core = Spread(float(np.sqrt(spanned)), noise_sd, *elastic.spanning.reach(along), variance)
-    else:
-        centred = None if samples is None else samples - (elastic.prior.xi_mean + elastic.x)[place]
-        core = Spread(float(np.sqrt(total)), noise_sd, *elastic.mixture.reach(along), variance).sampled(centred)
-    return core.with_excursions(elastic.every_excursion, elastic.pulls[place])
+        core = core.widened(*of(elastic.spanning), CHANGED_WHERE if elastic.stretches else OTHER_PARTNERS)
+    elif samples is not None:
+        core = core.sampled(samples)
+    return core.with_excursions(elastic.every_excursion, along @ elastic.pulls)
 
 
 def constant_estimates(
@@ -154,11 +166,24 @@ def constant_estimates(
     layout, prior = elastic.layout, elastic.layout.prior
     theta, (held, held_sd) = layout.material(elastic.x), _with_inputs_held(elastic)
     provenance = {} if inputs is None else _provenance(elastic, inputs)
-    estimates = {}
+    estimates, coefficients = {}, []
     for column, master in enumerate(layout.shared):
         spread = coordinate_spread(elastic, column, None if sampled is None else sampled.xi[:, column])
         state, log = elastic.identifiability[column], bool(prior.logarithmic[column])
         others = tuple(n for n in state.confounded_with if n != master and (inputs is not None or n in layout.shared))
+        if constant_of(master) is not None:
+            unit, mean = prior.unit_of(master), float(prior.prior_mean[column])
+            coefficients.append(
+                replace(
+                    spread.estimate(master, unit, float(theta[column]), provenance=provenance),
+                    initial=mean,
+                    prior_mean=mean,
+                    prior_sd=float(prior.prior_sd[column]),
+                    identifiable=state.identifiable,
+                    comparable=Comparable(float(held[column]), float(held_sd[column])),
+                    confounded_with=others,
+                )
+            )
         for row in np.flatnonzero(prior.spread[:, column]):
             ratio, name = float(prior.spread[row, column]), prior.constant_names[row]
             value, mean = ratio * float(theta[column]), ratio * float(prior.prior_mean[column])
@@ -169,14 +194,15 @@ def constant_estimates(
             estimates[row] = replace(
                 own.estimate(name, prior.units[row], value, slope=value if log else ratio, log=log, provenance=words),
                 initial=mean,
-                identifiable=state.identifiable,
+                # What is known of a constant that may be off its tie by more than the data leave open is the tie.
+                identifiable=state.identifiable and doubt < own.sd / np.sqrt(2),
                 prior_mean=mean,
                 prior_sd=float(np.hypot(ratio * prior.prior_sd[column], tie * mean)),
                 comparable=Comparable(ratio * float(held[column]), abs(ratio) * float(held_sd[column])),
                 confounded_with=others,
                 tied_to=None if name == master else master,
             )
-    return [estimates[row] for row in sorted(estimates)]
+    return [*(estimates[row] for row in sorted(estimates)), *coefficients]
 
 
 def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate]:
@@ -191,7 +217,7 @@ def own_estimates(elastic: ElasticResult, number: int) -> list[ParameterEstimate
         unit, value, mean, sd, log = "1", float(np.exp(elastic.x[place])), 1.0, float(sds[place]), True
         if not unknown.is_scatter:
             row = prior.names.index(unknown.name)
-            unit = prior.units[prior.constant_names.index(unknown.name)]
+            unit = prior.unit_of(unknown.name)
             value, mean, sd = float(theta[row]), float(prior.prior_mean[row]), float(prior.prior_sd[row])
             log = bool(prior.logarithmic[row])
         base = spread.estimate(unknown.name, unit, value, slope=value if log else 1.0, log=log)
@@ -232,6 +258,42 @@ def ratio_estimates(ranked: RankedLaw) -> list[ParameterEstimate]:
     ]
 
 
+def at_reference(
+    each: ParameterEstimate, warmth: Warmth | None, priors: Mapping[str, tuple[float, float]]
+) -> ParameterEstimate:
+    """A damping coefficient at the reference, by the prior of its coefficient of temperature.
+
+    Args:
+        each: at the temperature of the measurement.
+        warmth: how much warmer than the reference that is; None where they are one.
+        priors: stated ones of the coefficients of temperature.
+    """
+    if warmth is None or warmth.temperature is None:
+        return each
+    name, above = each.name + PER_K, warmth.temperature - warmth.reference
+    mean, sd = priors.get(name, DAMPING_PER_K)
+    ratio = 1 / (1 + mean * above)
+    added = abs(each.estimate * ratio**2 * above) * sd
+    reach = [float(np.hypot(ratio * (limit - each.estimate), Z_95 * added)) for limit in each.interval_95]
+    value, total = ratio * each.estimate, float(np.hypot(ratio * each.standard_deviation, added))
+    share = (ratio * each.standard_deviation / total) ** 2
+    budget = [
+        replace(row, standard_deviation=ratio * row.standard_deviation, share=share * row.share) for row in each.budget
+    ]
+    budget.append(BudgetEntry(name, added, 1 - share, f"{sd:.3g} 1/K"))
+    return replace(
+        each,
+        estimate=value,
+        standard_deviation=total,
+        noise_standard_deviation=ratio * each.noise_standard_deviation,
+        interval_95=(value - reach[0], value + reach[1]),
+        initial=None if each.initial is None else ratio * each.initial,
+        identifiable=total < abs(value) / 2,
+        comparable=Comparable(ratio * each.comparable.estimate, ratio * each.comparable.standard_deviation),
+        budget=tuple(sorted(budget, key=lambda row: -row.share)),
+    )
+
+
 def disagreements(elastic: ElasticResult, sampled: Posterior | None) -> list[Finding]:
     """Where the samples and the Gaussian approximation of one posterior differ."""
     if sampled is None:
@@ -267,9 +329,12 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
     if elastic.in_doubt:
         words[IN_DOUBT] = "the probability of each measured mode, and how it fits the model"
     for column, name in enumerate(prior.names):
-        sd = f"{prior.prior_sd[column]:.3g} {prior.units[prior.constant_names.index(name)]}"
+        sd = f"{prior.prior_sd[column]:.3g} {prior.unit_of(name)}"
         if name in prior.reported:
             words[f"prior of {name}"] = sd
+        elif constant_of(name) is not None:
+            own = any(each.name == name for each in prior.per_kelvin)
+            words[name] = f"{sd}, {'stated' if own else 'usual of such materials'}"
         else:
             words[name] = f"{sd}, {_stated(inputs.is_stated(tolerance_of(name) or name))}"
     for each in elastic.every_excursion:

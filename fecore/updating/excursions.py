@@ -8,16 +8,25 @@ to where they would be something. What each does to the natural frequencies is e
 - of a body in space that one clamp holds, the clamp is a block on an even bed over the clamped nodes and their walls: 1 for
   translations, about its middle J = mean(r²1 − rrᵀ) + t²/12 for rotations, so δλ = -c Rᵀ diag(1, J)⁻¹ R, and c is that which
   lowers the first mode by what EI/kL lowers a strip's, δλ/λ = -4 EI/kL;
-- a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²;
+- a mass m at a point where the mode moves by φ lowers it by δλ = -λ m φ²; one that nobody stated may be large for the body,
+  so the modes Λ are solved for with it, on I + m φφᵀ;
 - what a mesh misses is the same sort of error in all modes (`fecore.updating.mesh_error`);
 - fibres askew by an angle change it by the angle's square, so the model is solved with them at one standard deviation.
+
+A one-sided input a ≥ 0, in its standard deviations, is what the frequencies leave of it. a ~ N(0, 1) changes ln f by ea: with
+the score b = eᵀWμ and the information i = eᵀMe of the data, the other unknowns following (`added_mass`), a is a Gaussian of
+mean b/(1 + i) and variance 1/(1 + i), cut off at 0. So what it moves a constant by is bounded by the constant's prior, and
+is small where it would have left other traces.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.beam_specimen import BeamSpecimen
@@ -46,25 +55,56 @@ class Excursion:
     stated: bool  # whether the laboratory stated the standard deviation
     amount: str  # one standard deviation in words, with its unit
 
+    # centre, width: of a one-sided input's Gaussian, in standard deviations of its prior, as the data leave it
+    centre: float = 0.0
+    width: float = 1.0
+
+    def given(self, score: float, information: float) -> Excursion:
+        """A one-sided input as data leave it, by their score and information of it in its standard deviations."""
+        return replace(self, centre=score / (1 + information), width=(1 + information) ** -0.5)
+
+    @property
+    def _log_share(self) -> float:
+        """Logarithm of the share of the Gaussian that is not cut off."""
+        return float(scipy.special.log_ndtr(self.centre / self.width))
+
+    @property
+    def _mean(self) -> float:
+        """Of a one-sided input."""
+        at = self.centre / self.width
+        return float(self.centre + self.width * np.exp(-(at**2) / 2 - self._log_share) / np.sqrt(2 * np.pi))
+
     @property
     def rms(self) -> float:
         """Root mean square of the input's effect, over that of one standard deviation: √E[z⁴] = √3 for a square."""
+        if self.kind == "one-sided":
+            return float(np.sqrt(max(self.width**2 + self.centre * self._mean, 0.0)))
         return float(np.sqrt(3.0)) if self.kind == "square" else 1.0
 
     @property
     def sd(self) -> float:
         """Standard deviation of the effect about its own mean, likewise."""
-        return float({"one-sided": np.sqrt(1 - 2 / np.pi), "square": np.sqrt(2.0), "both": 1.0}[self.kind])
+        if self.kind == "one-sided":
+            return float(np.sqrt(max(self.rms**2 - self._mean**2, 0.0)))
+        return float(np.sqrt(2.0)) if self.kind == "square" else 1.0
 
     def draws(self, random: np.random.Generator, count: int) -> FloatArray:
         """(n,) draws of the input's effect, in that of one standard deviation."""
         normal = random.standard_normal(count)
-        return {"one-sided": np.abs(normal), "square": normal**2, "both": normal}[self.kind]
+        if self.kind == "one-sided":
+            return self._beyond(np.log(2) + scipy.special.log_ndtr(-np.abs(normal)))
+        return normal**2 if self.kind == "square" else normal
 
     @property
     def reach(self) -> float:
         """Of 95 % of the effect, over that of one standard deviation."""
+        if self.kind == "one-sided":
+            return float(self._beyond(np.log(0.05)))
         return Z_95**2 if self.kind == "square" else Z_95
+
+    def _beyond(self, log_p: FloatArray | float) -> FloatArray:
+        """What a one-sided input exceeds with a probability."""
+        return np.asarray(self.centre - self.width * scipy.special.ndtri_exp(self._log_share + log_p))
 
 
 def excursions(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) -> tuple[Excursion, ...]:
@@ -131,18 +171,28 @@ def _sensor(state: ForwardState, inputs: Inputs, fixed_points: Sequence[int]) ->
     carried = [each.on_surface() if isinstance(each, PointMass) else each for each in getattr(body, "masses", ())]
     masses = [each for each in carried if isinstance(each.where, tuple) and not each.weighed]
     stated = inputs.is_stated("sensor_mass")
+    kind: Literal["both", "one-sided"] = "both"
     if masses:
         sds = np.array([inputs.standard_deviation("sensor_mass", each.mass) for each in masses])
-        places = np.array([each.where for each in masses])
-        kind: Literal["both", "one-sided"] = "both"
+        shift = -np.sum(state.displacement(np.array([each.where for each in masses])) ** 2, axis=2) @ sds / 2
     elif fixed_points and not forward.roving_mass:
         sds = np.full(len(fixed_points), inputs.sensor_mass_sd if stated else UNSTATED_SENSOR)
         places = forward.places[[forward.points.index(point) for point in fixed_points]]
-        kind = "one-sided"
+        kind, shift = "one-sided", _with_masses(state, places, sds)
     else:
         return []
-    shift = -np.sum(state.displacement(places) ** 2, axis=2) @ sds / 2
     return [Excursion("sensor_mass", shift, kind, stated, f"{1e3 * sds.max():.2g} g")]
+
+
+def _with_masses(state: ForwardState, places: FloatArray, masses: FloatArray) -> FloatArray:
+    """(n,) relative change of the elastic frequencies by (p,) masses at (p, 3) places."""
+    rows, modes = state.forward.specimen.model.displacement(places), state.modes
+    moved = (rows if state.basis is None else rows @ state.basis) @ modes.shapes
+    value = np.where(np.arange(modes.eigenvalue.size) < modes.rigid, 0.0, modes.eigenvalue)
+    heavier = np.eye(value.size) + (moved.T * np.repeat(masses, 3)) @ moved
+    loaded, turn = scipy.linalg.eigh(np.diag(value), heavier)
+    order = scipy.optimize.linear_sum_assignment(-(turn**2))[1][modes.rigid :]  # which mode each was
+    return np.asarray(np.sqrt(loaded[order] / value[modes.rigid :]) - 1)
 
 
 def _fibres(state: ForwardState, inputs: Inputs) -> list[Excursion]:

@@ -8,10 +8,8 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
-import numpy as np
-
-from fecore.body.constants import UNITS, kind_of
 from fecore.updating.result import Finding, ParameterEstimate, Verdict
+from fecore.updating.temperature import constant_of
 
 Level = Literal["with_care", "do_not_use"]
 
@@ -24,12 +22,8 @@ SENTENCES = {
     "do_not_use": "Do not use the result: the model and the measurement do not belong together.",
 }
 _DECISIVE = 2  # reasons that a verdict names
-_WRITTEN = {
-    "Pa": (1e-9, " GPa"),
-    "m": (1e3, " mm"),
-    "kg/m³": (1.0, " kg/m³"),
-    "rad": (180 / np.pi, "°"),
-}  # of values in messages
+SKEWED = 1.25
+"""Ratio of the sides of an interval from which they are written as two: what the second digit of a ± would show."""
 _NAMED = 4  # of alike warnings, how many are named one by one
 
 
@@ -114,6 +108,13 @@ FINDINGS = {
         "mode, of a structure that changed between the FRFs (temperature, supports, a sensor that was moved)",
         "measure faster or at a constant temperature, or leave one of the two out of the mode set",
     ),
+    "two_in_one": Row(
+        None,
+        3,
+        "measured mode {which} is probably two: the model has modes at {hz}, closer together than half a bandwidth, which the "
+        "FRFs do not tell apart. Its frequency is of both, its shape and damping are a mixture",
+        "hit or sense at a second place, where one of the two stands still",
+    ),
     "most_modes_alone": Row(
         "do_not_use",
         100,
@@ -167,16 +168,34 @@ FINDINGS = {
         "more modes would narrow it",
     ),
     "confounded": Row(
-        "with_care",
-        10,
+        None,
+        3,
         "{name} cannot be distinguished from {others}: the data determine only a combination of them",
         "fix one of them, or state how well it is known",
+    ),
+    "not_determined": Row(
+        "with_care",
+        10,
+        "the recipe asks for {names}, which the data do not determine: what is given is the prior",
+        "leave out what you do not need, measure a wider band, or state a better prior",
+    ),
+    "nothing_determined": Row(
+        "with_care",
+        10,
+        "the data determine none of the constants: what is given is the prior",
+        "measure a wider band, or at more points",
     ),
     "samples_differ": Row(
         "with_care",
         5,
         "the sampled posterior of {name} is {ratio:.2f} times as wide as its Laplace approximation",
         "use the samples",
+    ),
+    "length_moves": Row(
+        None,
+        1.2,
+        "the modes show the length to ± {rest:.2g} % alone: a length 1 % longer than stated would change {moved}",
+        "measure it twice",
     ),
     # of the FRFs
     "frfs_unlike": Row(
@@ -205,6 +224,13 @@ FINDINGS = {
         "the FRFs are {factor} times as large as the model's{unit}: check calibration (hammer, sensor, units), geometry, "
         "density, added masses and boundary",
         "the damping was fitted to the FRFs divided by this factor",
+    ),
+    "frfs_scaled_by_place": Row(
+        None,
+        3,
+        "the FRFs are {factor} times as large as the model's{unit}: the sensor, or the hammer, that stood still is some "
+        "millimetres off its point, near which the modes are steep, or its calibration is wrong",
+        "measure where it is; the damping was fitted to the FRFs divided by this factor",
     ),
     "frf_turned": Row(
         "with_care", 30, f"{{who}} the opposite sign of the {{of}}'s: a wrong direction or polarity {_FRFS}"
@@ -263,6 +289,12 @@ FINDINGS = {
         40,
         "campaign {name}: frequencies of the joint material differ from the measured ones by {percent:.1f} % (rms)",
     ),
+    "temperature_unknown": Row(
+        None,
+        6,
+        "campaign {name} states no temperature, and the others do: it was taken to be {assumed}, and comes out as {now}",
+        "state its temperature_c",
+    ),
     "campaign_modes_alone": Row("with_care", 30, "campaign {name}: {alone} no partner in the model"),
 }
 """All that can be found, by its id."""
@@ -315,28 +347,6 @@ def warnings(findings: Sequence[Finding]) -> tuple[str, ...]:
     return (*folded[: MOST_WARNINGS - 1], f"{left} less important warnings are not listed")
 
 
-def amount(name: str, value: float) -> str:
-    """A constant's value as a laboratory writes it, or another number; to three digits.
-
-    >>> amount("Ex", 33.05e9), amount("density", 2012), amount("", 0.16)
-    ('33.1 GPa', '2010 kg/m³', '0.16')
-    """
-    factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
-    return f"{float(f'{factor * value:.3g}'):g}{unit}"  # without an exponent where there need be none
-
-
-def plus_minus(name: str, value: float, sd: float) -> str:
-    """A constant's value with its standard deviation, to the digits that this leaves.
-
-    >>> plus_minus("length", 0.2912, 0.0016), plus_minus("nu_xy", 0.3, 0.05)
-    ('291.2 ± 1.6 mm', '0.3 ± 0.05')
-    """
-    factor, unit = _WRITTEN.get(UNITS.get(kind_of(name), ""), (1.0, ""))
-    digits = 1 - int(np.floor(np.log10(factor * sd)))
-    rounded, error = round(factor * value, digits), round(factor * sd, digits)
-    return f"{rounded:.12g} ± {error:.12g}{unit}"
-
-
 def modes_of(alone: int, count: int) -> str:
     """Some of the measured modes, as the subject of a sentence."""
     return f"{alone} of {count} measured modes {'has' if alone == 1 else 'have'}"
@@ -366,11 +376,22 @@ def _label(text: str) -> str:
     return match.group(0) if match else text
 
 
+def _in_percent(known: ParameterEstimate) -> str:
+    """A standard deviation as a share of the estimate, or one to each side where the interval is not about its middle."""
+    above, below = known.deviations
+    if max(above, below) < SKEWED * min(above, below):
+        return f"{100 * known.standard_deviation / abs(known.estimate):.2g} %"
+    return (
+        " ".join(f"{sign}{100 * each / abs(known.estimate):.2g}" for sign, each in (("+", above), ("−", below))) + " %"
+    )
+
+
 def _numbers(parameters: Sequence[ParameterEstimate]) -> str:
     """How well each parameter is known, and which the data do not determine; a tied one is neither."""
-    known = [p for p in parameters if p.identifiable and p.estimate and p.tied_to is None]
-    unknown = [p.name for p in parameters if not p.identifiable and p.tied_to is None]
+    constants = [p for p in parameters if p.tied_to is None and constant_of(p.name) is None]
+    known = [p for p in constants if p.identifiable and p.estimate]
+    unknown = [p.name for p in constants if not p.identifiable]
     if not known:
         return "no parameter is identifiable"
-    words = ", ".join(f"{p.name} to {100 * p.standard_deviation / abs(p.estimate):.2g} %" for p in known)
+    words = ", ".join(f"{p.name} to {_in_percent(p)}" for p in known)
     return f"{words} (one standard deviation)" + (f"; not identifiable: {', '.join(unknown)}" if unknown else "")

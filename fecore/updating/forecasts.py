@@ -212,7 +212,7 @@ class _Nominal:
         if not lines_hz.size:
             return np.zeros((len(pairs.sign), 0), dtype=complex)
         shapes = (observation @ modes.shapes).T
-        residual = pairs.residual(modes, self.mass, observation, shapes)
+        residual = pairs.residual(modes, self.mass, observation)
         model = ModalFrfModel(modes.eigenvalue, pairs.products(shapes), residual, modes.shift)
         return model.synthesise(lines_hz, 2 * damping_ratio * modes.omega)
 

@@ -172,7 +172,8 @@ class ForwardModel:
         """The basis's last system, and the same with the finest mesh's matrices of the modes."""
         return []
 
-    def _without_mesh_error(self, system: ReducedSystem) -> ReducedSystem:
+    def without_mesh_error(self, system: ReducedSystem) -> ReducedSystem:
+        """A system on the basis with the finest mesh's matrices, where what the body's own misses is known."""
         if self.mesh_error is None:
             return system
         if not self._on_finest or self._on_finest[0][0] is not system:
@@ -211,7 +212,7 @@ class ForwardModel:
         model, c = self.specimen.model, self.parametrisation.coefficients(theta)
         if self.reduced:
             modes = self.basis.modes(c.stiffness, c.mass) if self.verified else None
-            reduced = self._without_mesh_error(self.basis.system)  # as it has grown
+            reduced = self.without_mesh_error(self.basis.system)  # as it has grown
             if modes is None or reduced is not self.basis.system:
                 modes = reduced.modes(c.stiffness, c.mass, self.count)
             return ForwardState(

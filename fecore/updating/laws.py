@@ -20,13 +20,14 @@ strain energy that its own body has at the common estimate:
 
 A strip at 90° and one at 45° damp where a strip at 0° has no energy, so mechanisms are kept apart that one specimen shows as
 one. How far each campaign is off the common law is the root mean square of its own misses: a suspension or a clamp that damps
-shows there.
+shows there. Where campaigns have several temperatures each coefficient has one of temperature, a(T) = a (1 + k (T - T_ref))
+with k ~ N(0, (1 %/K)²) or as stated; k is integrated out in χ², which then has its prior and the logarithm of its evidence.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,7 @@ from fecore.updating.measured_ratios import MeasuredRatios, paired_ratios
 from fecore.updating.parameters import by_name
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import CommonLaw, Finding
+from fecore.updating.temperature import DAMPING_PER_K, PER_K
 
 STRONG_EVIDENCE = 10.0
 """Difference of two BICs above which the worse law is called inadequate."""
@@ -54,7 +56,11 @@ _NEGATIVE = 3.0  # standard deviations below zero that refute a mechanism's coef
 _LEAST_SHARE = 0.05  # of its strain energy that some mode must have in a mechanism for the modes to show its damping
 _APART = 0.02  # smallest singular value, of columns of unit length, of mechanisms that the modes distinguish
 _BY_MECHANISM = ("mechanism", "mechanism_viscous", "mechanism_constants", "loss_factor")
+_TURNS = 6  # of a fit in a coefficient and its coefficient of temperature, which are nearly linear
 _MISSED = 3.0  # standard deviations by which a law must miss a mode for the mode to be named
+
+PriorsPerK = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation of coefficients of temperature by name, 1/K."""
 
 FREQUENCY_LAWS: Mapping[str, DampingLaw] = {
     "rayleigh": RAYLEIGH,
@@ -144,15 +150,22 @@ class RankedLaw:
     named: tuple[tuple[int, float], ...]
     # (n, q) shares of the modes' strain energy, close ones mixed as suits the law; None where it looks at none
     strain: FloatArray | None
+    # (p,) coefficients of temperature, 1/K, and (2p, 2p) covariance of coefficients and these; None at one temperature
+    per_k: FloatArray | None = None
+    joint: FloatArray | None = None
 
     @property
     def described(self) -> dict[str, Any]:
-        """Name, coefficients, their standard deviations, and BIC."""
+        """Name, coefficients and those of temperature, their standard deviations, and BIC."""
         names = self.law.coefficient_names
+        values, covariance = self.coefficients, self.covariance
+        if self.per_k is not None and self.joint is not None:
+            names, covariance = (*names, *(name + PER_K for name in names)), self.joint
+            values = np.concatenate([values, self.per_k])
         return {
             "name": self.law.name,
-            "coefficients": by_name(names, self.coefficients),
-            "standard_deviations": by_name(names, np.sqrt(np.diag(self.covariance))),
+            "coefficients": by_name(names, values),
+            "standard_deviations": by_name(names, np.sqrt(np.diag(covariance))),
             "bic": self.bic,
         }
 
@@ -184,18 +197,31 @@ def identifiable_laws(modes: int, laws: Sequence[DampingLaw]) -> tuple[DampingLa
     return tuple(law for law in laws if len(law.coefficient_names) <= modes)
 
 
-def rank_laws(ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw]) -> LawRanking:
-    """Rank laws, each of which the modes can determine, by measured damping ratios; `rows` are the modes' numbers, from 0."""
-    return LawRanking(tuple(_ranked(law, ratios, rows) for law in laws))
+def rank_laws(
+    ratios: MeasuredRatios, rows: list[int], laws: Sequence[DampingLaw], priors: PriorsPerK | None = None
+) -> LawRanking:
+    """Rank laws, each of which the modes can determine, by measured damping ratios.
+
+    Args:
+        ratios: of the modes.
+        rows: their numbers, from 0.
+        laws: to rank.
+        priors: stated ones of coefficients of temperature.
+    """
+    return LawRanking(tuple(_ranked(law, ratios, rows, priors or {}) for law in laws))
 
 
-def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedLaw:
+def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int], priors: PriorsPerK) -> RankedLaw:
     """The law at the angles of close modes that suit it best; one that misses more than it may has the wider covariance."""
-    fit, cost, by_angles = _at_best_angles(law, ratios)
+    fit, cost, by_angles = _at_best_angles(law, ratios, priors)
     ratio, coefficients = ratios.ratio, fit.coefficients
     price = coefficients.size * np.log(ratio.size)
     excess = max(1.0, fit.chi_squared / max(ratio.size - coefficients.size, 1))
-    spread = excess * fit.gain @ fit.covariance @ fit.gain.T + by_angles
+    p = coefficients.size
+    if fit.joint is None:
+        spread = excess * fit.gain @ fit.covariance @ fit.gain.T + by_angles
+    else:
+        spread = excess * fit.joint[:p, :p] + by_angles
     possible = bool(np.all(fit.missed > -1)) and not _is_refuted(law, coefficients, spread, fit.ratios)
     named = np.abs(fit.missed) > _MISSED * np.sqrt(np.diag(fit.covariance))
     return RankedLaw(
@@ -208,6 +234,8 @@ def _ranked(law: DampingLaw, ratios: MeasuredRatios, rows: list[int]) -> RankedL
         missed=fit.missed,
         named=tuple((rows[k] + 1, float(fit.missed[k])) for k in np.flatnonzero(named)),
         strain=fit.ratios.strain,
+        per_k=fit.per_k,
+        joint=None if fit.joint is None else excess * fit.joint + scipy.linalg.block_diag(by_angles, 0 * by_angles),
     )
 
 
@@ -221,9 +249,11 @@ class _Fit:
     coefficients: FloatArray
     missed: FloatArray
     chi_squared: float
+    per_k: FloatArray | None = None
+    joint: FloatArray | None = None
 
     @classmethod
-    def of(cls, law: DampingLaw, ratios: MeasuredRatios) -> _Fit:
+    def of(cls, law: DampingLaw, ratios: MeasuredRatios, prior_per_k: PriorsPerK) -> _Fit:
         covariance = ratios.relative_covariance + np.diag(np.full(ratios.ratio.size, DAMPING_DISCREPANCY**2))
         whiten = np.linalg.inv(np.linalg.cholesky(covariance))
         basis = ratios.relative_basis(law)
@@ -231,15 +261,47 @@ class _Fit:
         gain = np.linalg.pinv(whiten @ unit) @ whiten / scale[:, None]
         coefficients = gain @ np.ones(ratios.ratio.size)
         missed = basis @ coefficients - 1
-        return cls(ratios, covariance, gain, coefficients, missed, float(np.sum((whiten @ missed) ** 2)))
+        at_one = cls(ratios, covariance, gain, coefficients, missed, float(np.sum((whiten @ missed) ** 2)))
+        if ratios.warmer is None:
+            return at_one
+        priors = np.array([prior_per_k.get(name + PER_K, DAMPING_PER_K) for name in law.coefficient_names])
+        return at_one.with_temperature(whiten, basis, ratios.warmer, *priors.T)
+
+    def with_temperature(
+        self, whiten: FloatArray, basis: FloatArray, warmer: FloatArray, mean: FloatArray, sd: FloatArray
+    ) -> _Fit:
+        """The same with a coefficient of temperature of each coefficient: Gauss and Newton's steps in a and k.
+
+        Args:
+            whiten: (n, n) root of the weights.
+            basis: (n, p) relative ratios by coefficients.
+            warmer: (n,) than the reference, K.
+            mean: (p,) of the priors of k.
+            sd: (p,) of the same.
+        """
+        a, k, p = self.coefficients, mean, mean.size
+        for _ in range(_TURNS):
+            at_own = basis * (1 + np.outer(warmer, k))
+            by_k = basis * a * warmer[:, None]
+            jacobian = np.vstack([whiten @ np.hstack([at_own, by_k]), np.hstack([np.zeros((p, p)), np.diag(1 / sd)])])
+            left = np.concatenate([whiten @ (1 - at_own @ a), (mean - k) / sd])
+            unit, scale = unit_columns(jacobian)
+            inverse = np.linalg.pinv(unit) / scale[:, None]
+            a, k = np.split(np.concatenate([a, k]) + inverse @ left, 2)
+        missed = basis * (1 + np.outer(warmer, k)) @ a - 1
+        seen = whiten @ by_k * sd
+        squares = float(np.sum((whiten @ missed) ** 2) + np.sum(((k - mean) / sd) ** 2))
+        narrowed = float(np.linalg.slogdet(np.eye(p) + seen.T @ seen)[1])
+        gain = inverse[:p, : len(whiten)] @ whiten
+        return _Fit(self.ratios, self.covariance, gain, a, missed, squares + narrowed, k, inverse @ inverse.T)
 
 
-def _at_best_angles(law: DampingLaw, ratios: MeasuredRatios) -> tuple[_Fit, float, FloatArray]:
+def _at_best_angles(law: DampingLaw, ratios: MeasuredRatios, priors: PriorsPerK) -> tuple[_Fit, float, FloatArray]:
     """The fit where close modes are mixed as suits a law best, the angles' cost, and the coefficients' covariance by them."""
-    best, cost = _Fit.of(law, ratios), 0.0
+    best, cost = _Fit.of(law, ratios, priors), 0.0
     by_angles = np.zeros((best.coefficients.size,) * 2)
     for mixing in ratios.mixings if isinstance(law, MechanismDamping) else ():
-        fits = [_Fit.of(law, best.ratios.mixed(mixing, change)) for change in mixing.change]
+        fits = [_Fit.of(law, best.ratios.mixed(mixing, change), priors) for change in mixing.change]
         scores = np.array([fit.chi_squared for fit in fits]) + mixing.cost
         chosen = int(np.argmin(scores))
         off = np.array([fit.coefficients for fit in fits]) - fits[chosen].coefficients
@@ -262,16 +324,26 @@ def _is_refuted(law: DampingLaw, coefficients: FloatArray, covariance: FloatArra
     return hidden or together or bool(np.any(coefficients < -_NEGATIVE * np.sqrt(np.diag(covariance))))
 
 
-def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:
-    """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio."""
-    parts = {c.name: paired_ratios(elastic, number, c.modes)[1] for number, c in enumerate(elastic.layout.campaigns)}
+def common_damping(elastic: ElasticResult, priors: PriorsPerK | None = None) -> tuple[CommonLaw, ...]:
+    """The laws that the paired modes of all campaigns can determine, ranked; none where no mode has a damping ratio.
+
+    Args:
+        elastic: stage 1.
+        priors: stated ones of coefficients of temperature.
+    """
+    parts = {}
+    for number, campaign in enumerate(elastic.layout.campaigns):
+        ratios, warmth = paired_ratios(elastic, number, campaign.modes)[1], campaign.prior.warmth
+        if warmth is not None:
+            warmer = float(warmth.above(campaign.theta(elastic.x))[0])
+            ratios = replace(ratios, warmer=np.full(ratios.ratio.size, warmer))
+        parts[campaign.name] = ratios
     ratios = MeasuredRatios.stacked(list(parts.values()))
     count = ratios.ratio.size
     if not count:
         return ()
-    known = {**FREQUENCY_LAWS, **mechanism_laws(elastic.layout.campaigns[0].forward.specimen)}
-    laws = identifiable_laws(count, [known[name] for name in (*FREQUENCY_LAWS, *_BY_MECHANISM)])
-    ranking = rank_laws(ratios, list(range(count)), laws)
+    laws = identifiable_laws(count, common_laws(elastic.layout.campaigns[0].forward.specimen))
+    ranking = rank_laws(ratios, list(range(count)), laws, priors)
     ends = np.cumsum([part.ratio.size for part in parts.values()])[:-1]
 
     def by_campaign(missed: FloatArray) -> dict[str, float]:
@@ -283,6 +355,14 @@ def common_damping(elastic: ElasticResult) -> tuple[CommonLaw, ...]:
             **ranked.described,
             preferred=ranked is ranking.preferred and bool(np.isfinite(ranked.bic)),
             missed_by=by_campaign(ranked.missed),
+            units=ranked.law.coefficient_units,
+            joint=ranked.joint,
         )
         for ranked in ranking.laws
     )
+
+
+def common_laws(body: Body) -> list[DampingLaw]:
+    """The laws that campaigns of a body may have in common."""
+    known = {**FREQUENCY_LAWS, **mechanism_laws(body)}
+    return [known[name] for name in (*FREQUENCY_LAWS, *_BY_MECHANISM)]

@@ -2,9 +2,9 @@
 
 | unknown | belongs to |
 |---|---|
-| moduli and Poisson's ratio, in the material's axes | the material: all campaigns share them |
+| moduli with coefficients of temperature, Poisson's ratio, in the material's axes | the material: all campaigns share them |
 | width, thickness, density, angle of the fibres; deviations of the moduli by scatter | the specimen: its campaigns share them |
-| length that vibrates, the clamp's compliance | the campaign |
+| length that vibrates, the clamp's compliance, a temperature that nobody stated | the campaign |
 
 All unknowns are one vector x of deviations from their prior means in the coordinates of `fecore.updating.parameters`, with
 independent Gaussian priors; the coordinates of campaign c are ξ_c = m_c + P_c x, where P_c picks and adds. An update of one
@@ -31,12 +31,13 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.pairing import has_shapes
 from fecore.updating.parameters import Parametrisation, by_name
 from fecore.updating.posterior import prior_of_scatter
+from fecore.updating.temperature import TEMPERATURE
 
 SPECIMENS_OWN = ("width", "thickness", "density", "fibre_angle")
 """Constants that belong to a specimen, whatever its boundary; Poisson's ratio is the material's."""
 
-CAMPAIGNS_OWN = ("length", CLAMP)
-"""Constants that belong to one campaign: a clamp begins to hold somewhere else each time."""
+CAMPAIGNS_OWN = ("length", CLAMP, TEMPERATURE)
+"""What belongs to one campaign: a clamp begins to hold somewhere else each time."""
 
 UNKNOWN_FREQUENCY_SD = 0.0002
 """Relative standard deviation of a frequency that was typed in without one."""

@@ -38,6 +38,8 @@ class MeasuredRatios:
     # (n, q) shares of the modes' strain energy by mechanism; None where the modes belong to no model
     strain: FloatArray | None = None
     mixings: tuple[Mixing, ...] = ()  # close modes that may have other shares than these
+    # (n,) how much warmer than the reference each was measured, K; None where all are at the temperature that counts
+    warmer: FloatArray | None = None
 
     @classmethod
     def stacked(cls, parts: Sequence[MeasuredRatios]) -> MeasuredRatios:
@@ -54,6 +56,7 @@ class MeasuredRatios:
             scipy.linalg.block_diag(*(part.relative_covariance for part in parts)),
             np.vstack([part.strain for part in parts if part.strain is not None]),
             tuple(mixings),
+            None if any(part.warmer is None for part in parts) else np.concatenate([part.warmer for part in parts]),
         )
 
     def mixed(self, mixing: Mixing, change: FloatArray) -> MeasuredRatios:
@@ -173,8 +176,7 @@ class ScaleMixture:
         )
 
 
-_LAW_FREEDOM = 3.0  # degrees of freedom of the prior of the scale of deviations
-_LAW_GRID = np.exp(np.linspace(np.log(0.01), np.log(30.0), 49))  # s over the prior's scale
+_LAW_GRID = np.exp(np.linspace(np.log(5e-4), np.log(4.0), 61))  # s over the root mean square of its prior
 
 
 def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArray, prior_rms: float) -> ScaleMixture:
@@ -184,9 +186,11 @@ def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArr
 
         p(s | r) ∝ p(s) |W|^½ |BᵀWB|^-½ exp(-½ rᵀ(W - WB(BᵀWB)⁻¹BᵀW) r),     W = (C + s²)⁻¹.
 
-    The prior of s is a half Student t of three degrees of freedom (Gelman 2006): it leaves room for s = 0, so where the values
-    follow the law to their noise, s is learnt to be as small as that; and it has a long tail, so where they do not, s is as
-    large as they are off. With no more values than coefficients the prior is all that is known.
+    The prior of s is even in ln s, over four decades: of a scale nobody knows the order of magnitude (Jeffreys 1946). So where
+    the values follow the law to their noise, s is learnt to be as small as that, and where they do not as large as they are
+    off; a prior that is even in s, as a half Student t is near 0, has nine tenths of its probability in the decade of the
+    largest, and a few values that follow a law do not outweigh it. With no more values than coefficients the prior is all that
+    is known.
 
     Args:
         residual: (n,) relative residuals of the law.
@@ -194,7 +198,7 @@ def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArr
         basis: (n, p) relative derivative B of the values by the coefficients.
         prior_rms: root mean square of the prior.
     """
-    scale, log_weight = _prior_of_deviations(prior_rms)
+    scale, log_weight = prior_rms * _LAW_GRID, np.zeros(_LAW_GRID.size)
     values, turn = np.linalg.eigh(noise)
     free = np.linalg.svd(basis)[0][:, basis.shape[1] :]  # what the coefficients cannot take up: |W|/|BᵀWB| = 1/|FᵀVF|
     r, V = free.T @ residual, free.T @ ((turn * np.maximum(values, 0)) @ turn.T) @ free
@@ -202,9 +206,3 @@ def scale_of_deviations(residual: FloatArray, noise: FloatArray, basis: FloatArr
         covariance = V + s**2 * np.eye(r.size)
         log_weight[number] -= (np.linalg.slogdet(covariance)[1] + r @ np.linalg.solve(covariance, r)) / 2
     return ScaleMixture(np.exp(log_weight - scipy.special.logsumexp(log_weight)), scale)
-
-
-def _prior_of_deviations(rms: float) -> tuple[FloatArray, FloatArray]:
-    """(m,) scales s and the logarithms of their prior probabilities, up to a constant."""
-    unit = rms / np.sqrt(_LAW_FREEDOM / (_LAW_FREEDOM - 2))
-    return unit * _LAW_GRID, -(_LAW_FREEDOM + 1) / 2 * np.log1p(_LAW_GRID**2 / _LAW_FREEDOM) + np.log(_LAW_GRID)

@@ -40,6 +40,7 @@ class Measurement:
     inputs: Inputs = field(default_factory=Inputs)  # how well the laboratory knows what else it hands in
     # (3, 3) directions 1, 2 and 3 of points that have axes of their own, as rows of unit vectors
     axes: Mapping[int, FloatArray] = field(default_factory=dict)
+    temperature_c: float | None = None  # of the body in the test, °C; None where nobody stated it
 
     def __post_init__(self) -> None:
         if self.frfs is None and self.modes is None:
@@ -107,6 +108,8 @@ def prepare(
     elif find_modes and measurement.modes is not None:
         modes, more = _with_shapes(fitted, measurement, specimen.model)
         warnings = (*warnings, *more)
+    if modes is not None:
+        modes = replace(modes, highest_hz=float(fitted.frequency_hz[-1]))
     return Prepared(
         frfs=frfs,
         fitted=fitted,

@@ -5,9 +5,11 @@ The modes φ of the body are carried to finer meshes (`fecore.body.refine`) and 
 φᵀM_jφ. So a basis that holds φ has the finer mesh's frequencies where φ are modes, their derivatives by all constants, and what
 close modes do to each other; elsewhere it is right to the first order in constants times mesh.
 
-With the size h of elements the error goes with h⁴ where motion is smooth and at least with h² about the corner of a cut-out, so
-what the finest mesh misses is taken to be a tenth of what it moved. Facets that turn little are taken for a curve, the more
-surely the less they turn.
+With the size h of elements the error goes with h⁴ where motion is smooth, so there what the finest mesh misses is
+taken to be a tenth of what it moved. About the corner of a cut-out it goes with h¹·⁰⁹ only (Williams 1952: stresses
+as r^-0.456 at 270°), and no mesh that is worth its time gets rid of it; but it is a share of the strain energy of the
+elements at the corner, whatever the mode. The shares are those of plates in the form of an L, isotropic and not, by
+quad8 elements of two sizes. Facets that turn little are taken for a curve, the more surely the less they turn.
 """
 
 from __future__ import annotations
@@ -18,10 +20,10 @@ from functools import cached_property
 import numpy as np
 import scipy
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, IntArray
 from fecore.body.affine import AffineMatrix
 from fecore.body.constants import Body
-from fecore.body.facets import SMOOTH, facet_turn
+from fecore.body.facets import SMOOTH, facet_turn, re_entrant
 from fecore.body.refine import Refined, element_size, refined
 from fecore.body.structure import Structure
 from fecore.dynamics.eigen import NormalModes, mass_orthonormal, shifted
@@ -35,6 +37,12 @@ _CHEAP = 30_000  # dofs up to which a finer mesh is made finer still, …
 _ROUNDS = 3  # … at most so often, …
 _CLOSE = 2e-3  # … while a mode moves by more
 _LEFT = 0.1  # share of what the last refinement moved that the finest mesh may still miss
+_AT_CORNERS = {
+    "A": 0.10,
+    "D": 0.04,
+    "S": 0.04,
+}  # shares of the energy of quadratic elements at a corner; as L-plates have them, …
+_OF_CORNERS = 0.4  # … and one standard deviation of these, relative
 _FACETED = 0.1  # probability that facets are those of the body where they turn by 30°; in proportion where by less
 _LEAST = 0.01  # of an eigenvalue, that the body's own mesh gives at least
 _SETTLED, _SWEEPS = 1e-5, 3  # relative change of an eigenvalue by one more sweep; sweeps
@@ -50,6 +58,9 @@ class Forms:
     def __sub__(self, other: Forms) -> Forms:
         return Forms(self.stiffness - other.stiffness, self.mass - other.mass)
 
+    def __rmul__(self, factor: float) -> Forms:
+        return Forms(factor * self.stiffness, factor * self.mass)
+
     def shift(self, along: FloatArray, value: FloatArray, stiffness: FloatArray, mass: FloatArray) -> FloatArray:
         """(n,) first-order relative changes of frequency of mass-normalised (m, n) motions with eigenvalues (n,)."""
         energy = np.einsum("mn,mo,on->n", along, np.tensordot(stiffness, self.stiffness, 1), along)
@@ -62,8 +73,8 @@ class MeshError:
     """What a body's mesh misses, about some constants."""
 
     images: FloatArray  # (dofs, m) Mφ of the elastic modes φ there
-    whole: Forms  # from the body's own mesh to the finest
-    last: Forms  # from the finest but one to the finest
+    whole: Forms  # from the body's own mesh to the finest, and beyond it about corners
+    left: Forms  # one standard deviation of what the finest may miss
     flat: Forms | None  # from a curved surface to flat facets, where the mesh does not say which
     turn: float  # of the facets, rad
     size: float  # of the body's elements, m
@@ -92,7 +103,7 @@ class MeshError:
         own = np.sqrt(np.maximum(1 - 2 * self.whole.shift(*rest), _LEAST)) - 1
         share = np.sqrt(_FACETED * self.turn / SMOOTH)  # of the difference: its root mean square
         flat = np.zeros(value.size) if self.flat is None else share * self.flat.shift(*rest)
-        return own, _LEFT * self.last.shift(*rest), flat
+        return own, self.left.shift(*rest), flat
 
     def frequencies(self, value: FloatArray, stiffness: FloatArray, mass: FloatArray) -> FloatArray:
         """(m,) frequencies in Hz on the finest mesh of the modes at the reference, whose own eigenvalues are (m,)."""
@@ -132,6 +143,10 @@ class Finer:
         return refined(self.body, curved=False) if self.turn else None
 
     @cached_property
+    def _corners(self) -> IntArray:
+        return re_entrant(self.body.mesh)
+
+    @cached_property
     def turn(self) -> float:
         """Of facets that may be a curved surface, rad; 0 where there are none."""
         return facet_turn(self.body.mesh)
@@ -169,26 +184,29 @@ class Finer:
         base = own.forms(shapes)
         model = self.body.model
 
-        def solved(level: Refined) -> Forms:
+        def solved(level: Refined) -> tuple[Forms, Forms]:
+            """The forms, and those of what the mesh misses about corners."""
             fine = _Values.of(level.body, constants, springs)
             motion = level.interpolation @ model.everywhere(shapes).reshape(len(model.free), -1)
             motion = motion.reshape(-1, 6, shapes.shape[1])[:, list(model.dofs)][level.body.model.free]
-            return fine.named_as(fine.forms(_moved(fine, motion, modes.shift)), own)
+            moved = _moved(fine, motion, modes.shift)
+            return fine.named_as(fine.forms(moved), own), fine.named_as(fine.at_corners(moved, self._corners), own)
 
         def off(change: Forms) -> float:
             own_shift = np.abs(change.shift(np.eye(len(value)), value, own.stiffness, own.mass))
             return float(own_shift[value <= held].max(initial=0.0))
 
-        before, after, number = base, solved(self.level(1)), 1
+        before, (after, missed), number = base, solved(self.level(1)), 1
         while number < _ROUNDS and off(after - before) > _CLOSE and self._next_size(number) <= _CHEAP:
             number += 1
-            before, after = after, solved(self.level(number))
+            before, (after, missed) = after, solved(self.level(number))
         flat = None
         if with_flat and self._flat is not None:
-            flat = solved(self._flat) - solved(self.level(1))
+            flat = solved(self._flat)[0] - solved(self.level(1))[0]
         sizes = element_size(self.body.mesh), element_size(self.level(number).body.mesh)
         order = 4 if _is_quadratic(self.body) else 2
-        return MeshError(model.mass.at(own.mass) @ shapes, after - base, after - before, flat, self.turn, *sizes, order)
+        images, left = model.mass.at(own.mass) @ shapes, _LEFT * (after - before) - _OF_CORNERS * missed
+        return MeshError(images, after - base - missed, left, flat, self.turn, *sizes, order)
 
     def _next_size(self, number: int) -> int:
         return 4 * len(self.level(number).body.mesh.nodes) * len(self.body.dofs)
@@ -215,6 +233,16 @@ class _Values:
         """The matrices' parts between (dofs, m) shapes."""
         model, all_of = self.body.model, slice(0, shapes.shape[1])
         return Forms(model.stiffness.project(shapes, all_of), model.mass.project(shapes, all_of))
+
+    def at_corners(self, shapes: FloatArray, corners: IntArray) -> Forms:
+        """What the mesh misses about corners, between (dofs, m) shapes."""
+        model, count = self.body.model, shapes.shape[1]
+        found = Forms(np.zeros((len(self.stiffness), count, count)), np.zeros((len(self.mass), count, count)))
+        if corners.size:
+            share = np.array([_AT_CORNERS.get(name.rpartition(".")[2][:1], 0.0) for name in model.stiffness.names])
+            energy = model.stiffness.about(corners).project(shapes, slice(0, count))
+            found = replace(found, stiffness=share[:, None, None] * energy)
+        return found
 
     def named_as(self, forms: Forms, own: _Values) -> Forms:
         """This model's forms by the coefficients of another's, of the same constants."""

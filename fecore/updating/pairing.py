@@ -53,6 +53,7 @@ def pair_with(modes: MeasuredModes, state: ForwardState) -> Pairing:
             state.frequency_hz,
             hidden=state.hidden,
             mixing=_MIXING * state.forward.specimen.model_error,
+            highest_hz=modes.highest_hz,
         )
     seen = probability_seen(modes, state)
     shown = np.setdiff1d(np.arange(state.frequency_hz.size), state.hidden)

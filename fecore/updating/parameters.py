@@ -26,6 +26,7 @@ from fecore.body.matrices import MatrixBody
 from fecore.body.sections import ShellSection
 from fecore.body.structure import CommonPrior, Structure
 from fecore.errors import InputError
+from fecore.updating.temperature import PER_K, Warmth, coefficient_of, constant_of, is_of_damping
 
 DEFAULT_RELATIVE_SD = 0.30
 """Prior standard deviation of a parameter for which none is stated, as a share of its mean."""
@@ -43,7 +44,8 @@ _FARTHEST = np.log(1000.0)  # from its prior mean, in either direction: no param
 class Parameter:
     """One constant in a recipe."""
 
-    name: str  # one of the specimen's constants, or of its springs
+    # one of the specimen's constants, or of its springs; `Ex.per_K` is Ex's coefficient of temperature
+    name: str
     prior_mean: float | None = None  # SI; the specimen's nominal value where None
     prior_sd: float | None = None  # SI; 30 % of the mean where None. Of a tied constant, how far it may be off its tie.
     fixed: bool = False  # keep the constant at its prior mean
@@ -85,6 +87,8 @@ class Parametrisation:
     # of each tied constant, how far it may be off its tie: standard deviation over its prior mean
     ties: Mapping[str, float] = field(default_factory=dict)
     common: tuple[CommonPrior, ...] = ()  # constants that share a prior; `prior_sd` is that of each alone
+    per_kelvin: tuple[Parameter, ...] = ()  # what the recipe says of coefficients of temperature
+    warmth: Warmth | None = None  # how θ changes with temperature; None where all of it is at one
 
     @property
     def reported(self) -> tuple[str, ...]:
@@ -106,7 +110,7 @@ class Parametrisation:
             prior_sd=np.concatenate([self.prior_sd, [sd for _, sd in chosen]]),
             base=base,
             spread=np.hstack([self.spread, spread]),
-            inputs=len(chosen),
+            inputs=self.inputs + len(chosen),
         )
 
     @property
@@ -119,10 +123,24 @@ class Parametrisation:
         """SI units of the constants."""
         return (*(UNITS[kind_of(name)] for name in self.body.nominal), *(spring.unit for spring in self.body.springs))
 
+    def unit_of(self, name: str) -> str:
+        """SI unit of a parameter or of a constant."""
+        if name in self.constant_names:
+            return self.units[self.constant_names.index(name)]
+        return UNITS[kind_of(name)]
+
     def constants(self, theta: FloatArray) -> FloatArray:
-        """(c + s,) constants in the order of `constant_names`."""
-        values: FloatArray = self.base + self.spread @ theta
+        """(c + s,) constants in the order of `constant_names`, at the body's temperature."""
+        values: FloatArray = self.base + self.spread @ self.warm(theta)
         return values
+
+    def warm(self, theta: FloatArray) -> FloatArray:
+        """(…, p) θ as they are at the body's temperature."""
+        return theta if self.warmth is None else self.warmth.at(theta)
+
+    def constants_by(self, theta: FloatArray) -> FloatArray:
+        """(c + s, p) derivative of the constants by θ."""
+        return self.spread if self.warmth is None else self.spread @ self.warmth.slope(theta)
 
     def is_physical(self, theta: FloatArray) -> bool:
         """Whether the specimen could have these constants, and every spring is positive."""
@@ -130,13 +148,13 @@ class Parametrisation:
 
     def are_physical(self, theta: FloatArray) -> BoolArray:
         """(w,) the same for (w, p) parameters."""
-        constants, springs = self.split((self.base + theta @ self.spread.T).T)
+        constants, springs = self.split((self.base + self.warm(theta) @ self.spread.T).T)
         physical: BoolArray = self.body.are_physical(constants) & np.all(springs > 0, axis=0)
         return physical
 
     def coefficient_values(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(w, k + s) stiffness coefficients and (w, j) inertias at (w, p) parameters, without derivatives."""
-        constants, springs = self.split((self.base + theta @ self.spread.T).T)
+        constants, springs = self.split((self.base + self.warm(theta) @ self.spread.T).T)
         stiffness = np.concatenate([self.body.stiffness_coefficients(constants), springs])
         return stiffness.T, self.body.mass_coefficients(constants).T
 
@@ -154,7 +172,8 @@ class Parametrisation:
     @cached_property
     def logarithmic(self) -> BoolArray:
         """(p,) coordinates that are logarithms: those of parameters that cannot be negative."""
-        return np.array([name not in self.body.nominal or kind_of(name) not in SIGNED for name in self.names])
+        springs = {spring.name for spring in self.body.springs}
+        return np.array([name in springs or kind_of(name) not in SIGNED for name in self.names])
 
     @cached_property
     def xi_mean(self) -> FloatArray:
@@ -207,7 +226,7 @@ class Coefficients:
     @cached_property
     def stiffness_by(self) -> FloatArray:
         """(k + s, p) their derivatives."""
-        by_constants, by_springs = self.parametrisation.split(self.parametrisation.spread)
+        by_constants, by_springs = self.parametrisation.split(self.parametrisation.constants_by(self.theta))
         slope = _derivative(self.parametrisation.body.stiffness_coefficients, self._values[0])
         return np.vstack([slope @ by_constants, by_springs])
 
@@ -219,7 +238,7 @@ class Coefficients:
     @cached_property
     def mass_by(self) -> FloatArray:
         """(j, p) their derivatives."""
-        by_constants, _ = self.parametrisation.split(self.parametrisation.spread)
+        by_constants, _ = self.parametrisation.split(self.parametrisation.constants_by(self.theta))
         slope: FloatArray = _derivative(self.parametrisation.body.mass_coefficients, self._values[0]) @ by_constants
         return slope
 
@@ -267,8 +286,12 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
             prior is not positive, or nothing is left to update.
     """
     nominal = _nominal(specimen)
-    _check(parameters, tuple(nominal))
-    free = [p for p in parameters if not p.fixed and p.tied_to is None]
+    parameters = [p for p in parameters if not is_of_damping(p.name)]
+    coefficients = tuple(p for p in parameters if constant_of(p.name) is not None)
+    free = [p for p in parameters if not p.fixed and p.tied_to is None and p not in coefficients]
+    changing = [p.name + PER_K for p in free if coefficient_of(p.name, specimen) is not None]
+    _check(parameters, (*nominal, *changing))
+    parameters = [p for p in parameters if p not in coefficients]
     if not free:
         raise InputError("parameters", "leaves nothing to update; expected at least one that is neither fixed nor tied")
     mean = {p.name: nominal[p.name] if p.prior_mean is None else p.prior_mean for p in parameters}
@@ -300,7 +323,17 @@ def parametrise(specimen: Body, parameters: Sequence[Parameter] = DEFAULT_PARAME
         for p in parameters
         if p.tied_to is not None
     }
-    result = Parametrisation(specimen, names, prior_mean, prior_sd, fixed, spread, ties=ties, common=tuple(common))
+    result = Parametrisation(
+        specimen,
+        names,
+        prior_mean,
+        prior_sd,
+        fixed,
+        spread,
+        ties=ties,
+        common=tuple(common),
+        per_kelvin=coefficients,
+    )
     if not result.is_physical(prior_mean):
         raise InputError(
             "parameters", "the prior means are not those of a positive definite material; look at Poisson's ratio"
@@ -335,13 +368,17 @@ def _check(parameters: Sequence[Parameter], known: tuple[str, ...]) -> None:
             raise InputError(f"{where}.tied_to", f"{p.name} is fixed and tied at once")
         if p.tied_to is not None:
             _check_tie(where, p, by_name)
+        if constant_of(p.name) is not None and (p.tied_to or (p.fixed and p.prior_mean is None)):
+            raise InputError(
+                where, f"{p.name} is a coefficient of temperature: state its prior_mean in 1/K, or nothing"
+            )
 
 
 def _check_tie(where: str, p: Parameter, by_name: dict[str, Parameter]) -> None:
     if p.tied_to == p.name:
         raise InputError(f"{where}.tied_to", f"{p.name} is tied to itself")
     master = by_name.get(p.tied_to or "")
-    if master is None or master.fixed or master.tied_to:
+    if master is None or master.fixed or master.tied_to or constant_of(master.name) is not None:
         raise InputError(f"{where}.tied_to", f"{p.tied_to!r} is not a free parameter of this recipe")
 
 

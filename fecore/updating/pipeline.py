@@ -14,6 +14,7 @@ from fecore.dynamics.damping_laws import DampingLaw, ModalDamping
 from fecore.errors import FecoreError, InputError, UpdatingError
 from fecore.frf import Dof, FrfSet
 from fecore.modes import MeasuredModes
+from fecore.updating.curves import check_temperatures
 from fecore.updating.damping_data import damping_data
 from fecore.updating.damping_stage import fit_damping, fit_reference
 from fecore.updating.discretisation import DISCRETISATION, Discretisation, meshed
@@ -35,6 +36,7 @@ from fecore.updating.recipe import Recipe
 from fecore.updating.result import Finding, UpdateResult
 from fecore.updating.sampling import Checkpoint, sample_posterior
 from fecore.updating.summary import DampingOutcome, Summary
+from fecore.updating.temperature import with_temperature
 from fecore.updating.zones import with_sparse_factors, with_stretches
 
 Progress = Callable[[str, float], None]
@@ -68,7 +70,10 @@ def update(
     """
     recipe, inputs = recipe or Recipe(), measurement.inputs
     parameters = default_parameters(specimen) if recipe.parameters is None else recipe.parameters
-    parametrisation = parametrise(specimen, parameters).with_inputs(inputs.standard_deviations(specimen.nominal))
+    temperatures, stated = [measurement.temperature_c], recipe.reference_temperature_c
+    reference = check_temperatures(parameters, specimen, temperatures, stated)
+    known = with_temperature(parametrise(specimen, parameters), reference, measurement.temperature_c, reported=False)
+    parametrisation = known.with_inputs(inputs.standard_deviations(specimen.nominal))
     data = _prepared(measurement, specimen, recipe, progress)
     body, mesh = meshed(specimen, _highest_hz(data))
     forward = _forward(replace(parametrisation, body=body), measurement, data)
@@ -97,7 +102,9 @@ def update(
         *points_beyond(forward, inputs),
         *_other_method(measurement, recipe),
     ]
-    result = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled).result(findings)
+    given_at = recipe.reference_temperature_c if reference is not None else measurement.temperature_c
+    summary = Summary(elastic, modes, damping, data, inputs=inputs, recipe=recipe, sampled=sampled)
+    result = replace(summary.result(findings), reference_temperature_c=given_at)
     progress("done", 1.0)
     return result
 

@@ -41,6 +41,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Coupon, Layout, Unknown
 from fecore.updating.parameters import Parameter, Parametrisation, by_name, parametrise
 from fecore.updating.posterior import DISCREPANCY, SCATTER, prior_of_scatter
+from fecore.updating.theory_error import by_shear_correction
 
 _FAINT = 1e4  # noise variance of ln f, over the discrepancy's, from which a mode counts as not seen
 _ROUNDS = 5  # of exchanges
@@ -312,7 +313,8 @@ def _forecast(each: _Simulated, known: _Known, slope: FloatArray, *, count: int 
     rows = min(len(campaign.modes), state.frequency_hz.size)  # each mode is taken for the model's of its number
     by = state.frequency_jacobian[:rows] / state.frequency_hz[:rows, None]
     S = by * campaign.prior.slope(state.theta) @ campaign.pick
-    gained, error = _information(known, layout, about), known.discrepancy**2 + each.test.body.model_error**2
+    gained = _information(known, layout, about)
+    error = known.discrepancy**2 + each.test.body.model_error**2 + by_shear_correction(state)[:rows] ** 2
 
     def brought(points: Sequence[int]) -> FloatArray:
         return np.asarray(S.T @ ((1 / (each.noise(points) + error))[:, None] * S))

@@ -27,14 +27,17 @@ from fecore.errors import UpdatingError
 from fecore.frf import FrfSet, Quantity
 from fecore.least_squares import nearest
 from fecore.modal.arrangement import pair_label
+from fecore.updating.amounts import amount
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
-from fecore.updating.findings import Level, amount, found, listed
+from fecore.updating.findings import Level, found, listed
+from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
 
 _COMMON = 0.05  # by which the FRFs may be larger or smaller than the model's: twice what calibrations are good for
+_COMMON_SDS = 2.0  # standard deviations that this is
 _UNITS = {
     "acceleration in g is, for m/s²": 1 / 9.80665,
     "acceleration in m/s² is, for g": 9.80665,
@@ -46,6 +49,7 @@ _UNITS = {
 """What is often taken for another unit, and the factor that it gives an FRF."""
 
 _OWN = 0.3  # by which one FRF's factor may lie off that of all
+_PLACED = 0.002  # standard deviation of where a sensor sits, or a hammer hits, about its point, m
 _LIKE = 0.7  # likeness below which an FRF is another one
 _WEAK = 0.05  # of the median energy of the FRFs: weaker ones, near a nodal line, are noise and the neighbours' tails
 _NEAR = 0.1  # of its frequency: lines at an unmeasured mode
@@ -66,6 +70,7 @@ class Likeness:
     # (u,) how much higher the model's FRFs are than the measured ones about each: root of the ratio of energies
     expected: FloatArray
     lowest_hz: float  # of the measured modes
+    placed: float  # standard deviation of the logarithm of the common factor, as a sensor that stands still is off its point
 
     @classmethod
     def of(cls, data: DampingData, quantity: Quantity | None = None) -> Likeness:
@@ -98,6 +103,7 @@ class Likeness:
             unmeasured_hz=unmeasured,
             expected=_expected(frfs, predicted, unmeasured),
             lowest_hz=float(omega[data.shifted].min() / (2 * np.pi)),
+            placed=_placed(data),
         )
 
     @property
@@ -128,7 +134,9 @@ class Likeness:
         if sign < 0:
             findings.append(found("sign_opposite"))
         if self.miscalibrated:
-            findings.append(found("frfs_scaled", factor=amount("", abs(self.common)), unit=self._unit()))
+            by_place = abs(np.log(abs(self.common))) < np.hypot(_COMMON, _COMMON_SDS * self.placed)
+            kind = "frfs_scaled_by_place" if by_place else "frfs_scaled"
+            findings.append(found(kind, factor=amount("", abs(self.common)), unit=self._unit()))
         relative = self.height / self.common
         like: BoolArray = sign * self.likeness >= _LIKE
         turned: BoolArray = sign * self.likeness <= -_LIKE
@@ -157,6 +165,27 @@ class Likeness:
     def _who(self, rows: IntArray, relative: FloatArray) -> str:
         names = listed([f"{self.labels[row]} ({relative[row]:+.2f})" for row in rows], _MOST)
         return f"FRF {names} has" if rows.size == 1 else f"FRFs {names} have"
+
+
+def _placed(data: DampingData) -> float:
+    """Standard deviation of the logarithm of all FRFs' height, as the dof that they share is met to `_PLACED`; 0 without one.
+
+    Where its displacement φ changes by g per metre, in modes that the FRF's other dof sees by ψ, it is
+    `_PLACED` √(Σψ²|g|²/Σψ²φ²): large near a clamp.
+    """
+    state, frfs = data.elastic.updated, data.frfs
+    forward, measured = state.forward, data.shifted - state.modes.rigid
+    slopes = state.shapes_by(forward.specimen.model.slopes(forward.places, directions_of(forward.dofs, forward.axes)))
+    steep = np.sum(slopes.reshape(len(slopes), -1, 3) ** 2, axis=2)[measured]
+    shapes = state.shapes[measured] ** 2
+    sides = [forward.rows(dofs)[0] for dofs in (frfs.responses, frfs.references)]
+    both = np.maximum(np.sum(shapes[:, sides[0]] * shapes[:, sides[1]], axis=0), 1e-300)
+    variance = [
+        float(np.median(np.sum(steep[:, own] * shapes[:, other], axis=0) / both))
+        for own, other in (sides, sides[::-1])
+        if np.ptp(own) == 0
+    ]
+    return _PLACED * float(np.sqrt(sum(variance)))
 
 
 def _expected(frfs: FrfSet, predicted: ComplexArray, modes_hz: FloatArray) -> FloatArray:

@@ -39,7 +39,7 @@ SCATTER = 0.02
 COMMON = "common material of the sets"
 """Name of the information that sets of one material give one another."""
 
-_GRID = np.exp(np.linspace(np.log(0.1), np.log(30.0), 41))  # s over s₀
+_GRID = np.linspace(np.log(0.1), np.log(30.0), 41)  # ln s over s₀
 _SCATTERS = np.exp(np.linspace(np.log(0.1), np.log(8.0), 9))  # τ over its scale
 _POINT = 1e-6  # of the widest Gaussian's standard deviation: what is narrower is a point
 _INFORMED = 0.5  # share of the prior's variance below which the data have supplied most of what is known
@@ -185,6 +185,7 @@ class LinearProblem:
     other_cost: float = 0.0
     # (n,) w, 1 of a frequency that is taken for one of a mode, 0 of another (`belief`): W_s becomes √w W_s √w
     weight: FloatArray | float = 1.0
+    scale: float = DISCREPANCY  # s₀
 
     def at(self, spread: float, scatter: float) -> tuple[float, FloatArray, FloatArray]:
         """The misfit E at a discrepancy and a scatter, its descent (X,) and its hessian H (X, X)."""
@@ -204,6 +205,13 @@ class LinearProblem:
         _, covariance = self.solve(spread, scatter)
         gain: FloatArray = covariance @ self._weighted(self._variance(np.array([spread])), self.sensitivity)[0].T
         return gain
+
+    def of_another(self, by: FloatArray, spread: float, scatter: float) -> tuple[float, float]:
+        """Score eᵀWμ and information eᵀMe of one more unknown, which changes ln f by (n,) e, where the others follow."""
+        step, covariance = self.solve(spread, scatter)
+        pull = self._weighted(self._variance(np.array([spread])), by[:, None])[0, :, 0]
+        across = self.sensitivity.T @ pull
+        return float(pull @ (self.residual - self.sensitivity @ step)), float(pull @ by - across @ covariance @ across)
 
     def informed(self, spread: float, scatter: float) -> float:
         """How many unknowns the frequencies determine at a discrepancy and a scatter: tr(GS)."""
@@ -230,14 +238,14 @@ class LinearProblem:
 
     def log_evidence(self, scatter: float) -> float:
         """The logarithm of the evidence at a scatter, the unknowns and the discrepancy integrated out, up to a constant."""
-        spreads, log_prior = grid_of_discrepancies()
+        spreads, log_prior = grid_of_discrepancies(self.scale)
         *_, evidence = self._solve_all(spreads, np.array([scatter]))
         return float(scipy.special.logsumexp(evidence[0] + log_prior))
 
     def discrepancy(self, spread: float, scatter: float) -> float:
         """The discrepancy as the residuals give it, where so many unknowns are determined as at given scales."""
         root, fitted = np.sqrt(self.weights), self.informed(spread, scatter)
-        return discrepancy(root * self.residual, fitted + self.residual.size - float(self.weights.sum()), DISCREPANCY)
+        return discrepancy(root * self.residual, fitted + self.residual.size - float(self.weights.sum()), self.scale)
 
     def _variance(self, spreads: FloatArray) -> FloatArray:
         """(s, n, n) W_s⁻¹ at (s,) discrepancies."""
@@ -251,7 +259,7 @@ class LinearProblem:
 
     def mixture(self, scatter_scale: float) -> tuple[Mixture, FloatArray]:
         """The posterior about the estimate, and (m,) the scatter of each of its Gaussians; a scale of 0 has no scatter."""
-        spreads, log_prior = grid_of_discrepancies()
+        spreads, log_prior = grid_of_discrepancies(self.scale)
         scatters, probability = prior_of_scatter(scatter_scale)
         step, covariance, evidence = self._solve_all(spreads, scatters)
         log_weight = evidence + log_prior + np.log(probability)[:, None]
@@ -264,7 +272,7 @@ class LinearProblem:
         """The posterior about the estimate at a scatter, and (m,) the logarithms of its weights, which hold those too that
         are 0 to rounding.
         """
-        spreads, log_prior = grid_of_discrepancies()
+        spreads, log_prior = grid_of_discrepancies(self.scale)
         step, covariance, evidence = (part[0] for part in self._solve_all(spreads, np.array([scatter])))
         log_weight: FloatArray = scipy.special.log_softmax(evidence + log_prior)
         return Mixture(np.exp(log_weight), step, covariance, spreads), log_weight
@@ -302,10 +310,14 @@ class LinearProblem:
         return hessian, descent, r[..., 0] @ self.residual, counted
 
 
-def grid_of_discrepancies(coarse: int = 1) -> tuple[FloatArray, FloatArray]:
-    """(s,) values of the discrepancy, one in so many of the grid, and the logarithms of their prior probabilities."""
-    spreads = DISCREPANCY * _GRID[::coarse]
-    return spreads, _log_prior(spreads, DISCREPANCY)
+def grid_of_discrepancies(scale: float = DISCREPANCY, coarse: int = 1) -> tuple[FloatArray, FloatArray]:
+    """(s,) values of the discrepancy, one in so many of the grid, and the logarithms of their prior probabilities.
+
+    However small its scale, it may be what a body shows that is not as it is stated.
+    """
+    low, high = _GRID[0] + np.log(scale), _GRID[-1] + np.log(DISCREPANCY)
+    spreads = np.exp(np.linspace(low, high, _GRID.size)[::coarse])
+    return spreads, _log_prior(spreads, scale)
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
@@ -322,12 +334,14 @@ def _log_prior(value: FloatArray, scale: float) -> FloatArray:
     return log
 
 
-def log_likelihood(noise: FloatArray, weights: FloatArray | float = 1.0) -> Callable[[FloatArray], FloatArray]:
+def log_likelihood(
+    noise: FloatArray, weights: FloatArray | float = 1.0, scale: float = DISCREPANCY
+) -> Callable[[FloatArray], FloatArray]:
     """The logarithm of p(r), up to a constant, of (w, n) residuals of ln f with (n, n) noise, the discrepancy marginalised.
 
     Each counts as far as its (n,) weight says that it is one of a mode.
     """
-    s, log_prior = grid_of_discrepancies()
+    s, log_prior = grid_of_discrepancies(scale)
     weights = np.broadcast_to(weights, len(noise))
     values, turn = np.linalg.eigh(noise)
     variance = np.maximum(values, 0) + s[:, None] ** 2

@@ -38,4 +38,6 @@ class Recipe:
     posterior: Literal["laplace", "mcmc"] = "laplace"  # "laplace", or "mcmc" to sample it
     seed: int = 0  # of everything random
     identification: Options = field(default_factory=Options)  # how modes are identified where none are handed in
+    # temperature at which the constants are asked for, °C; None for that of the measurement
+    reference_temperature_c: float | None = None
     include_doubtful: bool = True  # use the uncertain poles of the identification too

@@ -10,6 +10,7 @@ from fecore.arrays import ComplexArray, FloatArray
 from fecore.body.mesh import Mesh
 from fecore.frf import Dof
 from fecore.modal import Identification
+from fecore.normal import Z_95
 
 if TYPE_CHECKING:
     from fecore.updating.effects import FrequencyEffects
@@ -87,6 +88,12 @@ class ParameterEstimate:
     # the parameter that it follows in a fixed ratio, so that nothing here is its own: its estimate and interval hold
     # where the ratio does. None where it is its own.
     tied_to: str | None = None
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """Standard deviations above and below the estimate, as its 95 % interval reaches."""
+        low, high = self.interval_95
+        return (high - self.estimate) / Z_95, (self.estimate - low) / Z_95
 
 
 @dataclass(frozen=True)
@@ -173,9 +180,35 @@ class DampingModelFit(LawFit):
 
 @dataclass(frozen=True)
 class CommonLaw(LawFit):
-    """A law with one set of coefficients for all campaigns; `missed_by`: root mean square of each one's relative misses."""
+    """A law with one set of coefficients for all campaigns; `missed_by`: root mean square of each one's relative misses.
+
+    Where campaigns have several temperatures, `coefficients` has `a0.per_K` of each after them.
+    """
 
     missed_by: dict[str, float]
+    units: tuple[str, ...]  # (p,) of its coefficients
+    joint: FloatArray | None  # (2p, 2p) covariance of these and of their coefficients of temperature, or None
+
+
+@dataclass(frozen=True)
+class CurveOf:
+    """A constant, or a coefficient of a damping law, over temperature: (n,) estimates and 95 % intervals."""
+
+    name: str
+    unit: str
+    estimate: FloatArray
+    low: FloatArray
+    high: FloatArray
+    law: str | None = None  # of a law's coefficient
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What campaigns at several temperatures show of each constant between these, and a little beyond."""
+
+    reference_c: float  # at which the result is given, °C
+    temperature_c: FloatArray  # (n,) ascending, °C
+    constants: tuple[CurveOf, ...]
 
 
 @dataclass(frozen=True)
@@ -306,3 +339,5 @@ class UpdateResult:
     effects: FrequencyEffects
     warnings: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
+    reference_temperature_c: float | None = None  # at which all of it is given, °C; None where nobody stated one
+    curve: Curve | None = None  # over temperature, where the reference is not that of the measurement

@@ -196,7 +196,9 @@ def _elastic_density(elastic: ElasticResult) -> LogProbability:
     centre = np.concatenate([prior.xi(elastic.theta)[:free], prior.xi_mean[free:]])
     frequencies = _LocalFrequencies.about(state.forward.on_basis(), prior.theta(centre), covariance, highest)
     by_inputs = elastic.problem.sensitivity[:, free:] * prior.xi_sd[free:]
-    likelihood = log_likelihood(elastic.problem.noise + by_inputs @ by_inputs.T, elastic.problem.weights)
+    likelihood = log_likelihood(
+        elastic.problem.noise + by_inputs @ by_inputs.T, elastic.problem.weights, elastic.problem.scale
+    )
     log_prior = elastic.layout.log_prior()
 
     def density(xi: FloatArray) -> FloatArray:

@@ -19,13 +19,11 @@ from fecore.body.kinds import energy_shares, largest, motion_shares
 from fecore.body.mechanisms import mechanism_weights
 from fecore.dynamics.eigen import NormalModes
 from fecore.dynamics.sensitivity import (
-    Matrix,
     eigenvalue_derivatives,
     mode_forms,
     mode_shape_derivatives,
-    static_series,
 )
-from fecore.dynamics.synthesis import RESIDUAL_TERMS, ModalFrfModel, RovingMass
+from fecore.dynamics.synthesis import RESIDUAL_TERMS, Matrix, ModalFrfModel, RovingMass, residual_series
 from fecore.frf import Dof
 from fecore.updating.parameters import Coefficients
 
@@ -88,10 +86,14 @@ class ForwardState:
         """(n, p, 3) displacement of the middle surface in the elastic modes at (p, 3) places, m."""
         return self._moved(self.forward.specimen.model.displacement(places))
 
+    def shapes_by(self, rows: scipy.sparse.csr_array) -> FloatArray:
+        """(n, r) elastic modes by (r, dofs) rows of a model's."""
+        seen = rows if self.basis is None else rows @ self.basis  # few rows: cheaper than shapes of all dofs
+        return np.asarray((seen @ self.modes.shapes[:, self.modes.rigid :]).T)
+
     def _moved(self, rows: scipy.sparse.csr_array) -> FloatArray:
         """(n, p, 3) of the rows that `Model.displacement` gives for p places."""
-        seen = rows if self.basis is None else rows @ self.basis  # few rows: cheaper than shapes of all dofs
-        moved: FloatArray = (seen @ self.modes.shapes[:, self.modes.rigid :]).T
+        moved = self.shapes_by(rows)
         return moved.reshape(len(moved), -1, 3)
 
     def participation(self, motions: FloatArray) -> FloatArray:
@@ -271,7 +273,7 @@ class ForwardState:
     def residual(self, pairs: PointPairs) -> FloatArray:
         """(N, t) residual terms of the FRFs between pairs of points."""
         mass = _weighted(self.mass, self.coefficients.mass)
-        return pairs.residual(self.modes, mass, self.observation, self.all_shapes)
+        return pairs.residual(self.modes, mass, self.observation)
 
     def _pairs(self, responses: Sequence[Dof], references: Sequence[Dof]) -> PointPairs:
         (response, sign), (reference, other) = self.forward.rows(responses), self.forward.rows(references)
@@ -303,7 +305,7 @@ class PointPairs:
         return residues
 
     def residual(
-        self, modes: NormalModes, mass: Matrix, observation: FloatArray | scipy.sparse.csr_array, shapes: FloatArray
+        self, modes: NormalModes, mass: Matrix, observation: FloatArray | scipy.sparse.csr_array
     ) -> FloatArray:
         """(N, t) terms of the truncated modes' series in ω² - σ: solves with the factor of K - σM.
 
@@ -311,15 +313,10 @@ class PointPairs:
             modes: that are summed.
             mass: M.
             observation: (points, dofs) displacements of the points.
-            shapes: (m, points) of all modes there.
         """
         used, column = np.unique(self.reference, return_inverse=True)
         load = observation[used].T
         load = load if isinstance(load, np.ndarray) else load.toarray()
-        series = static_series(modes, mass, load, RESIDUAL_TERMS)
+        series = residual_series(modes, mass, load, RESIDUAL_TERMS)
         seen = np.array([(observation @ each)[self.response, column] for each in series]).T
-        away = 1 / (modes.eigenvalue - modes.shift)
-        # What a residue counts for in each term of the series: 1 / (λ - σ)ᵗ.
-        powers = away[:, None] ** np.arange(1, RESIDUAL_TERMS + 1)
-        residual: FloatArray = seen * self.sign[:, None] - self.products(shapes) @ powers
-        return residual
+        return np.asarray(seen * self.sign[:, None])

@@ -108,7 +108,7 @@ class Partitions:
         )
         found = [
             (log, given, ratio * size, stretch[:, list(chosen)])
-            for spread, log_spread in zip(*grid_of_discrepancies(_COARSE), strict=True)
+            for spread, log_spread in zip(*grid_of_discrepancies(problem.scale, _COARSE), strict=True)
             for given in [_Given(problem, compliance, float(spread), float(log_spread))]
             for ratio in _SIZES
             for log, chosen in given.likeliest(stretch[part], share, ratio * size)

@@ -11,17 +11,24 @@ from fecore.arrays import FloatArray
 from fecore.dynamics.damping_laws import DampingLaw, beyond, damping_rate, damping_ratio, negative_band
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.modes import MeasuredModes
+from fecore.updating.curves import curve_of
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.effects import frequency_effects
-from fecore.updating.elastic_findings import elastic_findings
+from fecore.updating.elastic_findings import elastic_findings, undetermined
 from fecore.updating.elastic_result import ElasticResult
-from fecore.updating.estimates import coefficient_estimates, constant_estimates, disagreements, ratio_estimates
+from fecore.updating.estimates import (
+    at_reference,
+    coefficient_estimates,
+    constant_estimates,
+    disagreements,
+    ratio_estimates,
+)
 from fecore.updating.findings import found, judge, ordered, warnings
 from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.laws import LawRanking, RankedLaw
 from fecore.updating.measurement import Prepared
-from fecore.updating.parameters import by_name
+from fecore.updating.parameters import by_name, default_parameters
 from fecore.updating.recipe import Recipe
 from fecore.updating.result import (
     Correlation,
@@ -39,6 +46,7 @@ from fecore.updating.result import (
     UpdateResult,
 )
 from fecore.updating.sampling import Posterior
+from fecore.updating.temperature import damping_per_k
 from fecore.updating.validation import Predictor, agreement
 
 _CURVE_POINTS, _BEYOND_MODES = 80, 1.5  # of a law's curve: how many, and how far beyond the modes
@@ -116,19 +124,28 @@ class Summary:
             effects=frequency_effects(self.elastic, self.prediction),
             warnings=warnings(findings),
             findings=ordered(findings),
+            curve=curve_of(elastic, ()),
         )
+
+    @cached_property
+    def constants(self) -> tuple[ParameterEstimate, ...]:
+        """Elastic constants."""
+        return tuple(constant_estimates(self.elastic, self.inputs, self.sampled))
 
     @cached_property
     def parameters(self) -> tuple[ParameterEstimate, ...]:
         """Constants, then the coefficients of the first damping law: from the FRFs, or else from the modes' ratios."""
-        constants = constant_estimates(self.elastic, self.inputs, self.sampled)
         if self.damping is not None:
-            return (*constants, *coefficient_estimates(self.elastic, self.damping, self.inputs))
-        return (*constants, *([] if self.ranking is None else ratio_estimates(self.ranking.laws[0])))
+            damping = coefficient_estimates(self.elastic, self.damping, self.inputs)
+        else:
+            damping = [] if self.ranking is None else ratio_estimates(self.ranking.laws[0])
+        priors = damping_per_k(self.recipe.parameters or ())
+        return (*self.constants, *(at_reference(each, self.elastic.prior.warmth, priors) for each in damping))
 
     def _own_findings(self) -> list[Finding]:
         return [
             *elastic_findings(self.elastic, self.modes),
+            *undetermined(self.constants, self.recipe.parameters, default_parameters(self.elastic.prior.body)),
             *disagreements(self.elastic, self.sampled),
             *([] if self.ranking is None else self.ranking.findings()),
             *self._negative_damping(),

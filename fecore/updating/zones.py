@@ -31,6 +31,7 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.parameters import Parametrisation, default_parameters, parametrise
 from fecore.updating.recipe import Recipe
 from fecore.updating.stretches import Compliance, Partitions, Stretches
+from fecore.updating.temperature import with_temperature
 
 _PARTS, _FEWEST = 30, 3  # of a body, about; of a zone, at least
 _ROUNDS, _RESTS = 8, 0.2  # linearisations at most; posterior standard deviations that their point may still move
@@ -55,7 +56,9 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
     misfit, x = Misfit(layout, use_shapes=recipe.use_shapes, held=first.held), first.x[parts.column]
     for _ in range(_ROUNDS):
         states = layout.solved(x)
-        problem = misfit.linear(x, states, misfit.pair(states), first.weights)
+        pairings = misfit.pair(states)
+        shapes = misfit.shape_errors(states, pairings, first.discrepancy)
+        problem = misfit.linear(x, states, pairings, first.weights, shapes)
         partitions = Partitions(problem, parts.compliance, parts.lines, parts.number[parts.number >= 0])
         moved, x = partitions.mean - parts.compliance.of(x), parts.compliance.back(partitions.mean)
         if np.all(np.abs(moved) <= _RESTS * partitions.sd):
@@ -75,7 +78,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         x=at,
         states=states,
         pairings=pairings,
-        problem=misfit.linear(at, states, pairings, first.weights),
+        problem=misfit.linear(at, states, pairings, first.weights, shapes),
         stretches=Stretches(parts.lines, partitions.change, mixture),
     )
 
@@ -142,8 +145,10 @@ class _Parts:
             for which in range(1, count + 1 if kind_of(each.name) == "zone" else 2)
         ]
         prior = parametrise(replace(body, zones=lines), parameters)
-        first = len(coarse.reported)
-        prior = prior.with_inputs(dict(zip(coarse.names[first:], coarse.prior_sd[first:].tolist(), strict=True)))
+        if coarse.warmth is not None:
+            prior = with_temperature(prior, coarse.warmth.reference, coarse.warmth.temperature, reported=False)
+        own = zip(coarse.names, coarse.prior_sd.tolist(), strict=True)
+        prior = prior.with_inputs({name: sd for name, sd in own if name not in {*coarse.reported, *prior.names}})
         number = np.array([_number(name) - 1 if kind_of(name) == "zone" else -1 for name in prior.names])
         owner = [f"zone_{k // count + 1}" if k >= 0 else n for k, n in zip(number, prior.names, strict=True)]
         column = np.array([coarse.names.index(name) for name in owner])

@@ -15,8 +15,27 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
-SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm")}
+SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1/K": (100.0, "%/K")}
 """Factor and unit in which values of an SI unit are shown; others as they are."""
+
+
+_Z_95 = 1.96
+_SKEWED = (
+    1.25  # ratio of the sides of an interval from which they are written as two: what the second digit of a ± shows
+)
+
+
+def deviations(estimate: float, sd: float, interval: Sequence[float | None] | None) -> tuple[float, ...]:
+    """The standard deviation of an estimate; where its 95 % interval is not about its middle, those above and below.
+
+    >>> deviations(30.0, 1.0, (28.04, 31.96)), deviations(30.0, 1.0, (28.04, 30.0))
+    ((1.0,), (0.0, 1.0))
+    """
+    low, high = interval or (None, None)
+    if low is None or high is None:
+        return (sd,)
+    above, below = (round(max(reach, 0.0) / _Z_95, 12) for reach in (high - estimate, estimate - low))
+    return (above, below) if max(above, below) > _SKEWED * min(above, below) else (sd,)
 
 
 def print_result(
@@ -112,9 +131,13 @@ def _parameter(row: Mapping[str, Any]) -> list[Any]:
         return Written(f"{scale * value:z.{places}f}")
 
     low, high = (written(value) for value in row["interval_95"] or (None, None))
+    spread = written(row["standard_deviation"])
+    if row["estimate"] is not None and places is not None:
+        each = deviations(row["estimate"], row["standard_deviation"], row["interval_95"])
+        spread = written(each[0]) if len(each) == 1 else Written(f"+{written(each[0])} −{written(each[1])}")
     interval = None if low is None or high is None else Written(f"{low} … {high}")
     return [
-        row["name"], unit, written(row["initial"]), written(row["estimate"]), written(row["standard_deviation"]),
+        row["name"], unit, written(row["initial"]), written(row["estimate"]), spread,
         interval, f"as {master}" if (master := row.get("tied_to")) else row["identifiable"],
     ]  # fmt: skip
 

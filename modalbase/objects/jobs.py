@@ -143,6 +143,17 @@ class Result:
         return Table(rows, shown=parameter_cells(rows))
 
     @property
+    def curve(self) -> Table:
+        """Constants over temperature, where they are asked for at another than the campaign's: SI, `_low` and `_high` the ends
+        of 95 % intervals; else no rows.
+        """
+        curve = self.document.get("curve") or {"temperature_c": [], "constants": []}
+        ends = {"": "estimate", "_low": "low", "_high": "high"}
+        columns = {each["name"] + end: each[of] for each in curve["constants"] for end, of in ends.items()}
+        rows = enumerate(curve["temperature_c"])
+        return Table([{"temperature_c": at, **{name: column[k] for name, column in columns.items()}} for k, at in rows])
+
+    @property
     def modes(self) -> Table:
         """Each mode: measured, initial, updated frequency in Hz, MAC, damping ratios."""
         rows = self.document["modes"]

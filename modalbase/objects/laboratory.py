@@ -185,7 +185,7 @@ def _read(result: Result) -> dict[str, Any]:
     name, unit, estimate, sd = (columns.index(each) for each in ("parameter", "unit", "estimate", "± sd"))
     values = {
         f"{row[name]} [{row[unit]}]" if row[unit] not in ("", "1") else row[name]: Written(
-            row[estimate] if row[sd] is None else f"{row[estimate]} ± {row[sd]}"
+            row[estimate] if row[sd] is None else f"{row[estimate]} {'' if row[sd][0] == '+' else '± '}{row[sd]}"
         )
         for row in rows
     }

@@ -46,6 +46,7 @@ class Hits:
     frame: Frame  # of the file in which the hits' directions are
     roving_mass: float  # of a sensor that moved with the response, kg
     inputs: Inputs  # how well the laboratory knows what else it hands in
+    temperature_c: float | None = None  # in the test, °C; None where nobody stated it
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,8 @@ def _measured(hits: Hits, processed: Processed) -> Measurement:
     )
     if inputs.window_rate is None:
         inputs = replace(inputs, window_rate=processed.rate_per_s, window_rate_sd=processed.rate_sd_per_s)
-    return Measurement(moved, hits.points, None, hits.roving_mass, inputs, hits.frame.point_axes(hits.points))
+    axes, warm = hits.frame.point_axes(hits.points), hits.temperature_c
+    return Measurement(moved, hits.points, None, hits.roving_mass, inputs, axes, temperature_c=warm)
 
 
 @dataclass(frozen=True)
@@ -182,6 +184,7 @@ def compute_joint(inputs: JointInputs, report: Report) -> Iterator[JointOutput]:
                 inputs=each.measurement.inputs,
                 fixed_points=fixed,
                 axes=each.measurement.axes or {},
+                temperature_c=each.measurement.temperature_c,
             )
         )
         warnings += [f"campaign {each.name}: {text}" for text in (*each.warnings, *data.warnings)]

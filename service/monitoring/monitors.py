@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session, undefer
 
 from fecore import __version__
 from fecore.updating.parameters import parametrise
+from fecore.updating.temperature import usual_per_k
 from service.access import User, projects_of
 from service.db.base import transaction_time
 from service.errors import Conflict, Invalid, NotFound
@@ -57,7 +58,7 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
     """
     structure = structure_for(session, user, structure_id, "editor")
     version = current_version(session, structure)
-    watched = _checked(session, user, structure, body, describe_version(version, structure.name))
+    watched, per_kelvin = _checked(session, user, structure, body, describe_version(version, structure.name))
     _check_mail(body.mail_to, settings)
     now = datetime.now(UTC)
     monitor = Monitor(
@@ -65,7 +66,7 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
         structure_version_id=version.id,
         user_id=user.id,
         **body.model_dump(mode="json", include=_AS_STATED),
-        watch=_frozen_watch(body, watched),
+        watch=_frozen_watch(body, watched, per_kelvin),
         since=body.baseline.since,
         next_run_at=None if body.schedule is None else next_time(body.schedule, now),
         state_rank=rank("no data"),
@@ -79,6 +80,9 @@ def create_monitor(session: Session, user: User, structure_id: UUID, body: Monit
     return monitor
 
 
+PerKelvin = Mapping[str, tuple[float, float]]
+"""Of watched parameters, mean and standard deviation of their relative change per kelvin."""
+
 _AS_STATED = {
     *("name", "boundary", "recipe", "modes", "priors"),
     *("expected_interval_days", "runs_on", "schedule", "mail_to", "active"),
@@ -86,33 +90,41 @@ _AS_STATED = {
 """What a monitor's row has as the body states it."""
 
 
-def _frozen_watch(body: MonitorIn, watched: Sequence[WatchedIn]) -> dict[str, Any]:
-    watch = asdict(body.to_watch(watched))
+def _frozen_watch(body: MonitorIn, watched: Sequence[WatchedIn], per_kelvin: PerKelvin) -> dict[str, Any]:
+    watch = asdict(body.to_watch(watched, per_kelvin))
     del watch["expected_interval_days"]
     return {**watch, "covariates": list(body.covariates)}
 
 
-def _checked(session: Session, user: User, structure: Structure, body: MonitorIn, described: Any) -> list[WatchedIn]:
-    """What is watched, once the recipe is one that any later campaign can have."""
+def _checked(
+    session: Session, user: User, structure: Structure, body: MonitorIn, described: Any
+) -> tuple[list[WatchedIn], PerKelvin]:
+    """What is watched, once the recipe is one that any later campaign can have, and its changes by temperature."""
     recipe = body.recipe
     if recipe.mode_set is not None:
         raise Invalid(
             "/recipe/mode_set", "a mode set is of one campaign; say with `modes` where each run takes its from"
         )
+    if recipe.reference_temperature_c is not None:
+        why = "every campaign of a monitor is judged at its own temperature, of which `covariates` takes the effect out"
+        raise Invalid("/recipe/reference_temperature_c", f"{why}: leave it out")
     for name, kind in (("weight", "ewma"), ("reference", "cusum")):
         if body.chart.kind != kind and getattr(body.chart, name) != ChartIn.model_fields[name].default:
             raise Invalid(f"/chart/{name}", f"is of the chart {kind}, and the chart is {body.chart.kind}: leave it out")
     check_prior_batch(session, user, recipe, structure.id, "/recipe/prior_from_coupon_batch")
     recipe.inputs.to_core()
     specimen = body_for(session, described, body.boundary or usual_boundary(described), recipe)
-    free = parametrise(specimen, recipe.parameters_of(specimen)).names
+    parameters = recipe.parameters_of(specimen)
+    free = parametrise(specimen, parameters).names
     watched = body.watched(free)
     for i, each in enumerate(watched):
         if CONSTANT.fullmatch(each.name) and each.name not in free:
             raise Invalid(
                 f"/parameters/{i}/name", f"{each.name} is not updated by the recipe, which updates {', '.join(free)}"
             )
-    return watched
+    stated = {each.name: (each.prior_mean, each.prior_sd) for each in parameters}
+    known = {each.name: usual_per_k(each.name, specimen.nominal, stated) for each in watched}
+    return watched, {name: per_kelvin for name, per_kelvin in known.items() if per_kelvin is not None}
 
 
 def _check_mail(addresses: Sequence[str], settings: Settings) -> None:

@@ -26,6 +26,7 @@ from fecore.body.constants import UNITS, kind_of
 from fecore.dynamics.damping_laws import CaugheySeries
 from fecore.errors import FecoreError
 from fecore.updating.parameters import parametrise
+from fecore.updating.temperature import constant_of
 from service.access import Lookup, User
 from service.compute.judging import Moves
 from service.errors import ServiceError
@@ -288,9 +289,10 @@ def _start(session: Session, monitor: Monitor, run: MonitorRun, one: Seen, runs:
 
 
 def _recipe(session: Session, monitor: Monitor, one: Seen, runs: dict[UUID, MonitorRun]) -> RecipeIn:
-    recipe = RecipeIn.model_validate(
-        {**monitor.recipe, "mode_set": None if one.mode_set is None else str(one.mode_set)}
-    )
+    """The monitor's recipe for a campaign. Coefficients of temperature are its regression's: a campaign has one temperature."""
+    kept = [each for each in monitor.recipe.get("parameters") or () if constant_of(each["name"]) is None]
+    own = {"mode_set": None if one.mode_set is None else str(one.mode_set), "parameters": kept or None}
+    recipe = RecipeIn.model_validate({**monitor.recipe, **own})
     if monitor.priors == "baseline":
         return recipe
     before = _run_before(session, one, runs)

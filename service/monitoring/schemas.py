@@ -3,7 +3,7 @@ filtered; its models describe it in the OpenAPI document.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Annotated, Any, Literal, Self
 from uuid import UUID
@@ -167,8 +167,10 @@ class MonitorIn(StrictModel):
             )
         return [WatchedIn(name=name, direction=None) for name in names]
 
-    def to_watch(self, watched: Sequence[WatchedIn]) -> Watch:
-        """The recipe of the judgement as the core takes it."""
+    def to_watch(
+        self, watched: Sequence[WatchedIn], per_kelvin: Mapping[str, tuple[float, float]] | None = None
+    ) -> Watch:
+        """The recipe of the judgement as the core takes it; with what is known of changes by temperature."""
         return Watch(
             directions={p.name: p.watched_direction for p in watched},
             baseline=self.baseline.campaigns,
@@ -178,6 +180,7 @@ class MonitorIn(StrictModel):
             pending=self.pending,
             chart=Chart(**self.chart.model_dump()),
             expected_interval_days=self.expected_interval_days,
+            per_kelvin=per_kelvin or {},
         )
 
 
@@ -337,6 +340,11 @@ class SeriesParameterOut(_Part):
     direction: str = Field(description="where it must not go: fall, rise or both")
     state: str = Field(description="no data, normal, pending, alarm or acknowledged")
     baseline: dict[str, Any] | None = Field(description="mean, its sd, scatter, slopes; null until it is full")
+    curve: dict[str, Any] | None = Field(
+        None,
+        description="over temperature, with 95 % intervals, and `per_K`, the relative change per kelvin; null where "
+        "temperature_c is no covariate",
+    )
     limits: dict[str, float | None] | None = Field(description="of chart and single score, standard deviations")
     autocorrelation: dict[str, Any] | None = Field(
         None,

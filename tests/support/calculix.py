@@ -113,7 +113,13 @@ def plate(
 
 
 def modes(
-    body: Solid, most: int, seen: Sequence[int] = (1,), *, clamped: bool = False, mass: tuple[int, float] | None = None
+    body: Solid,
+    most: int,
+    seen: Sequence[int] = (1,),
+    *,
+    clamped: bool = False,
+    mass: tuple[int, float] | None = None,
+    springs: Sequence[tuple[Sequence[int], int, float]] = (),
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n,) frequencies in Hz, rigid ones first, and (n, p, 3) mass-normalised motions of nodes.
 
@@ -121,7 +127,8 @@ def modes(
         body: free.
         most: modes that are solved for.
         seen: (p,) the nodes.
-        clamped: at x = 0.
+        clamped: at x = 0; where springs hold a direction there, in the others.
+        springs: nodes, the direction (1, 2, 3) and N/m of a spring to the ground at each.
         mass: a node with a point mass, and its kg.
     """
     deck = [*body.deck, "*NSET, NSET=SEEN", ",\n".join(map(str, sorted(set(seen))))]
@@ -130,6 +137,12 @@ def modes(
         deck += ["*MASS, ELSET=SENSOR", f"{mass[1]:g}"]
     if clamped:
         root = np.flatnonzero(body.places[:, 0] == 0) + 1
-        deck += ["*NSET, NSET=ROOT", ",\n".join(map(str, root)), "*BOUNDARY", "ROOT,1,3"]
+        sprung = {direction for _, direction, _ in springs}
+        held = [f"ROOT,{direction}" for direction in (1, 2, 3) if direction not in sprung]
+        deck += ["*NSET, NSET=ROOT", ",\n".join(map(str, root)), "*BOUNDARY", *held]
+    number = count(body.bricks + 2)
+    for place, (nodes, direction, stiffness) in enumerate(springs):
+        deck += [f"*ELEMENT, TYPE=SPRING1, ELSET=SPRINGS{place}", *(f"{next(number)},{node}" for node in nodes)]
+        deck += [f"*SPRING, ELSET=SPRINGS{place}", f"{direction}", f"{stiffness:.9g}"]
     table = ccx([*deck, "*STEP", "*FREQUENCY", str(most), "*NODE PRINT, NSET=SEEN", "U", "*END STEP"])
     return frequencies(table), displacements(table, seen)

@@ -128,6 +128,7 @@ class Laboratory:
     high_pass: bool
     window_rate_per_s: float
     delay_s: float = 0.0
+    window_first: bool = False  # before the converter, whose steps then do not decay
 
 
 def random_laboratory(rng: np.random.Generator, window_rate_per_s: float | None = None) -> Laboratory:
@@ -314,7 +315,9 @@ class Bench:
             if fault == f"clip_{name}":
                 level = rng.uniform(0.5, 0.85) * np.abs(x).max()
                 x = np.clip(x, -level, level)
-            channels.append(np.round(x / step) * step * np.exp(-lab.window_rate_per_s * time))
+            window = np.exp(-lab.window_rate_per_s * time)
+            before, behind = (window, 1.0) if lab.window_first else (1.0, window)
+            channels.append(np.round(x * before / step) * step * behind)
         return channels[0], channels[1]
 
 

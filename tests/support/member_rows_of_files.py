@@ -65,6 +65,7 @@ RECIPE_ROWS: dict[str, Any] = {
     "weighting": To("relative", "estimate"),
     "band_hz": To([5, 400], "band_hz"),
     "hold_out": To({"points": [4]}, "frac"),
+    "reference_temperature_c": To(60.0, "estimate"),
     "inputs": (To({"thickness_sd_m": 1e-3}, "standard_deviation"), Refused({"height_sd_m": 1e-4})),
     "posterior": To("mcmc", "standard_deviation"),
     "seed": To(7, "standard_deviation", {"posterior": "mcmc"}),

@@ -3,7 +3,7 @@
 `solve` has them solved anew by CalculiX.
 """
 
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 
 import numpy as np
@@ -65,6 +65,26 @@ def deck(kind: str, along: int, across: int, element: str, constants: dict[str, 
     return Structure(mesh, {"skin": ShellSection((Ply(material, THICKNESS),))})
 
 
+def _nearer(share: FloatArray, cells: int, hole: tuple[float, float]) -> FloatArray:
+    """Shares of a length, of nodes of even cells, moved to the ends of a hole: about its corners stresses are singular.
+
+    Even grids of solids or shells have frequencies up to 0.8 % too high.
+    """
+    even = np.arange(cells + 1) / cells
+    lines = np.zeros_like(even)
+    for low, high in pairwise((0.0, *hole, 1.0)):
+        inside = (even >= low - 1e-9) & (even <= high + 1e-9)
+        t = (even[inside] - low) / (high - low)
+        if low == 0:
+            t = 1 - (1 - t) ** 2
+        elif high == 1:
+            t = t**2
+        else:
+            t = np.where(t < 0.5, 2 * t**2, 1 - 2 * (1 - t) ** 2)
+        lines[inside] = low + (high - low) * t
+    return np.interp(share, even, lines)
+
+
 def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Solid:
     numbers: dict[tuple[int, int, int], int] = {}
     bricks = []
@@ -72,6 +92,8 @@ def _solid(kind: str, along: int = 30, across: int = 20, layers: int = 2) -> Sol
         at = [(2 * i + x, 2 * j + y, 2 * k + z) for x, y, z in BRICK]
         bricks.append([numbers.setdefault(each, len(numbers) + 1) for each in at])
     u, v, w = (np.array(list(numbers)) / [2 * along, 2 * across, 2 * layers]).T
+    if kind == "cut-out":
+        u, v = (_nearer(*each) for each in zip((u, v), (along, across), HOLE, strict=True))
     places = place(kind, u, v, THICKNESS * (w - 0.5))
     lines = ["*NODE, NSET=ALL", *(f"{n},{x:.12g},{y:.12g},{z:.12g}" for n, (x, y, z) in enumerate(places, start=1))]
     lines.append("*ELEMENT, TYPE=C3D20R, ELSET=E")
@@ -105,7 +127,7 @@ def solve() -> dict[str, FloatArray]:
     """The solids' modes by CalculiX: frequencies in Hz, and shapes at the points."""
     found = {}
     for kind in KINDS:
-        body = _solid(kind)
+        body = _solid(kind, 36, 32) if kind == "cut-out" else _solid(kind)
         hz, shapes = modes(body, MODES + 6, body.nearest(place(kind, *np.array(POINTS).T)))
         found |= {f"{kind} hz": hz[6:], f"{kind} shapes": np.float32(shapes[6:])}
     return found

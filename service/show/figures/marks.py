@@ -200,7 +200,7 @@ class Figure:
     meta: Mapping[str, Any] | None = None  # what a page needs to know of it, as JSON
 
 
-SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–")}
+SHOWN = {"Pa": (1e-9, "GPa"), "s": (1e6, "µs"), "m": (1e3, "mm"), "1": (1.0, "–"), "1/K": (100.0, "%/K")}
 """Factor and unit in which values of an SI unit are drawn; others as they are."""
 
 

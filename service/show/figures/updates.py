@@ -12,6 +12,7 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.normal import Z_95
+from modalbase.client.results import deviations
 from service.show.figures.colors import ALARM, BAND, INITIAL, MEASURED, PALETTE, QUIET, UPDATED
 from service.show.figures.marks import (
     SHOWN,
@@ -110,8 +111,11 @@ def budget_figure(parameters: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def _named(row: Mapping[str, Any]) -> str:
-    spread = f"{100 * row['standard_deviation'] / abs(row['estimate']):.2g} %" if row["estimate"] else "–"
-    return f"{row['name']}  ± {spread}"
+    if not row["estimate"]:
+        return f"{row['name']}  ± –"
+    sides = deviations(row["estimate"], row["standard_deviation"], row["interval_95"])
+    shares = [f"{100 * each / abs(row['estimate']):.2g}" for each in sides]
+    return f"{row['name']}  " + (f"± {shares[0]} %" if len(shares) == 1 else f"+{shares[0]} −{shares[1]} %")
 
 
 MOST_PARAMETERS = 8

@@ -14,7 +14,7 @@ from service.access import CurrentUser, SessionDep
 from service.access import routes as access
 from service.errors import Invalid
 from service.show.pages.look import Visit
-from service.show.pages.numbers import NOTHING, in_unit, moment, unit_of, words
+from service.show.pages.numbers import NOTHING, in_unit, moment, spread, unit_of, words
 from service.store.search.fields import Field, Noun
 from service.store.search.nouns import NOUNS, SEARCHED, lineage
 from service.store.search.operations import MOST_COUNTED, Column, Search, Wanted, bounded
@@ -191,10 +191,11 @@ def _links(noun: Noun) -> list[str]:
 
 
 def _deviations(noun: Noun, names: Sequence[str]) -> Iterator[str]:
-    """The standard deviation of each field that has one."""
+    """The standard deviation of each field that has one, and the ends of its interval."""
+    known, shown = {field.name for field in noun.fields}, {_shown_as(noun, name) for name in names}
     for field in noun.fields:
-        if field.sd and field.name in {_shown_as(noun, name) for name in names}:
-            yield field.sd
+        if field.sd and field.name in shown:
+            yield from (field.sd, *({f"{field.name}_low", f"{field.name}_high"} & known))
 
 
 def _link(noun: Noun, row: Mapping[str, Any]) -> str:
@@ -216,7 +217,7 @@ def _heading(name: str) -> str:
 
 
 def _cell(noun: Noun, column: Column, row: Mapping[str, Any]) -> tuple[str, str]:
-    """A value as a laboratory writes it, and its standard deviation where it has one."""
+    """A value as a laboratory writes it, and how far it may be off where that is known."""
     value, field = row[column.name], column.field
     if value is None or value == [] or value == {}:
         return NOTHING, ""
@@ -225,7 +226,9 @@ def _cell(noun: Noun, column: Column, row: Mapping[str, Any]) -> tuple[str, str]
     if field.kind == "number":
         sd = row.get(field.sd) if any(one is field for one in noun.fields) else None
         if sd:
-            return in_unit(value, field.unit, sd), in_unit(sd, field.unit, sd)
+            ends = [row.get(f"{field.name}_{end}") for end in ("low", "high")]
+            known = {"unit": field.unit, "estimate": value, "standard_deviation": sd, "interval_95": ends}
+            return in_unit(value, field.unit, sd), spread(known)
         return _without_zeros(in_unit(value, field.unit)), ""
     if isinstance(value, bool):
         return "yes" if value else "no", ""

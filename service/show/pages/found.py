@@ -22,13 +22,17 @@ PLACES = {
 """Where a finding is mended: an address and what its link says."""
 
 _AS_SAID = {
-    RECIPE: ("mesh_misses", "sources_conflict", "confounded", "samples_differ", "law_negative"),
+    RECIPE: (
+        *("mesh_misses", "sources_conflict", "confounded", "not_determined"),
+        *("nothing_determined", "samples_differ", "law_negative"),
+    ),
     MODEL: ("points_beyond", "frequencies_missed"),
     CAMPAIGN: (
         *("no_like_mode", "most_modes_alone", "shape_unlike", "rival_pairing", "partners_swing"),
         *("stiffness_changed", "frfs_unlike", "law_replaced", "looks_windowed", "window_unstated"),
+        "frfs_scaled_by_place",
     ),
-    MODES: ("halves_of_a_mode", "mode_not_believed"),
+    MODES: ("halves_of_a_mode", "mode_not_believed", "two_in_one"),
 }
 """Kinds whose own advice says all, by where it is followed."""
 

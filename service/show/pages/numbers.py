@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from typing import Any
 
-from modalbase.client.results import motion_words
+from modalbase.client.results import deviations, motion_words
 from service.show.figures.marks import SHOWN, counted
 from service.web.quantities import UNITS
 
@@ -47,6 +47,20 @@ def in_unit(value: float | None, unit: str, sd: float | None = None) -> str:
     if places > 8 or abs(shown) >= 1e7:
         return number(shown, 6)
     return f"{shown:.{max(0, places)}f}"
+
+
+def spread(row: Mapping[str, Any]) -> str:
+    """How far an estimate may be off, beside it: two sides where its interval is not about its middle.
+
+    >>> row = {"unit": "Pa", "estimate": 26.9e9, "standard_deviation": 8e9, "interval_95": [11.3e9, 27e9]}
+    >>> spread(row), spread(row | {"interval_95": None})
+    ('+0.1 −8.0', '± 8.0')
+    """
+    sd = row["standard_deviation"]
+    if row["estimate"] is None or sd is None:
+        return f"± {NOTHING}"
+    sides = [in_unit(each, row["unit"], sd) for each in deviations(row["estimate"], sd, row["interval_95"])]
+    return f"± {sides[0]}" if len(sides) == 1 else f"+{sides[0]} −{sides[1]}"
 
 
 def percent(value: float | None, digits: int = 2) -> str:
@@ -164,6 +178,7 @@ FILTERS: dict[str, Callable[..., Any]] = {
     "number": number,
     "unit_of": unit_of,
     "in_unit": in_unit,
+    "spread": spread,
     "in_laboratory_units": in_laboratory_units,
     "percent": percent,
     "day": day,

@@ -26,7 +26,7 @@ TONES: dict[str, Tone] = {"usable": "good", "with_care": "careful", "do_not_use"
 MOST_MODES = 12  # modes on the customer's pages; all of them are in the annex
 ANNEX = (
     "parameters", "sensitivities", "budget", "posterior", "shapes", "mac", "automac", "csac", "csf", "sac", "damping",
-    "convergence", "stabilisation",
+    "temperature", "convergence", "stabilisation",
 )  # fmt: skip
 _WIDTHS = {
     **dict.fromkeys(("sensitivities", "budget", "automac", "mac", "csac", "csf"), 0.8),

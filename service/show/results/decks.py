@@ -94,9 +94,10 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
         raise Conflict(NO_DECK_OF_A_SHAPE)
     specimen = body_of(structure, campaign.boundary, recipe)
     assert isinstance(specimen, Specimen | LayeredSpecimen), "what is in space has a shape or is a model"
-    if isinstance(specimen, LayeredSpecimen) or specimen.pieces:
+    if isinstance(specimen, LayeredSpecimen) or specimen.pieces or specimen.layers:
         raise Conflict(
-            "a deck describes one homogenised layer of one thickness; this structure has constants of plies, or pieces"
+            "a deck describes one homogenised layer of one thickness; this structure has constants of plies, plies of "
+            "unlike density, or pieces"
         )
     estimates = {row["name"]: row["estimate"] for row in document["parameters"]}
     parametrisation = parametrise(specimen, recipe_parameters(session, recipe, specimen)[0])

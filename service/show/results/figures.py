@@ -21,6 +21,7 @@ from service.show.figures.modes import (
     shapes_figure,
     stabilisation_figure,
 )
+from service.show.figures.temperature import temperature_figure
 from service.show.figures.updates import (
     alone_figure,
     budget_figure,
@@ -94,6 +95,10 @@ _OLDER = "this result was computed by an earlier version, which kept no data for
 def _no_mac(data: UpdateFigures) -> str | None:
     known = data.document["correlation"]["mac_matrix"] is not None
     return None if known else "the measured modes have no shapes, so there is no MAC"
+
+
+def _one_temperature(data: AnyFigures) -> str | None:
+    return None if data.document.get("curve") else "all of it is at one temperature"
 
 
 def _mac(data: UpdateFigures, _: Wanted) -> Figure:
@@ -321,6 +326,11 @@ FIGURES: dict[str, NamedFigure[UpdateFigures]] = {
         lambda data, _: damping_figure(data.document["damping_models"], data.document["modes"]),
         _no_laws,
     ),
+    "temperature": NamedFigure(
+        "Constants and damping over temperature",
+        lambda data, _: temperature_figure(data.document["curve"], data.document["parameters"]),
+        _one_temperature,
+    ),
     "convergence": NamedFigure("Convergence of all starts", _convergence, _no_result),
     "stabilisation": NamedFigure("Stabilisation diagram", _stabilisation, _no_identification),
 }
@@ -346,5 +356,10 @@ JOINT_FIGURES: dict[str, NamedFigure[JointFigures]] = {
         _no_budget,
     ),
     "posterior": NamedFigure("Posterior: densities and correlations", _posterior, _no_posterior),
+    "temperature": NamedFigure(
+        "Constants and damping over temperature",
+        lambda data, _: temperature_figure(data.document["curve"], data.document["parameters"]),
+        _one_temperature,
+    ),
 }
 """Every figure of a joint update, in the order in which its page shows them."""

@@ -266,6 +266,7 @@ class MeasuredCampaign:
     sensor_point: int | None  # grid point where the sensor sits; None where it roves or is not stated
     added_masses: tuple[AddedMass, ...]  # what the specimen carried besides the sensor
     inputs: CampaignInputs  # how well is known what the test was done with
+    temperature_c: float | None  # in the test, °C; None where nobody stated it
     points: dict[int, tuple[float, float, float]]  # label to coordinates in the specimen's frame, m
     frf_sets: tuple[MeasuredFrfs, ...]  # one per quantity and frequency axis, the largest first
     warnings: tuple[str, ...]  # FRFs that were left out, and why
@@ -303,6 +304,7 @@ def load_measured_campaign(session: Session, campaign_id: UUID) -> MeasuredCampa
         sensor_point=instruments.sensor_point,
         added_masses=tuple(instruments.added_masses),
         inputs=CampaignInputs.model_validate(campaign.inputs or {}),
+        temperature_c=campaign.temperature_c,
         points=specimen_points(session, campaign),
         frf_sets=tuple(_frf_sets(session, campaign, frame, warnings)),
         warnings=tuple(warnings),

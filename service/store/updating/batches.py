@@ -9,6 +9,7 @@ from fecore.body.constants import Body
 from fecore.body.specimen import OrientedSpecimen
 from fecore.errors import FecoreError, InputError
 from fecore.updating.campaigns import check_material
+from fecore.updating.curves import check_temperatures
 from fecore.updating.parameters import parametrise
 from service.access import User
 from service.errors import Fault, Invalid, NotFound, ServiceError, pointer
@@ -85,19 +86,20 @@ def start_joint(session: Session, user: User, request: UpdateBatchIn, priority: 
         Invalid: the request contradicts itself or names what is not the user's, each fault with its pointer.
     """
     faults: list[Fault] = []
-    campaigns, projects, bodies, specimens = [], set(), [], set()
+    campaigns, projects, bodies, specimens, temperatures = [], set(), [], set(), []
     common = request.recipe or USUAL
     for number, job in enumerate(request.jobs):
         with pointing(faults, f"/jobs/{number}/campaign_id"):
             campaign = campaign_for(session, user, job.campaign_id, "editor")
             projects.add(campaign_for.project_of(session, campaign))
             specimens.add(job.specimen or campaign.structure_id)
+            temperatures.append(campaign.temperature_c)
             version, structure = present_structure(session, campaign.structure_id)
             campaigns.append({"campaign_id": str(campaign.id), "structure_version_id": str(version.id)})
             bodies.append(joint_body(session, structure, campaign.boundary, common))
     if faults:
         raise Invalid(faults)
-    faults += [*_faults(session, user, request, bodies[0]), *_faults_of_bodies(request, bodies)]
+    faults += [*_faults(session, user, request, bodies[0]), *_faults_of_bodies(request, bodies, temperatures)]
     if request.scatter and len(specimens) == 1:
         why = "is between specimens, and all campaigns are of one; name the specimen of each job, or leave scatter out"
         faults.append(Fault("/scatter", why))
@@ -136,7 +138,7 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
         ]
         faults += [
             Fault(f"{at}/{name}", "belong to the material: state them in the common `recipe`")
-            for name in ("parameters", "junctions")
+            for name in ("parameters", "junctions", "reference_temperature_c")
             if at != "/recipe" and getattr(recipe, name) != getattr(USUAL, name)
         ]
     for number, job in enumerate(request.jobs):
@@ -154,13 +156,18 @@ def _faults(session: Session, user: User, request: UpdateBatchIn, body: Body) ->
     return faults
 
 
-def _faults_of_bodies(request: UpdateBatchIn, bodies: Sequence[Body]) -> list[Fault]:
-    """Parameters that a body has not, and what is asked of bodies in space that strips and plates alone have."""
+def _faults_of_bodies(
+    request: UpdateBatchIn, bodies: Sequence[Body], temperatures: Sequence[float | None]
+) -> list[Fault]:
+    """Parameters that a body has not, temperatures that a reference needs, and what is asked of bodies in space that strips
+    and plates alone have.
+    """
     faults: list[Fault] = []
-    parameters = parameters_of(request.recipe or USUAL, bodies[0])
+    recipe = request.recipe or USUAL
+    parameters = parameters_of(recipe, bodies[0])
     with pointing(faults, "/recipe"):
         check_material(bodies[0], parameters)
-        parametrise(bodies[0], parameters)
+        check_temperatures(parameters, bodies[0], temperatures, recipe.reference_temperature_c)
     for number, body in enumerate(bodies):
         if number and not faults:
             with pointing(faults, f"/jobs/{number}/campaign_id"):

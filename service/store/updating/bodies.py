@@ -188,7 +188,17 @@ def nominal_specimen(structure: StructureIn, boundary: str, masses: tuple[PointM
     else:
         assert structure.material is not None, "a structure has a laminate or a material"
         material = structure.material.to_core(density)
-    return Specimen(g.length_m, g.width_m, g.thickness_m, material, boundary, masses, pieces=pieces)  # type: ignore[arg-type]
+    size, layers = (g.length_m, g.width_m, g.thickness_m), layers_of(structure)
+    return Specimen(*size, material, boundary, masses, pieces=pieces, layers=layers)  # type: ignore[arg-type]
+
+
+def layers_of(structure: StructureIn) -> tuple[tuple[float, float], ...]:
+    """(thickness, density) of the plies of a structure's laminate where these differ in density; none where they do not."""
+    if structure.laminate is None:
+        return ()
+    plies = [ply.to_core(structure.density_kg_m3 or 0.0) for ply in structure.laminate.plies]
+    layers = tuple((ply.thickness, ply.material.density) for ply in plies)
+    return layers if len({density for _, density in layers}) > 1 else ()
 
 
 def _layered(
@@ -264,5 +274,6 @@ def oriented(plain: Specimen, material: OrthotropicMaterial, angle_deg: float) -
         plain.boundary,
         masses=plain.masses,
         pieces=plain.pieces,
+        layers=plain.layers,
         fibre_angle=math.radians(angle_deg),
     )

@@ -77,7 +77,7 @@ def describe(
 _CURVE = ("frequency_hz", "damping_ratio")
 _AS_THEY_ARE = (
     *("verdict", "findings", "outcomes", "parameters", "modes", "convergence", "starts", "pairing"),
-    *("band_hz", "channel_delay_s"),
+    *("band_hz", "channel_delay_s", "reference_temperature_c", "curve"),
 )
 
 

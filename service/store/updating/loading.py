@@ -37,6 +37,7 @@ from service.store.updating.bodies import (
     body_of,
     coupon_constants,
     is_in_space,
+    layers_of,
     material_of,
     nominal_specimen,
     of_its_material,
@@ -73,10 +74,15 @@ def load_update(session: Session, job: UpdateJob, workspace: Path) -> UpdateInpu
     left_in = used.window_remark if used is not None and core.window_rate is None else []
     frfs = None if used is None else used.frfs
     axes = campaign.frame.point_axes(campaign.points)
-    measured = None if records else Measurement(frfs, campaign.points, modes, roving_mass(campaign), core, axes)
+    measured = None
+    if records is None:
+        warm = campaign.temperature_c
+        measured = Measurement(frfs, campaign.points, modes, roving_mass(campaign), core, axes, temperature_c=warm)
     return UpdateInputs(
         measurement=measured,
-        hits=None if records is None else Hits(records, campaign.points, campaign.frame, _roving_over(campaign), core),
+        hits=None
+        if records is None
+        else Hits(records, campaign.points, campaign.frame, _roving_over(campaign), core, campaign.temperature_c),
         specimen=specimen,
         recipe=replace(recipe.to_core(), parameters=parameters),
         warnings=(*campaign.warnings, *_left_out(campaign), *left_in, *prior_warnings),
@@ -118,7 +124,7 @@ def load_joint(session: Session, row: JointUpdate, _workspace: Path) -> JointInp
     coupons, warnings = _coupons(session, request, parameters, campaigns[0].body)
     return JointInputs(
         campaigns=tuple(campaigns),
-        recipe=CampaignsRecipe(parameters, scatter),
+        recipe=CampaignsRecipe(parameters, scatter, common.reference_temperature_c),
         coupons=coupons,
         warnings=warnings,
         provenance={"joint_update": str(row.id), "request": row.request},
@@ -281,7 +287,7 @@ def joint_body(
         assert isinstance(body, Structure | MatrixBody), "a structure in space is one"
         return body
     require_no_choice_of_joints(recipe)
-    plain = nominal_specimen(of_its_material(structure), boundary, masses)
+    plain = replace(nominal_specimen(of_its_material(structure), boundary, masses), layers=layers_of(structure))
     own = material_of(structure)[1] if angle_deg is None else angle_deg
     return oriented(plain, material_of(first or structure)[0], own)
 
@@ -337,7 +343,9 @@ def _campaign(
         name=names[0],
         specimen=job.specimen or names[1],
         body=body,
-        measurement=Measurement(frfs, campaign.points, modes, 0.0, inputs.to_core(), axes),
+        measurement=Measurement(
+            frfs, campaign.points, modes, 0.0, inputs.to_core(), axes, temperature_c=campaign.temperature_c
+        ),
         recipe=recipe.to_core(),
         provenance={
             "campaign_id": str(campaign.campaign_id),

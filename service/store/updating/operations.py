@@ -11,7 +11,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from fecore.errors import InputError
-from fecore.updating.parameters import parametrise
+from fecore.updating.curves import check_temperatures
 from service.access import Lookup, User
 from service.access.demands import require_demanded
 from service.compute.updating import JointOutput, UpdateOutput, compute_joint, compute_update
@@ -179,7 +179,8 @@ def _check_parameters(session: Session, recipe: RecipeIn, structure: StructureIn
     recipe.inputs.to_core()
     body = body_for(session, structure, campaign.boundary, recipe)
     require_inputs(recipe.inputs, body)
-    parametrise(body, recipe_parameters(session, recipe, body)[0])
+    parameters = recipe_parameters(session, recipe, body)[0]
+    check_temperatures(parameters, body, [campaign.temperature_c], recipe.reference_temperature_c)
     if recipe.band_hz is not None and not recipe.band_hz[0] < recipe.band_hz[1]:
         raise InputError("band_hz", "expected its low end below its high end")
     if len(set(recipe.damping_models)) < len(recipe.damping_models):

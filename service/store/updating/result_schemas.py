@@ -188,6 +188,25 @@ class CommonLawOut(Part):
     missed_by: dict[str, float] = Field(description="root mean square of the misses of each campaign's ratios")
 
 
+class OverTemperatureOut(Part):
+    """A constant, or a coefficient of a damping law, over temperature."""
+
+    name: str = Field(description="of the constant or the coefficient")
+    unit: str = Field(description="SI")
+    estimate: Curve = Field(description="at each temperature")
+    low: Curve = Field(description="lower end of its 95 % interval")
+    high: Curve = Field(description="upper end of its 95 % interval")
+    law: str | None = Field(None, description="whose coefficient it is; null of an elastic constant")
+
+
+class TemperatureCurveOut(Part):
+    """Constants and damping between the temperatures of the tests, and a little beyond."""
+
+    reference_c: float = Field(description="temperature at which the parameters are given, °C")
+    temperature_c: Curve = Field(description="°C")
+    constants: list[OverTemperatureOut] = Field(description="of each that changes with temperature")
+
+
 class ConvergenceStepOut(Part):
     """An iterate of stage 1."""
 
@@ -262,6 +281,12 @@ class ResultOut(Part):
     )
     identifiability: dict[str, Any] = Field(description="directions that the data do not see")
     discrepancy: dict[str, Any] = Field(description="relative standard deviation of what the model cannot say")
+    reference_temperature_c: float | None = Field(
+        None, description="temperature at which the parameters are given, °C; null: nobody stated one"
+    )
+    curve: TemperatureCurveOut | None = Field(
+        None, description="constants over temperature, where the reference is not the campaign's own"
+    )
     band_hz: tuple[float, float] | None = Field(description="lines of the damping update, Hz")
     channel_delay_s: Number = Field(description="lag of the response that was found, s")
     identification: dict[str, Any] | None = Field(
@@ -307,7 +332,9 @@ class SaidOut(Part):
 class CauseOut(Part):
     """A source of data that may be wrong."""
 
-    kind: Literal["input", "coupons", "campaign", "mass", "scatter"] = Field(description="what it is")
+    kind: Literal["input", "coupons", "campaign", "mass", "foot", "support", "scatter"] = Field(
+        description="what it is; a mass, a foot and a support that gives way are those of a body"
+    )
     name: str = Field(description="of the source")
     p: float = Field(description="probability of a larger difference from the other data, if it is as good as stated")
     evidence: float = Field(description="logarithm of how much likelier the data are if it is wrong")
@@ -322,6 +349,7 @@ class ConflictOut(Part):
     rivals: list[CauseOut] = Field(description="other causes that are not ruled out, the likeliest first")
     cleared: list[str] = Field(description="what no longer contradicts the rest once the cause is allowed for")
     moved: float = Field(description="how far a constant then moves at most, in its standard deviations")
+    odds: Number = Field(default=None, description="logarithm of how much likelier the cause is than the next explanation")
 
 
 class JointResultOut(Part):
@@ -336,5 +364,11 @@ class JointResultOut(Part):
     odd_one_out: str | None = Field(description="the campaign in which the first conflict's causes lie; null: none")
     conflicts: list[ConflictOut] = Field(default_factory=list, description="data that contradict each other")
     damping_models: list[CommonLawOut] = Field(description="damping laws of the material, ranked")
+    reference_temperature_c: float | None = Field(
+        None, description="temperature at which the parameters are given, °C; null: nobody stated one"
+    )
+    curve: TemperatureCurveOut | None = Field(
+        None, description="constants and damping over temperature; null where all campaigns are at one"
+    )
     discrepancy: dict[str, Any] = Field(description="relative: of a frequency, and of a modulus between specimens")
     provenance: dict[str, Any] = Field(description="the request, versions, host")

@@ -55,7 +55,8 @@ class ParameterIn(StrictModel):
 
     name: Name = Field(
         description=f"{', '.join(CONSTANTS)}; of a laminate also its plies' {', '.join(PLY_CONSTANTS)} (E1_2 and so on of the "
-        "second ply material from the bottom) and angle_1, angle_2, … in rad; or the name of one of the recipe's springs"
+        "second ply material from the bottom) and angle_1, angle_2, … in rad; or the name of one of the recipe's springs; "
+        "`Ex.per_K`, `web.G12.per_K`, `a1.per_K`: relative change per kelvin, of which the usual prior has what is not stated"
     )
     prior_mean: float | None = None
     prior_sd: float | None = None
@@ -218,6 +219,13 @@ class RecipeIn(StrictModel):
     weighting: Weighting = "noise"
     band_hz: Band | None = Field(None, description="lines of the damping update; default: past the highest mode")
     hold_out: HoldOutIn = HoldOutIn(points=None, band_hz=None)
+    reference_temperature_c: float | None = Field(
+        None,
+        gt=-273.15,
+        le=1000,
+        description="temperature at which the constants are asked for; default: that of the campaign, or 23 where campaigns of "
+        "a joint update have several",
+    )
     inputs: InputsIn = Field(
         default_factory=lambda: InputsIn.model_validate({}),
         description="what the laboratory does not know exactly; null members are as campaign and structure state them",
@@ -253,6 +261,7 @@ class RecipeIn(StrictModel):
             seed=self.seed,
             identification=identification,
             include_doubtful=self.identification.include_doubtful,
+            reference_temperature_c=self.reference_temperature_c,
         )
 
 

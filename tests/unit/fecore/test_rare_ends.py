@@ -64,7 +64,11 @@ def test_modes_that_only_move_on_springs_tell_no_damping() -> None:
 
 def test_what_campaigns_say_of_one_another() -> None:
     parts: Any = [SimpleNamespace(name=name, contradicts=True, predictive_p=0.001, modes=(1, 2, 3)) for name in "ab"]
-    sure = SimpleNamespace(probability=lambda rows: np.ones(len(rows)), width=lambda rows: np.ones(len(rows)))
+    sure = SimpleNamespace(
+        probability=lambda rows: np.ones(len(rows)),
+        width=lambda rows: np.ones(len(rows)),
+        forward=SimpleNamespace(mesh_error=None),
+    )
     layout = SimpleNamespace(labels=["Ex"], shared=("Ex",), campaigns=(sure, sure))
     problem = SimpleNamespace(residual=np.array([0.0, 0.0, 1.0]), weights=np.ones(3))
     taken: Any = [(((0, 0), (1, 1)), ()), (((0, 0),), (1, 2))]

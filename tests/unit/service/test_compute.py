@@ -39,7 +39,7 @@ from service.store.coupons import routes as bodies
 from service.store.records.processings import decisions
 from service.store.records.schemas import OverruleIn
 from service.store.structures.schemas import StructureIn
-from service.store.updating.bodies import nominal_specimen
+from service.store.updating.bodies import nominal_specimen, oriented
 from tests.corpus.updates import BEAM, measured
 from tests.support.uff import axis, dataset, function
 
@@ -110,12 +110,23 @@ def test_a_sandwich_has_the_shear_stiffness_and_the_frequency_of_the_published_s
     assert body.material.Gxz * SHEAR_CORRECTION * body.thickness == pytest.approx(shear, rel=0.01)
     alike = nominal_specimen(structure([ply(FACE, 0.002)] * 4), "free")
     assert alike.material.Gxz == pytest.approx(26e9, rel=1e-9)  # the shear of one layer
+    assert alike.layers == ()
     prior = parametrise(body, [Parameter("Ex")])
     forward = ForwardModel(body, prior, (), np.zeros((0, 2)), 4, reduced=False)
     mass = 2 * T * 2700.0 + H * 100.0
     wave = (np.pi / LENGTH) ** 2
     expected = wave * np.sqrt(bending / mass) / np.sqrt(1 + wave * bending / shear) / (2 * np.pi)
     assert forward.solve(prior.prior_mean).frequency_hz[0] == pytest.approx(expected, rel=0.01)
+
+
+def test_a_sandwich_turns_as_its_faces_do() -> None:
+    """I2 = ∫ρz² dz of the stack, whichever body its one layer becomes: evenly spread it would be a third of it."""
+    plain = nominal_specimen(structure([ply(FACE, T), ply(CORE, H), ply(FACE, T)]), "free")
+    expected = 2 / 3 * (2700.0 * ((H / 2 + T) ** 3 - (H / 2) ** 3) + 100.0 * (H / 2) ** 3)
+    for body in (plain, oriented(plain, plain.material, 0.0)):
+        assert body.section.inertia[2] == pytest.approx(expected, rel=1e-9)
+        q = np.array(list(body.nominal.values()))
+        assert np.any(np.isclose(body.mass_coefficients(q), expected, rtol=1e-9, atol=0))
 
 
 # --- files and forms as the service reads them, in the process itself ---------------------------------------------------

@@ -22,6 +22,7 @@ from fecore.signal import (
 )
 from fecore.signal.process import batched
 from fecore.signal.windows import Windows
+from tests.support.hammer import Bench, campaign, random_body, random_laboratory
 
 RATE, SAMPLES = 2048.0, 2048
 TIME = np.arange(SAMPLES) / RATE
@@ -195,3 +196,32 @@ def test_hits_of_a_body_that_shows_no_resonance_are_not_located(response: FloatA
 
 def test_one_thread_and_three_give_the_same_in_the_same_order() -> None:
     assert list(batched(lambda n: n * n, 9, 1)) == list(batched(lambda n: n * n, 9, 3)) == [n * n for n in range(9)]
+
+
+def test_good_hits_are_not_cut_where_a_stated_window_ends_in_the_converters_steps() -> None:
+    """A body that dies away under 6 per second before the converter: six of sixteen hits were refused, their last parts being
+    still, and those of the others not.
+    """
+    rng = np.random.default_rng([31, 4])
+    body = random_body(rng, "clamped")
+    body = replace(body, damping_ratio=np.maximum(body.damping_ratio, 0.02))
+    lab = replace(random_laboratory(rng, 6.0), sample_rate_hz=6400.0, samples=4096, pretrigger=160, tip_s=1e-3)
+    lab = replace(lab, force_noise=1.4e-3 * lab.force_n, force_step=1e-3 * lab.force_n, window_first=True)
+    lab = replace(lab, response_noise=8e-5, response_step=6e-5, hum=2e-4, high_pass=True)
+    bench = Bench(body, lab, (0.97 * body.length_m, 0.45 * body.width_m), rng)
+    hits = [simulated.hit for simulated in bench.tour(4, 4, 0.0)]
+    assert not any(verdict.faults for verdict in process(by_point(hits)).verdicts)
+    (block,) = hits[5].responses
+    short = replace(block, samples=np.where(np.arange(4096) < 500, block.samples, 0.0))
+    cut = process(by_point([*hits[:5], replace(hits[5], responses=(short,)), *hits[6:]])).verdicts[5]
+    assert "cut" in {fault.criterion for fault in cut.faults}
+
+
+def test_points_where_nobody_can_see_where_a_hit_landed_are_named() -> None:
+    """Two hits of a point tell no third where it lies."""
+    _, places, simulated = campaign(np.random.default_rng(3), "free", 6, 4, 0.0)
+    hits = [s.hit for s in simulated if s.hit.force.dof.point != 6 or s.hit.number < 3]
+    known = Processing(positions={label: (*place, 0.0) for label, place in places.items()})
+    (warning,) = (w for w in process(by_point(hits), known).warnings if "landed" in w)
+    assert warning.startswith("where the hits of point 6 landed does not show")
+    assert not any("landed" in w for w in process(by_point(hits)).warnings)

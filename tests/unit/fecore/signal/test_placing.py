@@ -29,7 +29,7 @@ def test_known_displacements_are_recovered_from_shares(kind: str) -> None:
     offsets = locate([(x, y, 0.0) for x, y in places], shares)
     found, truth = [], []
     for point, one in zip(offsets, true, strict=True):
-        for i, offset in point.items():
+        for i, (offset, _) in point.items():
             near = [k for k in range(5) if k != i and np.linalg.norm(one[k]) < 0.008]
             found.append(offset)
             truth.append(np.linalg.norm(one[i] - one[near].mean(axis=0)))

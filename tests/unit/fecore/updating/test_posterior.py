@@ -81,8 +81,6 @@ def test_a_parameter_is_identifiable_where_no_unseen_direction_moves_it() -> Non
 
 def test_the_scale_of_deviations_has_the_restricted_likelihood() -> None:
     scale = scale_of_deviations(RESIDUAL, NOISE, SENSITIVITY, 0.02)
-    unit = 0.02 / np.sqrt(3)  # the root mean square of Student's t of three degrees of freedom is √3
-    log_prior = -2 * np.log1p((scale.scale / unit) ** 2 / 3) + np.log(scale.scale)
     expected = []
     for s in scale.scale:
         V = NOISE + s**2 * np.eye(4)
@@ -91,10 +89,10 @@ def test_the_scale_of_deviations_has_the_restricted_likelihood() -> None:
         left = W - W @ SENSITIVITY @ np.linalg.solve(inner, SENSITIVITY.T @ W)
         logs = np.linalg.slogdet(W)[1] - np.linalg.slogdet(inner)[1] - RESIDUAL @ left @ RESIDUAL
         expected.append(logs / 2)
-    expected += log_prior
     np.testing.assert_allclose(np.diff(np.log(scale.weight)), np.diff(expected), rtol=1e-6, atol=1e-9)
     assert scale.weight.sum() == pytest.approx(1)
-    assert scale.scale[[0, -1]] == pytest.approx(unit * np.array([0.01, 30.0]))
+    assert scale.scale[[0, -1]] == pytest.approx([1e-5, 0.08])
+    assert np.ptp(np.diff(np.log(scale.scale))) < 1e-9, "even in ln s"
 
 
 OMEGA = 2 * np.pi * np.array([25.0, 160.0, 400.0, 445.0, 866.0, 1210.0])
@@ -117,8 +115,8 @@ def test_the_scale_follows_the_modes(scatter: float, low: float, high: float) ->
 def test_with_as_many_modes_as_coefficients_the_prior_is_all_that_is_known() -> None:
     scale = scale_of_deviations(np.zeros(2), 1e-8 * np.eye(2), BASIS[:2], 0.02)
     assert scale.rms == pytest.approx(0.02, rel=0.05)
-    # A half Student t of three degrees of freedom has 95 % of its mass below 3.18 scales, of which its root mean square is √3.
-    assert scale.scale[np.searchsorted(np.cumsum(scale.weight), 0.95)] == pytest.approx(0.0367, rel=0.15)
+    # Even in ln s from 1e-5 to 0.08: a twentieth lies in the uppermost twentieth of these decades.
+    assert scale.scale[np.searchsorted(np.cumsum(scale.weight), 0.95)] == pytest.approx(0.051, rel=0.1)
 
 
 def test_intervals_are_those_of_the_mixture() -> None:

@@ -1,0 +1,56 @@
+"""Sources of data that contradict each other, and what may be the cause: the values that `contradictions` gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from fecore.arrays import FloatArray
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a source says of one constant, and what the rest says of it: values with standard deviations, SI."""
+
+    constant: str
+    stated: float
+    stated_sd: float
+    rest: float
+    rest_sd: float
+
+
+@dataclass(frozen=True)
+class Check:
+    """A source beside all others."""
+
+    # `input`, `coupons`, `campaign`, `scatter` of the specimens, or what a body has: `mass`, `foot`, `support` that gives way
+    kind: str
+    name: str  # of the source, as a sentence names it
+    p: float  # probability of a difference from the rest that is larger than the one found
+    evidence: float  # logarithm of how much likelier the data are where this source is off by a slip
+    owner: str = ""  # the campaign or specimen that an input belongs to, as `campaign A`; empty where all share it
+    said: tuple[Said, ...] = ()  # of each constant that it says; nothing of a campaign
+    place: tuple[float, ...] = ()  # m, where a mass, a foot or a support likeliest is
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """A source that contradicts the others."""
+
+    cause: Check  # the likeliest
+    rivals: tuple[Check, ...]  # other explanations that the data do not rule out, the likeliest first
+    cleared: tuple[str, ...]  # names of sources that contradict no more once the cause is allowed for
+    moved: float  # how far a constant then moves at most, in its stated standard deviations
+    # logarithm of how much likelier the cause is than the next explanation, ruled out or not; None where there is none
+    odds: float | None = None
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """One campaign beside the others."""
+
+    # probability of frequencies further from the others' prediction than measured; None of a single campaign
+    predictive_p: float | None
+    alone: FloatArray  # (q,) coordinates' deviations of the material's parameters by this campaign alone
+    alone_sd: FloatArray  # (q,) their standard deviations
+    # (q,) of alone against all together, in standard deviations of the difference; 0 where the campaign says nothing
+    z: FloatArray
