@@ -105,7 +105,7 @@ def fit(
             progress(1.0)
             return misfit.result(point, initial, tuple(path.history))
         point = misfit.at(point.x, point.states, point.pairings, fresh)
-        if path.recurs(point):
+        if path.late and path.recurs(point):
             break
     raise path.without_rest(point)
 
@@ -346,8 +346,6 @@ class _Path:
 
     def recurs(self, point: _Point) -> bool:
         """Whether a late turn ends where one before the last did, and the last did not: then it goes round for ever."""
-        if not self.late:
-            return False
         there = [
             partners == point.partners and (point.x - x) @ point.hessian @ (point.x - x) <= _THERE**2
             for partners, x in self._ends

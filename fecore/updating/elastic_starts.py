@@ -110,6 +110,7 @@ def update_from_several_starts(
     verified = [each for each in found if isinstance(each, ElasticResult) and _is_verified(each)]
     if not verified:
         return _likest(layout, found)
+    progress(1.0)
     best = min(verified, key=evidence)
     torn = found[0].torn if isinstance(found[0], SwingingError) else ()
     starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in found)
