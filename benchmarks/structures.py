@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.clock import timed
 from benchmarks.tables import Off, Table, print_beside
 from fecore.body.generators import panel
 from fecore.body.laminate import OrthotropicMaterial, Ply
@@ -18,10 +19,15 @@ from fecore.body.structure import Structure
 from fecore.updating.measurement import Measurement
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
+from modalbase.formats.models.inp import read_inp
+from modalbase.formats.models.units import in_si
+from service.compute.models.bodies import body_of_model
 from tests.support.shells import KINDS, cylinder, hemisphere, roof, twisted_beam
 from tests.support.stored_solids import OPEN, body, frequencies, stated
 
 BODIES = ("i", "box", "channel", "angle", "panel")
+DECK_TO_RESULT = 30.0
+"""Seconds of the processor that a user's deck and its FRFs may take to a result."""
 
 
 def elements() -> None:
@@ -84,8 +90,23 @@ def update_printed(name: str, body: Structure, measurement: Measurement, true: d
     return [off for off in print_beside(result, true) if off.identifiable]
 
 
+def decks(*kinds: str) -> None:
+    """CPU seconds from each stored deck and its FRFs to the result of an empty recipe, and over those allowed."""
+    table = Table("deck to result, by the processor", "deck:10", "dofs:8", "s:.1f", f"over {DECK_TO_RESULT:g} s:.2f")
+    for kind in kinds:
+        _, measurement, _ = stated(json.loads((OPEN / f"{kind}-1.truth.json").read_text()), 4)
+
+        def to_result(kind: str = kind, measurement: Measurement = measurement) -> Structure:
+            body = body_of_model(in_si(read_inp((OPEN / f"{kind}-1.inp").read_bytes()), "m-N-kg"))
+            update(measurement, body)
+            return body
+
+        body, seconds = timed(to_result)
+        table.row(kind, body.model.stiffness.size, seconds[1], seconds[1] / DECK_TO_RESULT)
+
+
 def structures(part: str = "all", *kinds: str) -> None:
-    """Shells in space: `elements`, published ones; `joints`, against solids; `size`; `updates`."""
+    """Shells in space: `elements`, published ones; `joints`, against solids; `size`; `updates`; `decks`, their time."""
     if not Path(OPEN).exists():
         print("  (the stored solids are absent)")
         kinds, part = (), "elements" if part == "all" else part
@@ -97,3 +118,5 @@ def structures(part: str = "all", *kinds: str) -> None:
         size()
     if part in ("all", "updates"):
         updates(*(kinds or BODIES))
+    if part in ("all", "decks"):
+        decks(*(kinds or BODIES))

@@ -38,6 +38,7 @@ _LATE = 12  # turns after which a fit whose partners change swings, and steps th
 _REST = 1e-4  # posterior standard deviations that an undamped step may still move
 _STILL = 1e-3  # of the misfit, that a late turn's steps may lower it and be at rest: 1/22 of a standard deviation
 _SAME = 0.01  # relative change of discrepancy and scatter that changes nothing
+_THERE = 0.01  # posterior standard deviations within which a turn ends where another did
 
 
 class NoPartnersError(UpdatingError):
@@ -104,6 +105,8 @@ def fit(
             progress(1.0)
             return misfit.result(point, initial, tuple(path.history))
         point = misfit.at(point.x, point.states, point.pairings, fresh)
+        if path.late and path.recurs(point):
+            break
     raise path.without_rest(point)
 
 
@@ -324,6 +327,7 @@ class _Path:
     history: list[ConvergenceStep] = field(default_factory=list)
     between: dict[tuple[Partners, ...], FloatArray] = field(default_factory=dict)
     _last: FloatArray | None = None
+    _ends: list[tuple[tuple[Partners, ...], FloatArray]] = field(default_factory=list)  # of late turns
 
     def visit(self, _: int, point: _Point) -> None:
         """Note an iterate."""
@@ -342,6 +346,15 @@ class _Path:
         """Note who is paired with whom, where the fit should have come to rest by then."""
         if self.late:
             self.between.setdefault(point.partners, point.x)
+
+    def recurs(self, point: _Point) -> bool:
+        """Whether a late turn ends where one before the last did, and the last did not: then it goes round for ever."""
+        there = [
+            partners == point.partners and (point.x - x) @ point.hessian @ (point.x - x) <= _THERE**2
+            for partners, x in self._ends
+        ]
+        self._ends.append((point.partners, point.x))
+        return any(there) and not there[-1]
 
     def without_rest(self, point: _Point) -> UpdatingError:
         """The error of a fit that goes on for ever."""
@@ -378,7 +391,7 @@ def _without_partners(layout: Layout, number: int, state: ForwardState) -> NoPar
 
 def _no_rest(layout: Layout, torn: set[tuple[int, int]]) -> str:
     """Why an iteration goes on for ever, and what to do, in words; `torn` are the modes whose partner changed."""
-    said = f"the elastic update did not converge in {_TURNS} turns of {_STEPS} steps; "
+    said = "the elastic update did not converge; "
     if torn:
         which = ", ".join(layout.campaigns[number].named(row) for number, row in sorted(torn))
         return said + (

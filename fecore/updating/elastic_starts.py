@@ -15,6 +15,7 @@ evidence is near the best one's then takes part in the intervals (`ElasticResult
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
 
@@ -41,10 +42,24 @@ _FAR = 1.5  # and prior standard deviations that a parameter has moved
 _DRAWS, _REACH = 64, 2.0  # from the prior, within so many of its standard deviations
 _STARTS, _VERIFIED = 6, 2  # pairings from which the fit starts anew; results that are fitted anew on a verified basis
 _HELD = 6  # pairings that are held
+_MENDED = 3  # times that bases may grow where a fit ended, before each of its points is verified
 _OF_MESH = 0.003  # relative error of a frequency by a mesh from which how it goes with the constants matters
 _PRICE_ALONE = 8.0  # in log evidence, of a measured mode without a partner, beside another pairing
 
 Found = ElasticResult | UpdatingError
+
+
+class _Run(Protocol):
+    """A fit of a layout from a start, with the share of progress before and after, and partners that are held."""
+
+    def __call__(
+        self,
+        place: Layout,
+        start: FloatArray | None,
+        first: float,
+        last: float,
+        held: tuple[Partners, ...] | None = None,
+    ) -> Found: ...
 
 
 def update_from_several_starts(
@@ -89,12 +104,13 @@ def update_from_several_starts(
         searched += [run(loose, start, 0.8, 0.8, partners) for partners, start in to_hold]
         worth = _worth_verifying([*found, *searched])
         found += [each for each in searched if not any(each is chosen for chosen in worth)]
-        found += [
-            run(layout, each.x, 0.8 + 0.1 * place, 0.9 + 0.1 * place, each.held) for place, each in enumerate(worth)
-        ]
+        found += [_verified(each, layout, run, 0.8 + 0.1 * place) for place, each in enumerate(worth)]
+        if layout.is_large and not any(map(_is_verified, found)):
+            found.append(run(layout, None, 0.9, 1.0))
     verified = [each for each in found if isinstance(each, ElasticResult) and _is_verified(each)]
     if not verified:
         return _likest(layout, found)
+    progress(1.0)
     best = min(verified, key=evidence)
     torn = found[0].torn if isinstance(found[0], SwingingError) else ()
     starts_tried = tuple(_as_start(each, layout, chosen=each is best) for each in found)
@@ -114,18 +130,27 @@ def update_on_finest_mesh(layout: Layout, update: Callable[[Layout], ElasticResu
     return update(layout.with_mesh_errors_at(elastic.x))
 
 
-def _first(layout: Layout, run: Callable[[Layout, FloatArray | None, float, float], Found]) -> Found:
-    """The fit from the prior means; of a large body first on the basis as it is, and verified from where that ends.
-
-    There each point of a path that were verified would cost a solution of the full model.
-    """
+def _first(layout: Layout, run: _Run) -> Found:
+    """The fit from the prior means; of a large body on the basis as it is, and verified where that ends."""
     if not layout.is_large:
         return run(layout, None, 0.0, 0.5)
-    rough = run(layout.unverified(), None, 0.0, 0.3)
-    if isinstance(rough, UpdatingError):
-        return run(layout, None, 0.3, 0.5)
-    found = run(layout, rough.x, 0.3, 0.5)
-    return found if isinstance(found, UpdatingError) else replace(found, history=(*rough.history, *found.history))
+    return _verified(run(layout.unverified(), None, 0.0, 0.3), layout, run, 0.3)
+
+
+def _verified(found: Found, layout: Layout, run: _Run, share: float) -> Found:
+    """A fit on bases as they were, where these hold at its end; else it goes on from there on those that have grown.
+
+    A path that is verified at each of its points costs a solution of the full model at most of them.
+    """
+    for _ in range(_MENDED):
+        if isinstance(found, UpdatingError):
+            return found
+        states = layout.solved(found.x)
+        if all(was.basis is now.basis for was, now in zip(found.states, states, strict=True)):
+            return replace(found, layout=layout, states=states)
+        fresh = run(layout.unverified(), found.x, share, share + 0.1, found.held)
+        found = fresh if isinstance(fresh, UpdatingError) else replace(fresh, history=(*found.history, *fresh.history))
+    return found if isinstance(found, UpdatingError) else run(layout, found.x, share, share + 0.1, found.held)
 
 
 def _alone_at_most(found: Found) -> float:
@@ -146,8 +171,8 @@ def _likest(layout: Layout, found: Sequence[Found]) -> ElasticResult:
         raise first from error
 
 
-def _is_verified(result: ElasticResult) -> bool:
-    return all(campaign.forward.verified for campaign in result.layout.campaigns)
+def _is_verified(found: Found) -> bool:
+    return isinstance(found, ElasticResult) and all(campaign.forward.verified for campaign in found.layout.campaigns)
 
 
 def _ranked(found: Sequence[Found]) -> list[ElasticResult]:

@@ -281,15 +281,19 @@ def _moved(fine: _Values, motion: FloatArray, shift: float) -> FloatArray:
         return np.asarray(vectors - rigid @ (images.T @ vectors))
 
     first = upright(motion)
-    vectors, before = first, np.zeros(motion.shape[1])
+    pushed = M @ first
+    vectors, image, before = first, pushed, np.zeros(motion.shape[1])
     for _ in range(_SWEEPS):
-        vectors = upright(factor.solve(M @ vectors))
-        value, turn = scipy.linalg.eigh(vectors.T @ (K @ vectors), vectors.T @ (M @ vectors))
-        vectors = vectors @ turn
+        vectors = upright(factor.solve(image))
+        heavy = M @ vectors
+        inertia = vectors.T @ heavy
+        # (K - σM) times what was solved for is its right side, and K moves nothing rigidly.
+        value, turn = scipy.linalg.eigh(vectors.T @ image + shift * inertia, inertia)
+        vectors, image = vectors @ turn, heavy @ turn
         if np.all(np.abs(value - before) <= _SETTLED * value):
             break
         before = value
-    left, _, right = np.linalg.svd(vectors.T @ (M @ first))
+    left, _, right = np.linalg.svd(vectors.T @ pushed)
     return np.asarray(vectors @ (left @ right))
 
 

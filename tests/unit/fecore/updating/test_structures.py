@@ -11,11 +11,13 @@ from fecore.body.laminate import OrthotropicMaterial, Ply
 from fecore.body.sections import ShellSection
 from fecore.body.structure import Structure
 from fecore.body.supports import of_boundary
+from fecore.dynamics.bodies import body_modes
 from fecore.errors import InputError
 from fecore.frf import Dof
 from fecore.modes import MeasuredModes
 from fecore.updating.campaign_layout import yielding
 from fecore.updating.campaigns import Campaign, CampaignsRecipe, update_campaigns
+from fecore.updating.elastic_starts import update_from_several_starts
 from fecore.updating.excursions import excursions
 from fecore.updating.forward import ForwardModel
 from fecore.updating.inputs import Inputs
@@ -67,6 +69,21 @@ def test_constants_of_each_wall_come_back_from_rows_along_any_direction() -> Non
     flange = next(each for each in found.parameters if each.name == "flange.E1")
     assert flange.identifiable
     assert flange.estimate == pytest.approx(25e9, rel=0.02)
+
+
+def test_a_basis_is_verified_where_a_fit_ends() -> None:
+    modes, points = measured({"flange.E1": 31e9, "web.E1": 17e9, "web.G12": 4e9}, np.zeros((0, 3)))
+    prior = parametrise(BEAM, default_parameters(BEAM))
+    forward = ForwardModel.of_dofs(prior, modes.dofs, points, float(modes.frequency_hz[-1]), MODES)
+    assert forward.basis.full_solves == 1
+    found = update_from_several_starts(Layout.of_one(forward, modes))
+    assert found.layout.campaigns[0].forward.verified
+    assert 1 < forward.basis.full_solves <= 3
+    c = found.states[0].coefficients
+    K, M = BEAM.model.stiffness.at(c.stiffness), BEAM.model.mass.at(c.mass)
+    exact = body_modes(BEAM.model, K, M, MODES).frequency_hz
+    assert forward.basis.modes(c.stiffness, c.mass).frequency_hz[: exact.size] == pytest.approx(exact, rel=5e-4)
+    assert found.states[0].basis is forward.basis.basis
 
 
 def test_modes_have_shares_of_their_motion_and_of_the_energy_of_each_set() -> None:
