@@ -85,7 +85,7 @@ def fit(
     origin: FloatArray = np.zeros(len(layout.unknowns))
     weights = tuple(np.ones(len(campaign.modes)) for campaign in layout.campaigns)
     no_shear = tuple(np.zeros(each.size) for each in weights)
-    first_scales = _Scales(DISCREPANCY, layout.scatter, weights, no_shear, misfit.no_shapes)
+    first_scales = _Scales(DISCREPANCY, layout.scatter, weights, no_shear, tuple(ShapeErrors() for _ in weights))
     initial = misfit.paired(origin, first_scales)
     point = initial if start is None else misfit.paired(start, first_scales)
     path = _Path(layout, progress)
@@ -284,17 +284,12 @@ class Misfit:
         shapes = self.shape_errors(point.states, point.pairings, spread)
         return _Scales(spread, scatter, tuple(weights), by_shear, shapes)
 
-    @property
-    def no_shapes(self) -> tuple[ShapeErrors, ...]:
-        """Of each campaign, errors of shapes of which nothing is known yet."""
-        return tuple(ShapeErrors({}, {}) for _ in self.layout.campaigns)
-
     def shape_errors(
         self, states: Sequence[ForwardState], pairings: Sequence[Pairing], spread: float
     ) -> tuple[ShapeErrors, ...]:
         """Of each campaign, the errors of the paired modes' shapes at a discrepancy of the frequencies."""
         if not self.use_shapes:
-            return self.no_shapes
+            return tuple(ShapeErrors() for _ in self.layout.campaigns)
         campaigns = zip(self.layout.campaigns, states, pairings, strict=True)
         return tuple(ShapeErrors.of(campaign.modes, state, pairing, spread) for campaign, state, pairing in campaigns)
 

@@ -32,7 +32,7 @@ from fecore.updating.elastic_result import ElasticResult, prior_belief
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES
 from fecore.updating.layout import CampaignModel, Layout, Unknown
-from fecore.updating.posterior import DISCREPANCY_DOF, SHAPE_DISCREPANCY, LinearProblem, Mixture
+from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, SHAPE_DISCREPANCY, LinearProblem, Mixture
 from fecore.updating.screening import Screened, effect_of, screened
 
 _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
@@ -240,7 +240,7 @@ class _Search:
         except (UpdatingError, ModelError):
             return -np.inf
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
-        problem = misfit.linear(x, states, pairings, weights, misfit.no_shapes)
+        problem = misfit.linear(x, states, pairings, weights, misfit.shape_errors(states, pairings, DISCREPANCY))
         return _log_evidence(layout, pairings, problem, problem.weights)
 
     def _solved(self, campaign: CampaignModel, theta: FloatArray) -> ForwardState:

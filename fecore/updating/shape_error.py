@@ -13,7 +13,7 @@ degrees of freedom about 1 % as its prior, so that a shape which the model does 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -33,8 +33,9 @@ _SAME = 0.01  # relative change of a scatter that changes nothing
 class ShapeErrors:
     """Of the measured modes of one campaign that have a partner, by their rows."""
 
-    scatter: Mapping[int, float]  # √v, as a share of the shape's largest entry
-    whitening: Mapping[int, FloatArray]  # (p, p) W with WᵀW the inverse of the covariance of the errors at the points
+    scatter: Mapping[int, float] = field(default_factory=dict)  # √v, as a share of the shape's largest entry
+    # (p, p) W with WᵀW the inverse of the covariance of the errors at the points
+    whitening: Mapping[int, FloatArray] = field(default_factory=dict)
 
     @classmethod
     def of(cls, modes: MeasuredModes, state: ForwardState, pairing: Pairing, discrepancy: float) -> ShapeErrors:
