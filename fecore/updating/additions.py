@@ -116,10 +116,10 @@ def with_additions(
         V @ turn,
         rigid,
         system.shift,
-        np.array([*turned[0][:own], *stiff, *turned[0][own:]]),
-        np.array([*turned[1], *heavy]),
-        empty,
-        empty,
+        stiffness=np.array([*turned[0][:own], *stiff, *turned[0][own:]]),
+        mass=np.array([*turned[1], *heavy]),
+        stiffness_sketch=empty,
+        mass_sketch=empty,
     )
 
 

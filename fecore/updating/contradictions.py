@@ -174,7 +174,9 @@ class _Sources:
         """
         first, name = explanation.additions[0], self._of_body(explanation.additions[0].kind, number)
         said = tuple(Said(each.name, 0.0, 0.0, size, sd) for each, size, sd in explanation.sizes)
-        check = Check(first.kind, name, p, explanation.evidence, self._named(number), said, first.place)
+        check = Check(
+            first.kind, name, p, explanation.evidence, owner=self._named(number), said=said, place=first.place
+        )
         unknowns = explanation.result.layout.unknowns[-len(explanation.additions) :]
         names = name, self._named(number), *(unknown.label for unknown in unknowns)
         return check, lambda: self._fitted_anew(explanation.result, names)

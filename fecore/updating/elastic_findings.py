@@ -117,7 +117,7 @@ def _twins(elastic: ElasticResult, modes: MeasuredModes) -> dict[int, list[int]]
 
 
 def _two_in_one(elastic: ElasticResult, modes: MeasuredModes, twins: dict[int, list[int]]) -> list[Finding]:
-    """Measured modes where the body has two that lie too close together to be told apart."""
+    """Measured modes where the body has two that lie too close together to be separated."""
     model, partner = elastic.updated.frequency_hz, dict(elastic.pairing.pairs)
     return [
         found(

@@ -112,7 +112,7 @@ FINDINGS = {
         None,
         3,
         "measured mode {which} is probably two: the model has modes at {hz}, closer together than half a bandwidth, which the "
-        "FRFs do not tell apart. Its frequency is of both, its shape and damping are a mixture",
+        "FRFs do not separate. Its frequency is of both, its shape and damping are a mixture",
         "hit or sense at a second place, where one of the two stands still",
     ),
     "most_modes_alone": Row(

@@ -293,7 +293,8 @@ class _Fit:
         squares = float(np.sum((whiten @ missed) ** 2) + np.sum(((k - mean) / sd) ** 2))
         narrowed = float(np.linalg.slogdet(np.eye(p) + seen.T @ seen)[1])
         gain = inverse[:p, : len(whiten)] @ whiten
-        return _Fit(self.ratios, self.covariance, gain, a, missed, squares + narrowed, k, inverse @ inverse.T)
+        fitted = self.ratios, self.covariance, gain, a, missed
+        return _Fit(*fitted, chi_squared=squares + narrowed, per_k=k, joint=inverse @ inverse.T)
 
 
 def _at_best_angles(law: DampingLaw, ratios: MeasuredRatios, priors: PriorsPerK) -> tuple[_Fit, float, FloatArray]:

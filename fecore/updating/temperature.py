@@ -1,4 +1,4 @@
-"""Constants that change with temperature: how much, by what prior, and what of it a campaign sees.
+"""Constants that change with temperature: how much, by what prior, and how much of it a campaign sees.
 
     c(T) = c_ref (1 + k (T - T_ref)),     k the coefficient of c, 1/K, named `Ex.per_K`, `web.G12.per_K`
 
@@ -109,7 +109,7 @@ def prior_per_k(constant: str, nominal: Mapping[str, float] | None = None) -> tu
 
     Args:
         constant: its name.
-        nominal: the constants beside it, which tell an isotropic material; None where nobody knows them.
+        nominal: the constants beside it, which show whether the material is isotropic; None where nobody knows them.
     """
     known = _PRIORS.get(kind_of(constant))
     return _FIBRES if known == _MATRIX and nominal is not None and _is_isotropic(constant, nominal) else known

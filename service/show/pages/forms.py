@@ -149,7 +149,7 @@ def _members() -> dict[str, str]:
 
 _ASIDE = re.compile(r" ?[^.;:?(]*\((?:`[^`]*`(?:, )?)+\)")
 _CALL = re.compile(r"\b(?:GET|POST|PUT|PATCH|DELETE) /[\w/{}…-]+")
-_NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[a-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
+_NAME = re.compile(r"`?(?<![\w/.@-])/?((?:[A-Za-z]\w*[./])*)([A-Za-z]\w*)(?![\w@/-])`?")
 
 
 def page_words(text: str | None) -> str:

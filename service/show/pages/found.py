@@ -26,11 +26,11 @@ _AS_SAID = {
         *("mesh_misses", "sources_conflict", "confounded", "not_determined"),
         *("nothing_determined", "samples_differ", "law_negative"),
     ),
-    MODEL: ("points_beyond", "frequencies_missed"),
+    MODEL: ("points_beyond", "frequencies_missed", "mesh_moves", "mesh_decides", "length_moves"),
     CAMPAIGN: (
         *("no_like_mode", "most_modes_alone", "shape_unlike", "rival_pairing", "partners_swing"),
         *("stiffness_changed", "frfs_unlike", "law_replaced", "looks_windowed", "window_unstated"),
-        "frfs_scaled_by_place",
+        *("frfs_scaled_by_place", "temperature_unknown"),
     ),
     MODES: ("halves_of_a_mode", "mode_not_believed", "two_in_one"),
 }
@@ -40,6 +40,7 @@ REMEDIES: dict[str, tuple[str, str]] = {
     **{kind: (place, "") for place, kinds in _AS_SAID.items() for kind in kinds},
     "joint_needs_frfs": (CAMPAIGN, "Import the FRFs for a joint update."),
     "roving_sensor": (CAMPAIGN, "State the sensor's grid point if it stood still."),
+    "mesh_on_trust": (MODEL, "Compare its frequencies with those of a finer mesh in the program that it is of."),
     "modes_alone": (MODES, "Leave in-plane modes out of the mode set, and check boundary, frame and geometry."),
     "shapes_unlike": (CAMPAIGN, "Check boundary, geometry, frame and numbering of the points."),
     "modes_absent": (CAMPAIGN, "Check boundary and geometry, and the pairs in the table of modes."),

@@ -218,7 +218,7 @@ def test_good_hits_are_not_cut_where_a_stated_window_ends_in_the_converters_step
 
 
 def test_points_where_nobody_can_see_where_a_hit_landed_are_named() -> None:
-    """Two hits of a point tell no third where it lies."""
+    """Two hits of a point do not locate a third."""
     _, places, simulated = campaign(np.random.default_rng(3), "free", 6, 4, 0.0)
     hits = [s.hit for s in simulated if s.hit.force.dof.point != 6 or s.hit.number < 3]
     known = Processing(positions={label: (*place, 0.0) for label, place in places.items()})
