@@ -133,21 +133,27 @@ def _seen(rows: Sequence[tuple[float, float, float] | None], samples: int, sampl
 class _Noise:
     """The force of a hit behind its pulse."""
 
-    steps: FloatArray  # (n - 1,) sizes of the steps from sample to sample of the whole block
-    start: int  # of them, from which on there is noise alone
+    hit: Hit
+    start: int  # of the steps from sample to sample, from which on there is noise alone
     gap: float  # smallest one between two of the values there
+
+    @property
+    def steps(self) -> FloatArray:
+        """(n - 1,) sizes of the steps from sample to sample of the whole block; not kept, as hits may be many."""
+        return np.abs(np.diff(self.hit.force.samples.astype(float)))
 
 
 def _noise(hit: Hit) -> _Noise:
     pulse = find_pulse(hit.force, hit.sample_rate_hz)
     start = pulse.stop + ringing(pulse.start, pulse.stop) + REACH
-    samples = hit.force.samples.astype(float)
-    return _Noise(np.abs(np.diff(samples)), start, smallest_step(samples[start:]) if start < samples.size else 0.0)
+    behind = hit.force.samples[start:].astype(float)
+    return _Noise(hit, start, smallest_step(behind) if behind.size else 0.0)
 
 
 def _shown(noises: Sequence[_Noise]) -> int:
     """Steps of a block up to which the noise of most hits is at least half a step of the converter."""
-    size = noises[0].steps.size // _FINE_PARTS
+    whole = noises[0].hit.samples - 1
+    size = whole // _FINE_PARTS
     still = np.full((len(noises), _FINE_PARTS), np.nan)
     for row, noise in zip(still, noises, strict=True):
         parts = noise.steps[: _FINE_PARTS * size].reshape(_FINE_PARTS, size)
@@ -156,7 +162,7 @@ def _shown(noises: Sequence[_Noise]) -> int:
         row[first:] = none.mean(axis=1)[first:]
     most = np.array([np.median(own) if (own := column[np.isfinite(column)]).size else 0.0 for column in still.T])
     hidden = np.flatnonzero(most > _HIDDEN)
-    return int(hidden[0]) * size if hidden.size else noises[0].steps.size
+    return int(hidden[0]) * size if hidden.size else whole
 
 
 def _decay(

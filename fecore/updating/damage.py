@@ -10,11 +10,11 @@ With d the change of the model's frequencies and shapes by a loss the data are l
     ln B = dᵀW(r - Sz) - ½ dᵀ(W - WSH⁻¹SᵀW)d,    H = SᵀWS + P,
 
 W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the discrepancy s; of shapes k σ at
-each point, and what the model's error e of a frequency, were it alike in all directions of the stiffness (the Gaussian
-orthogonal ensemble), turns modes towards each other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of
-the model of joints is left to the constants, which absorb it but for what s is. Of all sets, stretches
-(each length as likely) and losses, and over the posterior of s and k where nothing is damaged, B is the mean, so that without
-damage E[B] = 1, and P(B ≥ 1/p) ≤ p (as in `added_mass`).
+each point, the shape's slope times what its points and their grid are off their places, and what the model's error e of a
+frequency, were it alike in all directions of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each
+other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to the constants, which
+absorb it but for what s is. Of all sets, stretches (each length as likely) and losses, and over the posterior of s and k where
+nothing is damaged, B is the mean, so that without damage E[B] = 1, and P(B ≥ 1/p) ≤ p.
 """
 
 from __future__ import annotations
@@ -42,6 +42,8 @@ _LOSSES = np.array([0.02, 0.06, 0.12, 0.2, 0.3, 0.4, 0.55, 0.7])  # solved for
 _FINE = np.linspace(0.02, 0.7, 69)  # each as likely; what is between is interpolated
 _COARSE = 5  # of the grid of discrepancies, one in so many
 _SHAPES = np.array([0.5, 1.0, 2.0, 4.0])  # k: a shape's standard deviation over the usual one
+# standard deviations of the middle of the hits at a point about it, and of each end of the grid along the body, m
+_PLACED, _GRID = 0.001, 0.002
 _LIKE = 0.1  # of a shape in another, below which the two are not compared
 _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
 _SETS, _SLIGHT = 4, 0.02  # sets at most, those with most energy; share of every mode's energy that is not looked at
@@ -233,7 +235,7 @@ class _Shapes:
 
     residual: FloatArray  # (n, b)
     by: FloatArray  # (n, b, X) of the model's by the unknowns
-    turned: FloatArray  # (n, b, b) covariance by turns of modes
+    turned: FloatArray  # (n, b, b) covariance by turns of modes, and by points that are met within `_PLACED`
     change: FloatArray  # (l, P, n, b) by losses
     # information, descent: (X, X) and (X,) of them in the fit, where it looks at shapes
     information: FloatArray
@@ -255,6 +257,7 @@ class _Shapes:
         # A model's shape at the scale at which it is compared with the measured one, over σ.
         real, own = np.array([real_shape(campaign.modes, row) for row in rows]), shapes[columns]
         scale = weight * np.sum(real * own, axis=1) / np.sum(own**2, axis=1) / SHAPE_DISCREPANCY
+        placed = _placed(state, scale[:, None, None] * state.slopes[columns, :count], basis)
         shapes = shapes @ basis
         own = shapes[columns]
         seen = turned @ shapes
@@ -265,7 +268,7 @@ class _Shapes:
         return cls(
             missed.reshape(-1, count) @ basis,
             np.einsum("npx,pb->nbx", by.reshape(len(rows), count, -1), basis),
-            _turned(state, columns, shapes, scale),
+            _turned(state, columns, shapes, scale) + placed,
             change,
             np.zeros((by.shape[1],) * 2) if fitted is None else fitted,
             np.zeros(by.shape[1]) if fitted is None else elastic.problem.other_descent,
@@ -307,6 +310,16 @@ def _turned(state: ForwardState, columns: list[int], shapes: FloatArray, scale: 
     sd[np.arange(len(columns)), columns] = 0.0
     each = (scale[:, None] * sd)[..., None] * across
     return np.asarray(each.transpose(0, 2, 1) @ each)
+
+
+def _placed(state: ForwardState, slopes: FloatArray, basis: FloatArray) -> FloatArray:
+    """(n, b, b) covariance of (n, p, 3) slopes times how far points, and the ends of their grid, are off their places."""
+    places = state.forward.places[: slopes.shape[1]]
+    axis = int(np.argmax(np.ptp(places, axis=0)))
+    x = (places[:, axis] - places[:, axis].min()) / max(float(np.ptp(places[:, axis])), 1e-300)
+    own = np.einsum("pb,npk,pc->nbc", basis, (_PLACED * slopes) ** 2, basis)
+    ends = _GRID * np.stack([slopes[..., axis] * x, slopes[..., axis] * (1 - x)]) @ basis
+    return np.asarray(own + np.einsum("enb,enc->nbc", ends, ends))
 
 
 def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearProblem:

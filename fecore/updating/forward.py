@@ -103,6 +103,11 @@ class ForwardModel:
         return observed_at(self.specimen.model, self.points, self.places, directions_of(self.dofs, self.axes))
 
     @cached_property
+    def slopes(self) -> scipy.sparse.csr_array:
+        """(3r, dofs) change of these per metre that their points move along x, y and z."""
+        return self.specimen.model.slopes(self.places, directions_of(self.dofs, self.axes))
+
+    @cached_property
     def whole_motion(self) -> scipy.sparse.csr_array:
         """(3 × points, dofs) displacement of each point once, along all axes."""
         _, first = np.unique(self.points, return_index=True)

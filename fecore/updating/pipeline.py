@@ -78,7 +78,9 @@ def update(
     body, mesh = meshed(specimen, _highest_hz(data))
     forward = _forward(replace(parametrisation, body=body), measurement, data)
     progress(_ELASTIC, 0.4)
-    elastic, modes = _elastic(forward, data, recipe, inputs, lambda share: progress(_ELASTIC, 0.4 + 0.2 * share))
+    elastic, modes = _elastic(
+        forward, data, recipe, inputs, lambda share: progress(_ELASTIC, min(0.4 + 0.2 * share, 0.6))
+    )
 
     def shown(share: float) -> None:
         progress("updating the damping", 0.6 + 0.1 * share)

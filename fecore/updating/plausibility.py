@@ -31,7 +31,6 @@ from fecore.updating.amounts import amount
 from fecore.updating.damping_data import DampingData
 from fecore.updating.damping_stage import DampingResult
 from fecore.updating.findings import Level, found, listed
-from fecore.updating.forward import directions_of
 from fecore.updating.inputs import Inputs
 from fecore.updating.parameters import by_name
 from fecore.updating.result import Finding
@@ -175,8 +174,7 @@ def _placed(data: DampingData) -> float:
     """
     state, frfs = data.elastic.updated, data.frfs
     forward, measured = state.forward, data.shifted - state.modes.rigid
-    slopes = state.shapes_by(forward.specimen.model.slopes(forward.places, directions_of(forward.dofs, forward.axes)))
-    steep = np.sum(slopes.reshape(len(slopes), -1, 3) ** 2, axis=2)[measured]
+    steep = np.sum(state.slopes[measured] ** 2, axis=2)
     shapes = state.shapes[measured] ** 2
     sides = [forward.rows(dofs)[0] for dofs in (frfs.responses, frfs.references)]
     both = np.maximum(np.sum(shapes[:, sides[0]] * shapes[:, sides[1]], axis=0), 1e-300)

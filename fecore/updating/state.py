@@ -91,6 +91,12 @@ class ForwardState:
         seen = rows if self.basis is None else rows @ self.basis  # few rows: cheaper than shapes of all dofs
         return np.asarray((seen @ self.modes.shapes[:, self.modes.rigid :]).T)
 
+    @cached_property
+    def slopes(self) -> FloatArray:
+        """(n, p, 3) change of the elastic modes' shapes per metre that the measured points move along x, y and z."""
+        slopes = self.shapes_by(self.forward.slopes)
+        return slopes.reshape(len(slopes), -1, 3)
+
     def _moved(self, rows: scipy.sparse.csr_array) -> FloatArray:
         """(n, p, 3) of the rows that `Model.displacement` gives for p places."""
         moved = self.shapes_by(rows)

@@ -66,7 +66,10 @@ def traces(figure: dict[str, Any], name: str) -> list[dict[str, Any]]:
 
 def test_every_figure_is_listed_and_drawn_as_json_in_print_and_in_both_themes(demo: Done) -> None:
     items = ok(demo.api.get(f"{demo.path}/figures"))["items"]
-    assert [item["name"] for item in items if not item["available"]] == ["stabilisation"]  # its modes were typed in
+    assert [item["name"] for item in items if not item["available"]] == [
+        "temperature",
+        "stabilisation",
+    ]  # one test, typed modes
     prints = iter(["svg", "png", "pdf"])  # of one figure each: they are drawn alike, and the report has every figure
     for item in items:
         if not item["available"]:
@@ -286,7 +289,7 @@ def test_every_figure_of_a_sampled_posterior_is_drawn_and_the_corner_shows_the_s
     assert finished(demo.api, answer.headers["Location"])["status"] == "succeeded"
     sampled = Done(demo.api, result_of(demo.api, answer.headers["Location"]))
     items = {item["name"]: item["available"] for item in ok(demo.api.get(f"{sampled.path}/figures"))["items"]}
-    assert [name for name, available in items.items() if not available] == ["stabilisation"]
+    assert [name for name, available in items.items() if not available] == ["temperature", "stabilisation"]
     drawn = {name: sampled.figure(name) for name, available in items.items() if available}
     assert all(figure["data"] for figure in drawn.values())
     rows = {row["name"]: row for row in sampled.result["parameters"]}

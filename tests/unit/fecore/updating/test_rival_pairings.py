@@ -171,14 +171,15 @@ def test_close_modes_that_exchange_their_partners_for_ever_are_fitted_with_each_
     layout = Layout.of_one(forward, measured)
     with pytest.raises(SwingingError) as swings:
         fit(layout)
-    assert swings.value.torn == ((0, 2), (0, 3))
+    assert set(swings.value.torn) >= {(0, 2), (0, 3)}
     assert len(swings.value.history) < 50  # it ends where it has come round once; 30 turns have 77
     result = update_from_several_starts(layout)
     assert result.torn == swings.value.torn
     assert result.held is not None
     assert result.pairing.mac is not None
-    # Both orders were fitted, and the frequencies decide.
-    assert {result.partners, result.rivals[0].other.partners} == {partners for partners, _ in swings.value.between}
+    # All orders were fitted, and the frequencies decide.
+    fitted = {result.partners, *(rival.other.partners for rival in result.rivals)}
+    assert fitted == {partners for partners, _ in swings.value.between}
     assert result.rivals[0].evidence > REFUTED
     assert result.standing == ()
     np.testing.assert_allclose(result.theta[[0, 2]], truth[[0, 2]], rtol=2e-3)
