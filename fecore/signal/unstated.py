@@ -83,7 +83,8 @@ def with_unstated_window(source: Source) -> tuple[Source, SeenRate | None]:
     sample = [
         hit for number in range(0, len(source), step) for hit in source[number][: max(_LOOKED_AT // len(source), 1)]
     ]
-    if any(block.window_rate_per_s for hit in sample for block in (hit.force, *hit.responses)):
+    alike = len({(hit.samples, hit.sample_rate_hz) for hit in sample}) == 1  # others are refused where they are read
+    if not alike or any(block.window_rate_per_s for hit in sample for block in (hit.force, *hit.responses)):
         return source, None
     seen = seen_rate(sample)
     return (UnderWindow(source, seen.rate_per_s) if seen.rate_per_s else source), seen

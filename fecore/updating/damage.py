@@ -12,9 +12,9 @@ With d the change of the model's frequencies and shapes by a loss the data are l
 W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the discrepancy s; of shapes k σ at
 each point, the shape's slope times what its points and their grid are off their places, and what the model's error e of a
 frequency, were it alike in all directions of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each
-other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to the constants, which
-absorb it but for what s is. Of all sets, stretches (each length as likely) and losses, and over the posterior of s and k where
-nothing is damaged, B is the mean, so that without damage E[B] = 1, and P(B ≥ 1/p) ≤ p.
+other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to the constants,
+which absorb it but for what s is. Of all sets, stretches (each length as likely) and losses, and over the posterior of s and k
+where nothing is damaged, B is the mean, so that without damage E[B] = 1, and P(B ≥ 1/p) ≤ p.
 """
 
 from __future__ import annotations

@@ -143,7 +143,8 @@ def test_free_beam(hung: free_beam.Study) -> None:
     errors = [abs(mode.error_percent) for mode in hung.update.modes if mode.error_percent is not None]
     assert len(errors) == 4
     assert max(errors) < 0.4  # four frequencies
-    assert [name for name in FREE_UPDATED if rows[name].identifiable] == ["Ex", "Gxy", "Gxz"]
+    # Of Gxz, ± 22 %, four frequencies say a little less than its prior of ± 30 % does.
+    assert [name for name in FREE_UPDATED if rows[name].identifiable] == ["Ex", "Gxy"]
     # The paper's constants leave its modes 0.5 to 2 % low at the printed thickness, so ours are up to 4 % higher.
     assert 1 < rows["Ex"].estimate / FREE_UPDATED["Ex"] < 1.03
     assert 1 < rows["Gxy"].estimate / FREE_UPDATED["Gxy"] < 1.04

@@ -98,7 +98,11 @@ def _no_mac(data: UpdateFigures) -> str | None:
 
 
 def _one_temperature(data: AnyFigures) -> str | None:
-    return None if data.document.get("curve") else "all of it is at one temperature"
+    if not (curve := data.document.get("curve")):
+        return "all of it is at one temperature"
+    known = {row["name"] for row in data.document["parameters"] if row["identifiable"]}
+    shown = any(row["law"] is not None or row["name"] in known for row in curve["constants"])
+    return None if shown else "the data determine none of the constants"
 
 
 def _mac(data: UpdateFigures, _: Wanted) -> Figure:

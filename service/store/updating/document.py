@@ -181,6 +181,8 @@ def _from_2(document: Document) -> Document:
         "model_modes": [],
         "pairing": None,
         "findings": [],
+        "reference_temperature_c": None,
+        "curve": None,
         **document,
         "parameters": [{"tied_to": None, **row} for row in document.get("parameters", ())],
         "modes": [{"measured_damping_sd": None, **row} for row in document.get("modes", ())],
