@@ -68,7 +68,8 @@ def _drawn(rows: Sequence[_Row], said: str, name: str, color: str, symbol: str) 
         return []
     per_cent = np.array([100 / (row["initial"] or row["estimate"]) for _, row in rows])
     middle = per_cent * [row["estimate"] for _, row in rows]
-    low, high = per_cent * np.array([row["interval_95"] for _, row in rows], dtype=float).T
+    # (of what is negative, such as a change per kelvin, the lower end is the larger share)
+    low, high = np.sort(per_cent * np.array([row["interval_95"] for _, row in rows], dtype=float).T, axis=0)
     hover: Any = {"ids": [row["name"] for _, row in rows], "hover": "%{customdata}, " + said + ": %{x:.1f} %"}
     error = np.array([middle - low, high - middle])
     return [Points(middle, [place for place, _ in rows], name, color, symbol, error_x=error, **hover)]
@@ -343,9 +344,8 @@ def _probability(value: float | None) -> str:
 
 def _joint(rows: Sequence[_Own]) -> Mark:
     """The joint estimate's 95 % interval behind each row."""
-    low, high = (
-        np.array([100 * row["interval_95"][end] / row["estimate"] for row, _ in rows], dtype=float) for end in (0, 1)
-    )
+    ends = [[100 * end / row["estimate"] for end in row["interval_95"]] for row, _ in rows]
+    low, high = np.sort(np.array(ends, dtype=float), axis=1).T
     return Bars(high - low, range(len(rows)), low, "all together, 95 %", BAND, width=1, hover=None)
 
 
@@ -364,7 +364,7 @@ def _alone(rows: Sequence[_Own]) -> list[Mark]:
         if not chosen:
             continue
         middle = [100 * found["estimate"] / joint for _, joint, found in chosen]
-        reach = [100 * Z_95 * found["standard_deviation"] / joint for _, joint, found in chosen]
+        reach = [100 * Z_95 * found["standard_deviation"] / abs(joint) for _, joint, found in chosen]
         said: Any = {"text": [f"z {found['z']:+.2f}" for *_, found in chosen], "hover": "%{x:.1f} %, %{text}"}
         marks.append(Points(middle, [place for place, *_ in chosen], name, color, symbol, error_x=reach, **said))
     return marks
