@@ -220,7 +220,8 @@ def test_a_deck_is_sent_and_is_the_next_version(running: Browser, service: Local
 
 def a_deck_is_sent(page: Page) -> None:
     """Without its units the report says which fit; with them the structure is the model."""
-    page.press("summary:text('A model of your own')", "Enter")  # a click misses it where the body above grows as it is drawn
+    # (a click may miss it where the body above grows as it is drawn)
+    page.press("summary:text('A model of your own')", "Enter")
     page.set_input_files(
         "[data-deck] [name=deck]", {"name": "angle.inp", "mimeType": "text/plain", "buffer": deck(1e-3)}
     )
