@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from fecore.arrays import ComplexArray, FloatArray
+from fecore.arrays import ComplexArray, FloatArray, IntArray
 from fecore.errors import InputError
 
 _FREQUENCY_SCALE = 0.2  # a model's frequency is expected within some 20 % (as ln ratio) of the measured one
@@ -235,6 +235,18 @@ def span_mac(
             share = np.linalg.norm(measured @ span.conj(), axis=1) / np.where(size, size, 1)
             likeness[:, j] = np.maximum(likeness[:, j], np.minimum(share**2, 1.0))
     return likeness
+
+
+def most_alike(coefficients: FloatArray) -> IntArray:
+    """Which of m modes each of n others is most like, all together, by what it has of them.
+
+    Args:
+        coefficients: (n, m) amplitudes of the n modes in the m, or cosines between their shapes; m is at least n.
+
+    Returns:
+        (n,) numbers among the m, each once at most.
+    """
+    return np.asarray(scipy.optimize.linear_sum_assignment(-(coefficients**2))[1])
 
 
 def _assign(score: FloatArray, allowed: np.ndarray) -> tuple[tuple[int, int], ...]:

@@ -26,6 +26,7 @@ import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.matrices import MatrixBody
+from fecore.correlation import most_alike
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.posterior import (
     DISCREPANCY,
@@ -131,7 +132,7 @@ def _solved(value: FloatArray, lost: FloatArray, columns: list[int]) -> tuple[Fl
     """(P, n) changes of ln f of some modes with (m,) eigenvalues, and (P, n, m) what they are made of, by (P, m, m) losses."""
     found, vectors = np.linalg.eigh(np.diag(value) - lost)
     found = np.maximum(found, 1e-3 * value[0])
-    order = np.array([scipy.optimize.linear_sum_assignment(-(each**2))[1] for each in vectors])[:, columns]
+    order = np.array([most_alike(each) for each in vectors])[:, columns]
     change = np.log(np.take_along_axis(found, order, axis=1) / value[columns]) / 2
     turned = np.take_along_axis(vectors, order[:, None], axis=2).transpose(0, 2, 1)
     return change, turned / turned[:, np.arange(len(columns)), columns][..., None]
@@ -250,7 +251,7 @@ class _Shapes:
             return None
         count, (rows, columns) = len(campaign.modes.dofs), (list(each) for each in zip(*pairing.pairs, strict=True))
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]])
-        missed, of_theta = ShapeErrors({}, {}).residual(campaign.modes, state, pairing, weight)
+        missed, of_theta = ShapeErrors().residual(campaign.modes, state, pairing, weight)
         by = of_theta @ (campaign.prior.slope(state.theta)[:, None] * campaign.pick)
         shapes = state.shapes[: turned.shape[3], :count]
         basis = np.linalg.qr(shapes.T)[0]  # (points, b)

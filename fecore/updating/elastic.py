@@ -205,13 +205,12 @@ class Misfit:
         pairings: Sequence[Pairing],
         weights: Sequence[FloatArray],
         shapes: Sequence[ShapeErrors],
-        by_shear: Sequence[FloatArray] | None = None,
+        by_shear: Sequence[FloatArray],
     ) -> LinearProblem:
-        """The problem that is linear in the step from x; `by_shear` of measured modes is that of their partners by default."""
+        """The problem that is linear in the step from x."""
         rows = stacked(pairings)
         size, total = x.size, rows[-1].stop
         residual, noise, sensitivity = np.zeros(total), np.zeros((total, total)), np.zeros((total, size))
-        by_shear = self.by_shear(states, pairings) if by_shear is None else by_shear
         weight, shear = (
             np.concatenate([each[[row for row, _ in p.pairs]] for each, p in zip(some, pairings, strict=True)])
             for some in (weights, by_shear)

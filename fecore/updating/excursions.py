@@ -15,7 +15,7 @@ to where they would be something. What each does to the natural frequencies is e
 - fibres askew by an angle change it by the angle's square, so the model is solved with them at one standard deviation.
 
 A one-sided input a ≥ 0, in its standard deviations, is what the frequencies leave of it. a ~ N(0, 1) changes ln f by ea: with
-the score b = eᵀWμ and the information i = eᵀMe of the data, the other unknowns following (`added_mass`), a is a Gaussian of
+the score b = eᵀWμ and the information i = eᵀMe of the data, the other unknowns following (`screening`), a is a Gaussian of
 mean b/(1 + i) and variance 1/(1 + i), cut off at 0. So what it moves a constant by is bounded by the constant's prior, and
 is small where it would have left other traces.
 """
@@ -35,6 +35,7 @@ from fecore.body.clamps import bed_of
 from fecore.body.specimen import FlatBody, LayeredSpecimen, Specimen
 from fecore.body.structure import Structure
 from fecore.body.supports import CLAMP, PointMass
+from fecore.correlation import most_alike
 from fecore.normal import Z_95
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import UNSTATED_SENSOR, Inputs
@@ -201,7 +202,7 @@ def _with_masses(state: ForwardState, places: FloatArray, masses: FloatArray) ->
     value = np.where(np.arange(modes.eigenvalue.size) < modes.rigid, 0.0, modes.eigenvalue)
     heavier = np.eye(value.size) + (moved.T * np.repeat(masses, 3)) @ moved
     loaded, turn = scipy.linalg.eigh(np.diag(value), heavier)
-    order = scipy.optimize.linear_sum_assignment(-(turn**2))[1][modes.rigid :]  # which mode each was
+    order = most_alike(turn)[modes.rigid :]
     return np.asarray(np.sqrt(loaded[order] / value[modes.rigid :]) - 1)
 
 

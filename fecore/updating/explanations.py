@@ -18,11 +18,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import scipy
 
 from fecore.arrays import FloatArray
 from fecore.body.supports import CLAMP
-from fecore.correlation import Pairing
+from fecore.correlation import Pairing, most_alike
 from fecore.errors import ModelError, UpdatingError
 from fecore.updating import suspects
 from fecore.updating.additions import SIZE_SD, Addition, AlteredForward, Kind
@@ -195,7 +194,7 @@ class _Search:
         columns = [column for _, column in result.pairings[self.number].pairs]
         own = plain.shapes / np.linalg.norm(plain.shapes, axis=1, keepdims=True)
         other = altered.shapes[columns] / np.linalg.norm(altered.shapes[columns], axis=1, keepdims=True)
-        return [int(each) for each in scipy.optimize.linear_sum_assignment(-((other @ own.T) ** 2))[1]]
+        return [int(each) for each in most_alike(other @ own.T)]
 
     def fitted(
         self, additions: Sequence[Addition], starts: Sequence[FloatArray] = (), most: int = 1
@@ -240,7 +239,8 @@ class _Search:
         except (UpdatingError, ModelError):
             return -np.inf
         weights = [np.ones(len(each.modes)) for each in layout.campaigns]
-        problem = misfit.linear(x, states, pairings, weights, misfit.shape_errors(states, pairings, DISCREPANCY))
+        shapes, by_shear = misfit.shape_errors(states, pairings, DISCREPANCY), misfit.by_shear(states, pairings)
+        problem = misfit.linear(x, states, pairings, weights, shapes, by_shear)
         return _log_evidence(layout, pairings, problem, problem.weights)
 
     def _solved(self, campaign: CampaignModel, theta: FloatArray) -> ForwardState:

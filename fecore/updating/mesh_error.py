@@ -26,6 +26,7 @@ from fecore.body.constants import Body
 from fecore.body.facets import SMOOTH, facet_turn, re_entrant
 from fecore.body.refine import Refined, element_size, refined
 from fecore.body.structure import Structure
+from fecore.correlation import most_alike
 from fecore.dynamics.eigen import NormalModes, mass_orthonormal, shifted
 from fecore.dynamics.factor import factorise
 from fecore.dynamics.reduction import ReducedSystem
@@ -110,8 +111,7 @@ class MeshError:
         K = np.diag(value) + np.tensordot(stiffness, self.whole.stiffness, 1)
         M = np.eye(value.size) + np.tensordot(mass, self.whole.mass, 1)
         fine, turn = scipy.linalg.eigh(K, M)
-        row, column = scipy.optimize.linear_sum_assignment(-(turn**2))
-        return np.asarray(np.sqrt(fine[column[np.argsort(row)]]) / (2 * np.pi))
+        return np.asarray(np.sqrt(fine[most_alike(turn)]) / (2 * np.pi))
 
     def corrected(self, system: ReducedSystem) -> ReducedSystem:
         """A basis with the finest mesh's matrices of the modes."""

@@ -22,6 +22,7 @@ import numpy as np
 import scipy
 
 from fecore.arrays import FloatArray
+from fecore.correlation import most_alike
 from fecore.updating.additions import Addition
 from fecore.updating.posterior import LinearProblem, Mixture
 from fecore.updating.state import ForwardState
@@ -102,7 +103,7 @@ class _Modes:
         """Changes of ln f of the elastic modes, and their derivatives, by (P, N') altered eigenvalues, those shapes as
         (P, N', N') columns, and derivatives of ln f (P, N'): which mode each was is the one that it is most like, all together.
         """
-        order = np.array([scipy.optimize.linear_sum_assignment(-(each[: self.value.size] ** 2))[1] for each in vectors])
+        order = np.array([most_alike(each[: self.value.size]) for each in vectors])
         value, by = (np.take_along_axis(each, order[:, self.rigid :], axis=1) for each in (value, by))
         return (np.log(value / self.value[self.rigid :]) / 2).T, by.T
 

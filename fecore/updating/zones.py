@@ -58,7 +58,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         states = layout.solved(x)
         pairings = misfit.pair(states)
         shapes = misfit.shape_errors(states, pairings, first.discrepancy)
-        problem = misfit.linear(x, states, pairings, first.weights, shapes)
+        problem = misfit.linear(x, states, pairings, first.weights, shapes, misfit.by_shear(states, pairings))
         partitions = Partitions(problem, parts.compliance, parts.lines, parts.number[parts.number >= 0])
         moved, x = partitions.mean - parts.compliance.of(x), parts.compliance.back(partitions.mean)
         if np.all(np.abs(moved) <= _RESTS * partitions.sd):
@@ -78,7 +78,7 @@ def with_stretches(first: ElasticResult, recipe: Recipe) -> ElasticResult:
         x=at,
         states=states,
         pairings=pairings,
-        problem=misfit.linear(at, states, pairings, first.weights, shapes),
+        problem=misfit.linear(at, states, pairings, first.weights, shapes, misfit.by_shear(states, pairings)),
         stretches=Stretches(parts.lines, partitions.change, mixture),
     )
 

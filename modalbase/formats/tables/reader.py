@@ -26,7 +26,6 @@ from modalbase.formats.tables.preamble import Row
 _HEAD_LINES = 4000  # by which the layout is found
 _PART_BYTES = 1 << 20
 _LONGEST_LINE = 1 << 20
-_MOST_QUOTED = 20  # remarks that are quoted in the notes
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
