@@ -156,10 +156,10 @@ def _resolves(rounds: int) -> None:
         some = iter(np.roll(draws, start, axis=0))
         rows.append(
             [
-                median_ms(lambda m=m, of=of: getattr(m.solve(next(some)), of), n)
+                median_ms(lambda m=m, of=of, some=some: getattr(m.solve(next(some)), of), n)
                 for m, n, of in columns
             ]
-        )  # noqa: B023
+        )
     took = np.median(rows, axis=0).reshape(2, 2)
     build = median_ms(
         lambda: ForwardModel(specimen, known, along_z((0,)), PLACES[:1], 8).basis.system, 5

@@ -5,6 +5,7 @@
 import re
 import tempfile
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from uuid import UUID
 
@@ -115,9 +116,8 @@ def search(*campaigns: int) -> list[str]:
             )
             for noun, question in QUESTIONS:
                 with measured(service) as cost:
-                    middle, most = np.percentile(
-                        _times(lambda: _ask(api, noun, question)), (50, 95)
-                    )  # noqa: B023
+                    times = _times(partial(_ask, api, noun, question))
+                middle, most = np.percentile(times, (50, 95))
                 busy = 1000 * cost.processor / (TURNS + 1)
                 table.row(middle, most, busy, noun, question)
                 slow += (

@@ -201,7 +201,7 @@ def measured(kind: str, seed: int, *, clamped: bool) -> tuple[dict, FrfSet]:
     hz, motions = calculix.modes(body, _MODES, [node + 1 for node in nodes], clamped=clamped)
     hz[: 0 if clamped else 6] = 0.0
     axes = [axis for _, axis in wanted]
-    # (p, n)
+    # an array (p, n)
     shapes = np.array([np.sign(a) * motions[:, i, abs(a) - 1] for i, a in enumerate(axes)])
     a0, a1 = rng.uniform(3, 10), rng.uniform(4e-6, 12e-6)
     lines = np.arange(1, _LINES + 1) * 1.02 * hz[hz > 0][_IN_BAND - 1] / _LINES

@@ -33,8 +33,8 @@ class RefusedPole:
 class Found:
     """Poles with shapes: modes and uncertain ones, in ascending frequency."""
 
-    # frequencies, damping, complex shapes at the roving dofs (positive directions), covariance of
-    # (f, ζ)
+    # frequencies, damping, complex shapes at the roving dofs (positive directions), the
+    # covariance of frequency and damping
     modes: MeasuredModes
     # the same shapes in full: realised, mass normalised, standard deviations, modal phase
     # collinearity

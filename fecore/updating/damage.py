@@ -263,7 +263,7 @@ def lost_stiffness(
         )
         for name, tail in (("begin", 0.025), ("end", 0.975))
     )
-    # (n, a, P)
+    # an array (n, a, P)
     by = np.array([_between(each / _LOSSES[:, None]) for each in change.transpose(2, 0, 1)])
     some = share > _SELDOM * share.max()
     each = (by * _FINE[:, None])[:, some]

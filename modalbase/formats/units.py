@@ -217,7 +217,7 @@ def unit_in_name(name: str, quantity: Measured | None = None) -> tuple[str, str]
     (('time', 'ms'), ('time_s', ''), ('Strain 1', ''))
     """
     for match in reversed(list(_IN_BRACKETS.finditer(name))):
-        # "Strain 1 (Strain (%))"
+        # as in "Strain 1 (Strain (%))"
         inner = unit_in_name(match[1])[1] if _NAMED_UNIT.fullmatch(match[1]) else ""
         if inner:
             return " ".join(name[: match.start()].split()), inner

@@ -59,7 +59,8 @@ def function(response: int, reference: int, values: list[complex], kind: int = 4
         "    -1\n    58\nFRF"
         f" {response}Z/{reference}Z\nNONE\nNONE\nNONE\nNONE\n{kind:5d}{response:10d}{1:5d}{0:10d}"
         f" {'NONE':10s}{response:10d}{3:4d}"
-        f" {'NONE':10s}{reference:10d}{3:4d}\n{6 if is_complex else 4:10d}{len(values):10d}{1:10d}{1.0:13.5e}{1.0:13.5e}{0.0:13.5e}\n"
+        f" {'NONE':10s}{reference:10d}{3:4d}\n"
+        f"{6 if is_complex else 4:10d}{len(values):10d}{1:10d}{1.0:13.5e}{1.0:13.5e}{0.0:13.5e}\n"
         "        18    0    0    0 Frequency            Hz                  \n"
         + ordinate
         + denominator
