@@ -41,10 +41,12 @@ def code_lines(text: str, tree: ast.Module) -> list[int]:
 
 
 def functions(path: Path, tree: ast.Module, code: list[int]) -> Iterator[tuple[str, int, int]]:
-    """Name, lines of code, and lines allowed, of each function of a module."""
+    """Name, lines of code below the signature, and lines allowed, of each function of a module."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            lines = bisect_right(code, node.end_lineno or 0) - bisect_left(code, node.lineno)
+            lines = bisect_right(code, node.end_lineno or 0) - bisect_left(
+                code, node.body[0].lineno
+            )
             steps = _STEPS.search(ast.get_docstring(node, clean=False) or "")
             yield (
                 f"{path}:{node.lineno} {node.name}",

@@ -358,11 +358,8 @@ def parametrise(
     )
     names = tuple(p.name for p in free)
     unstated = {p.name for p in free if p.prior_sd is None and p.prior_mean is None}
-    common = (
-        [c for c in specimen.common_priors() if set(c.constants) <= unstated]
-        if isinstance(specimen, Structure)
-        else []
-    )
+    priors = specimen.common_priors() if isinstance(specimen, Structure) else []
+    common = [c for c in priors if set(c.constants) <= unstated]
     for each in common:
         rows = [names.index(name) for name in each.constants]
         prior_sd[rows] = np.hypot(each.common, each.own) * prior_mean[rows]

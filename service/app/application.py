@@ -120,6 +120,12 @@ def create_app(settings: Settings) -> FastAPI:
         _add_metrics(app)
     add_problem_handlers(app)
     describe_problems(app)
+    _add_middleware(app, settings)
+    return app
+
+
+def _add_middleware(app: FastAPI, settings: Settings) -> None:
+    """What each request passes; the last one added is the first."""
     paths = Paths(app.routes, PREFIX, FINDERS)
     prefixes = (PREFIX, PAGES) if settings.pages else (PREFIX,)
     app.add_middleware(
@@ -131,7 +137,6 @@ def create_app(settings: Settings) -> FastAPI:
     app.add_middleware(RequestMiddleware)
     if settings.pages:
         app.add_middleware(PageErrors)
-    return app
 
 
 def _add_health(app: FastAPI) -> None:

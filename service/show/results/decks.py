@@ -108,9 +108,7 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     if structure.shape is not None:
         raise Conflict(NO_DECK_OF_A_SHAPE)
     specimen = body_of(structure, campaign.boundary, recipe)
-    assert isinstance(specimen, Specimen | LayeredSpecimen), (
-        "what is in space has a shape or is a model"
-    )
+    assert isinstance(specimen, Specimen | LayeredSpecimen)  # what is in space has a shape or model
     if isinstance(specimen, LayeredSpecimen) or specimen.pieces or specimen.layers:
         raise Conflict(
             "a deck describes one homogenised layer of one thickness; this structure has constants"
@@ -119,17 +117,11 @@ def updated_deck(session: Session, job: UpdateJob) -> Deck:
     estimates = {row["name"]: row["estimate"] for row in document["parameters"]}
     parametrisation = parametrise(specimen, recipe_parameters(session, recipe, specimen)[0])
     if lacking := [name for name in parametrisation.names if estimates.get(name) is None]:
-        raise Conflict(
-            f"the result has no {', '.join(lacking)}: no elastic constants were estimated"
-        )
+        names = ", ".join(lacking)
+        raise Conflict(f"the result has no {names}: no elastic constants were estimated")
     theta = np.array([estimates[name] for name in parametrisation.names])
-    c = dict(
-        zip(
-            parametrisation.constant_names,
-            map(float, parametrisation.constants(theta)),
-            strict=True,
-        )
-    )
+    constants = map(float, parametrisation.constants(theta))
+    c = dict(zip(parametrisation.constant_names, constants, strict=True))
     sensor, remark = _sensor(session, job, document)
     added = Instruments.model_validate(campaign.instruments).added_masses
     masses = (*sensor, *(Mass(each.x_m, each.y_m, each.mass_kg) for each in added))

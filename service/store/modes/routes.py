@@ -239,14 +239,8 @@ def keep_or_drop(session: Session, user: User, mode_set: ModeSet, body: EditIn) 
             place = rows.index(pole)
             del rows[place], evidence[place], places[place]
         at = {"by": user.name, "at": datetime.now(UTC).isoformat()}
-        decided.append(
-            {
-                "frequency_hz": pole["frequency_hz"],
-                "keep": decision.keep,
-                "reason": decision.reason,
-                **at,
-            }
-        )
+        stated = decision.model_dump(include={"keep", "reason"})
+        decided.append({"frequency_hz": pole["frequency_hz"], **stated, **at})
     if not rows:
         raise InputError("decisions", "drop every mode of the set; keep at least one")
     details = {**mode_set.details, **beside, "evidence": evidence}
