@@ -54,9 +54,9 @@ def write_json(table: Written, file: IO[bytes]) -> None:
     quantity = table.quantity
     head = {
         "quantity": quantity,
-        "unit": UNITS[quantity],
+        "unit": UNITS[quantity],  # type: ignore[index]
         "frequency_hz": table.frequency_hz.tolist(),
-    }  # type: ignore[index]
+    }
     file.write(json.dumps(head, ensure_ascii=False)[:-1].encode() + b', "frfs": [')
     for i, (frf, values, coherence) in enumerate(table.both()):
         item = {
