@@ -175,8 +175,7 @@ def page_words(text: str | None) -> str:
     >>> page_words("did you mean 33 GPa? What is meant as it is, confirm (`confirm=true`, `--confirm`)")
     'did you mean 33 GPa?'
     >>> page_words("measure a wider band, or put `modal` first in damping_models; inputs.thickness_sd_m is stated")
-    'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is
-    stated'
+    'measure a wider band, or put modal first in “Damping models”; “Thickness standard deviation” is stated'
     """
 
     def member(found: re.Match[str]) -> str:
