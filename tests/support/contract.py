@@ -1,7 +1,7 @@
 """What the OpenAPI document promises, as text, and what of a change breaks what relies on it.
 
     GET /api/v1/projects
-     query.limit?:integer=100
+     limit?:integer=100
      200 :Page_ProjectOut_
     = Page_ProjectOut_
      items:[ProjectOut]
@@ -29,6 +29,8 @@ ANY = "any"
 JSON = "application/json"
 REFUSED = "422"
 """An answer that each operation has, with the one schema of problems."""
+FORMATS = {"date-time": "time", "uuid": "id", "binary": "bytes"}
+"""Strings that are more than a string."""
 ID = re.compile(r"\{(\w+)\}")
 
 
@@ -108,7 +110,7 @@ class Contract:
         if kind == "object":
             more = schema.get("additionalProperties", {})
             return f"{{{'|'.join(sorted(self._types(more if isinstance(more, dict) else {}, f'{place} values')))}}}"
-        return f"{kind}({schema['format']})" if schema.get("format") in ("date-time", "uuid", "binary") else kind
+        return FORMATS.get(schema.get("format", ""), kind)
 
     def _schema(self, schema: Node, place: str) -> str:
         name = schema.get("named", place).replace(" ", "·")
@@ -263,7 +265,7 @@ def blocks(contract: Contract) -> Iterator[tuple[str, list[str]]]:
         stated = sorted(
             (where, each) for where, each in one.parameters.items() if (where, each) not in _ids(name).items()
         )
-        words = [_word(where.replace(" ", "."), each) for where, each in stated]
+        words = [_word(where.removeprefix("query ").replace(" ", "."), each) for where, each in stated]
         sign = "<" if one.body_required else "<?"
         words += [f"{sign}{_short(media)}:{_types(kinds)}" for media, kinds in sorted(one.body.items())]
         for status, contents in sorted(one.answers.items()):
@@ -277,7 +279,7 @@ def blocks(contract: Contract) -> Iterator[tuple[str, list[str]]]:
 
 def _ids(operation: str) -> dict[str, Member]:
     """The ids in a path, which need no words."""
-    return {f"path {name}": Member(types=frozenset({"string(uuid)"}), required=True) for name in ID.findall(operation)}
+    return {f"path {name}": Member(types=frozenset({"id"}), required=True) for name in ID.findall(operation)}
 
 
 def text(contract: Contract) -> str:
@@ -318,7 +320,8 @@ def read(lines: str) -> Contract:
             one.answers.setdefault(word[:3], {}).update({media or JSON: _alternatives(kinds)} if kinds else {})
         else:
             name, member = _member_of(word)
-            schema[name.replace(".", " ", 1) if schema is one.parameters else name] = member
+            where = name.replace(".", " ", 1) if name.startswith(("header.", "path.", "cookie.")) else f"query {name}"
+            schema[where if schema is one.parameters else name] = member
     return made
 
 

@@ -4,7 +4,8 @@
      name ["Ex","Gxy"]
      estimate [3.17e10,6.38e9]
 
-What is empty or masked has no line; `members.txt` names all members of all documents, `sentences.txt` all long sentences.
+A long array is `~[count,root mean square,[first,middle,last]]` and how many are missing. What is empty or masked has no line;
+`members.txt` names all members of all documents, `sentences.txt` all long sentences.
 """
 
 import json
@@ -13,6 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 ABSENT = "~"
+SAMPLE = ("numbers", "rms", "some", "missing")
 WIDE = 110
 KNOWN = 90  # characters of a sentence in the list of all
 LONG = 48  # characters of a sentence, above which a document has its beginning
@@ -109,7 +111,9 @@ def written(value: dict[str, Any], indent: str = "") -> Iterator[str]:
         if empty(each):
             continue
         head = f"{indent}{name.replace(' ', '·')}"
-        if isinstance(each, dict):
+        if isinstance(each, dict) and "rms" in each and not isinstance(each["rms"], list):
+            yield f"{head} ~{_json([each[part] for part in SAMPLE if each.get(part) is not None])}"
+        elif isinstance(each, dict):
             yield head
             yield from written(each, f"{indent} ")
         elif isinstance(each, list) and len(line := f"{head} {_json(each)}") > WIDE and _wraps(each):
@@ -150,7 +154,8 @@ def read(text: str) -> dict[str, Any]:
                     found[name].append(json.loads(lines[at]))
                     at += 1
             else:
-                found[name] = json.loads(rest) if rest else block(depth + 1)
+                sample = dict(zip(SAMPLE, json.loads(rest[1:]), strict=False)) if rest.startswith("~") else None
+                found[name] = sample or (json.loads(rest) if rest else block(depth + 1))
         return found
 
     return block(0)
