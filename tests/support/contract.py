@@ -6,9 +6,11 @@
     = Page_ProjectOut_
      items:[ProjectOut]
 
-`?` follows what may be left out, `=` what it is then; `<` begins the body; before a `:` stands a media type that is not
-JSON. Types are alternatives: JSON's, constants, `[of a list]`, `{of an object's values}`, schemas by name. Schemas are
-compared by what they hold, so that a new name of one breaks nothing. Limits and descriptions are left out.
+`?` follows what may be left out, `=` what it is then; `<` begins the body; before a `:` stands a
+media type that is not
+JSON. Types are alternatives: JSON's, constants, `[of a list]`, `{of an object's values}`, schemas
+by name. Schemas are compared by what they hold, so that a new name of one breaks nothing. Limits
+and descriptions are left out.
 """
 
 import json
@@ -45,7 +47,9 @@ class Member:
 
 @dataclass
 class Operation:
-    """A method of a path: parameters as `query limit`, types of the body and of answers by media type."""
+    """A method of a path: parameters as `query limit`, types of the body and of answers by media
+    type.
+    """
 
     parameters: dict[str, Member] = field(default_factory=dict)
     body: dict[str, frozenset[str]] = field(default_factory=dict)
@@ -69,7 +73,9 @@ class Contract:
         made = self.operations[name] = Operation()
         for one in stated.get("parameters", []):
             where = f"{one['in']} {one['name']}"
-            made.parameters[where] = self._member(one["schema"], one.get("required", False), f"{name} {where}")
+            made.parameters[where] = self._member(
+                one["schema"], one.get("required", False), f"{name} {where}"
+            )
         body = stated.get("requestBody", {})
         made.body_required = body.get("required", False)
         made.body = self._content(body, f"{name} body")
@@ -80,7 +86,10 @@ class Contract:
 
     def _content(self, stated: Node, place: str) -> dict[str, frozenset[str]]:
         content = stated.get("content", {})
-        return {media: self._types(one.get("schema", {}), f"{place} {media}") for media, one in content.items()}
+        return {
+            media: self._types(one.get("schema", {}), f"{place} {media}")
+            for media, one in content.items()
+        }
 
     def _member(self, schema: Node, required: bool, place: str) -> Member:
         stated = schema.get("default")
@@ -94,7 +103,9 @@ class Contract:
             return self._types({"title": name, **self._components[name], "named": name}, name)
         parts = [each for key in ("anyOf", "oneOf", "allOf") for each in schema.get(key, [])]
         if parts:
-            return frozenset[str]().union(*(self._types(each, f"{place} {i}") for i, each in enumerate(parts)))
+            return frozenset[str]().union(
+                *(self._types(each, f"{place} {i}") for i, each in enumerate(parts))
+            )
         if "const" in schema or "enum" in schema:
             values = schema.get("enum", [schema.get("const")])
             return frozenset(json.dumps(each, ensure_ascii=False) for each in values)
@@ -139,12 +150,16 @@ def breaks(old: Contract, new: Contract) -> Iterator[str]:
             if status not in now.answers:
                 yield f"{name}: status {status} is gone"
             else:
-                yield from compared.contents(contents, now.answers[status], f"{name}: answer {status}", sent=False)
+                yield from compared.contents(
+                    contents, now.answers[status], f"{name}: answer {status}", sent=False
+                )
 
 
 def additions(old: Contract, new: Contract) -> set[str]:
     """What the new contract states and the old does not."""
-    known, found = ({f"{head} {word}" for head, words in blocks(each) for word in words} for each in (old, new))
+    known, found = (
+        {f"{head} {word}" for head, words in blocks(each) for word in words} for each in (old, new)
+    )
     return found - known
 
 
@@ -156,7 +171,12 @@ class _Comparison:
         self._seen: set[tuple[str, str, bool]] = set()
 
     def contents(
-        self, old: dict[str, frozenset[str]], new: dict[str, frozenset[str]], place: str, *, sent: bool
+        self,
+        old: dict[str, frozenset[str]],
+        new: dict[str, frozenset[str]],
+        place: str,
+        *,
+        sent: bool,
     ) -> Iterator[str]:
         for media, types in old.items():
             if media not in new:
@@ -183,20 +203,34 @@ class _Comparison:
             if sent and new[name].required:
                 yield f"{place}: new {noun} `{name}` is required"
 
-    def types(self, old: frozenset[str], new: frozenset[str], place: str, *, sent: bool) -> Iterator[str]:
+    def types(
+        self, old: frozenset[str], new: frozenset[str], place: str, *, sent: bool
+    ) -> Iterator[str]:
         """What was accepted still is; what is answered was known, but for new constants."""
         narrow, wide = (old, new) if sent else (new, old)
         here, there = (self.old, self.new) if sent else (self.new, self.old)
         known = ANY in wide or ("string" in wide and all(each[0] == '"' for each in narrow))
         for kind in sorted(narrow - wide):
-            fits = [each for each in sorted(wide) if _kind(each, there) == _kind(kind, here) != "plain"]
-            if known or (kind == "integer" and "number" in wide) or (not sent and kind[0] == wide_constant(wide)):
+            fits = [
+                each for each in sorted(wide) if _kind(each, there) == _kind(kind, here) != "plain"
+            ]
+            if (
+                known
+                or (kind == "integer" and "number" in wide)
+                or (not sent and kind[0] == wide_constant(wide))
+            ):
                 continue
             if not fits:
                 verb = "no longer accepts" if sent else "now answers"
-                yield f"{place} {verb} {kind}; it was {'|'.join(sorted(old))}, is {'|'.join(sorted(new))}"
+                yield (
+                    f"{place} {verb} {kind}; it was {'|'.join(sorted(old))}, is"
+                    f" {'|'.join(sorted(new))}"
+                )
                 continue
-            results = [list(self._inside(*((kind, f) if sent else (f, kind)), place, sent=sent)) for f in fits]
+            results = [
+                list(self._inside(*((kind, f) if sent else (f, kind)), place, sent=sent))
+                for f in fits
+            ]
             yield from min(results, key=len)
         for kind in sorted(narrow & wide):
             yield from self._inside(kind, kind, place, sent=sent)
@@ -206,10 +240,15 @@ class _Comparison:
         if old in self.old.schemas and new in self.new.schemas:
             if (old, new, sent) not in self._seen:
                 self._seen.add((old, new, sent))
-                yield from self.members(self.old.schemas[old], self.new.schemas[new], place, "member", sent=sent)
+                yield from self.members(
+                    self.old.schemas[old], self.new.schemas[new], place, "member", sent=sent
+                )
         elif old[0] in "[{":
             yield from self.types(
-                _alternatives(old[1:-1]), _alternatives(new[1:-1]), f"{place}{old[0]}{old[-1]}", sent=sent
+                _alternatives(old[1:-1]),
+                _alternatives(new[1:-1]),
+                f"{place}{old[0]}{old[-1]}",
+                sent=sent,
             )
 
 
@@ -253,25 +292,36 @@ def check(found: Contract) -> None:
         FILE.write_text(text(found), encoding="utf-8")
         sys.stdout.write(f"\n{FILE.name}: {said}\n")
         return
-    raise AssertionError(f"{FILE.name} is not what the service promises; if that is meant: {COMMAND}\n{said}")
+    raise AssertionError(
+        f"{FILE.name} is not what the service promises; if that is meant: {COMMAND}\n{said}"
+    )
 
 
 # --- as text -----------------------------------------------------------------------------------------------------------
 
 
 def blocks(contract: Contract) -> Iterator[tuple[str, list[str]]]:
-    """Operations, then schemas, sorted: the head of each, and a word for each thing that it states."""
+    """Operations, then schemas, sorted: the head of each, and a word for each thing that it
+    states.
+    """
     for name, one in sorted(contract.operations.items(), key=lambda item: item[0].split()[::-1]):
         stated = sorted(
-            (where, each) for where, each in one.parameters.items() if (where, each) not in _ids(name).items()
+            (where, each)
+            for where, each in one.parameters.items()
+            if (where, each) not in _ids(name).items()
         )
-        words = [_word(where.removeprefix("query ").replace(" ", "."), each) for where, each in stated]
+        words = [
+            _word(where.removeprefix("query ").replace(" ", "."), each) for where, each in stated
+        ]
         sign = "<" if one.body_required else "<?"
-        words += [f"{sign}{_short(media)}:{_types(kinds)}" for media, kinds in sorted(one.body.items())]
+        words += [
+            f"{sign}{_short(media)}:{_types(kinds)}" for media, kinds in sorted(one.body.items())
+        ]
         for status, contents in sorted(one.answers.items()):
-            words += [f"{status} {_short(media)}:{_types(kinds)}" for media, kinds in sorted(contents.items())] or [
-                status
-            ]
+            words += [
+                f"{status} {_short(media)}:{_types(kinds)}"
+                for media, kinds in sorted(contents.items())
+            ] or [status]
         yield name, words
     for name, members in sorted(contract.schemas.items()):
         yield f"= {name}", [_word(member, each) for member, each in members.items()]
@@ -279,12 +329,17 @@ def blocks(contract: Contract) -> Iterator[tuple[str, list[str]]]:
 
 def _ids(operation: str) -> dict[str, Member]:
     """The ids in a path, which need no words."""
-    return {f"path {name}": Member(types=frozenset({"id"}), required=True) for name in ID.findall(operation)}
+    return {
+        f"path {name}": Member(types=frozenset({"id"}), required=True)
+        for name in ID.findall(operation)
+    }
 
 
 def text(contract: Contract) -> str:
     """A contract as text."""
-    return "".join(f"{head}\n" + "".join(f" {word}\n" for word in words) for head, words in blocks(contract))
+    return "".join(
+        f"{head}\n" + "".join(f" {word}\n" for word in words) for head, words in blocks(contract)
+    )
 
 
 def _short(media: str) -> str:
@@ -317,10 +372,16 @@ def read(lines: str) -> Contract:
             one.body_required |= word[1] != "?"
         elif word[:3].isdigit():
             media, _, kinds = word[4:].partition(":")
-            one.answers.setdefault(word[:3], {}).update({media or JSON: _alternatives(kinds)} if kinds else {})
+            one.answers.setdefault(word[:3], {}).update(
+                {media or JSON: _alternatives(kinds)} if kinds else {}
+            )
         else:
             name, member = _member_of(word)
-            where = name.replace(".", " ", 1) if name.startswith(("header.", "path.", "cookie.")) else f"query {name}"
+            where = (
+                name.replace(".", " ", 1)
+                if name.startswith(("header.", "path.", "cookie."))
+                else f"query {name}"
+            )
             schema[where if schema is one.parameters else name] = member
     return made
 
@@ -330,4 +391,6 @@ def _member_of(word: str) -> tuple[str, Member]:
     kinds, *default = _split(rest, "=")
     required = not name.endswith("?")
     value = "=".join(default) if default else None
-    return name.removesuffix("?"), Member(types=_alternatives(kinds), required=required, default=value)
+    return name.removesuffix("?"), Member(
+        types=_alternatives(kinds), required=required, default=value
+    )

@@ -1,9 +1,12 @@
-"""Golden documents: what a user sees, kept as text, so that a change of the code shows the lines that it changes.
+"""Golden documents: what a user sees, kept as text, so that a change of the code shows the lines
+that it changes.
 
-`check` compares a document with `tests/golden/data/NAME.txt`, in the form of `golden_text`. With MODALBASE_GOLDEN=write it
-writes what is different anew and prints it: `pytest tests/golden -s`, with `-k` for some. Compared are members, lengths and
-the order of lists exactly, sentences but for the numbers in them, and numbers to half of their last digit kept and, beside
-it, to `CLOSE` of their size or `SHARE` of their standard deviation, whichever is wider. `golden_parts` says what is left out.
+`check` compares a document with `tests/golden/data/NAME.txt`, in the form of `golden_text`. With
+MODALBASE_GOLDEN=write it
+writes what is different anew and prints it: `pytest tests/golden -s`, with `-k` for some. Compared
+are members, lengths and the order of lists exactly, sentences but for the numbers in them, and
+numbers to half of their last digit kept and, beside it, to `CLOSE` of their size or `SHARE` of
+their standard deviation, whichever is wider. `golden_parts` says what is left out.
 """
 
 import json
@@ -16,7 +19,16 @@ from pathlib import Path
 from typing import Any
 
 from tests.support.golden_parts import freeze
-from tests.support.golden_text import columns, empty, members, places, read, shortened, tree, written
+from tests.support.golden_text import (
+    columns,
+    empty,
+    members,
+    places,
+    read,
+    shortened,
+    tree,
+    written,
+)
 from tests.support.places import ROOT
 
 DATA = ROOT / "tests" / "golden" / "data"
@@ -25,7 +37,9 @@ MEMBERS, SENTENCES = DATA / "members.txt", DATA / "sentences.txt"
 OF_RESULTS = {"update", "joint", "identification", "processing", "plans", "coupons", "monitor"}
 OF_ALL = "document"
 WITH_MEMBERS = {"update", "joint", "identification"}
-"""First words of the names of documents whose sentences are in `SENTENCES`, and of those whose members are in `MEMBERS`."""
+"""First words of the names of documents whose sentences are in `SENTENCES`, and of those whose
+members are in `MEMBERS`.
+"""
 CLOSE, SHARE = 1e-9, 1e-6
 DIGITS = tuple(
     (re.compile(pattern), digits)
@@ -36,7 +50,9 @@ DIGITS = tuple(
     )
 )
 """How many digits of a number are kept, where its standard deviation asks for no more."""
-ORDER_ONE = re.compile(r"/(share|correlation|mac_matrix|mac|missed|missed_by|phase_collinearity)\b(?!.*_hz)")
+ORDER_ONE = re.compile(
+    r"/(share|correlation|mac_matrix|mac|missed|missed_by|phase_collinearity)\b(?!.*_hz)"
+)
 MATRIX = re.compile(r"/(correlation|mac_matrix)/\d+/\d+$")
 """Members of which three decimals are kept, and of those in matrices two."""
 _INDEX = re.compile(r"/\d+(?=/|$)")
@@ -47,12 +63,15 @@ DEVIATIONS = {
     "coefficients": "standard_deviations",
     **dict.fromkeys(("raw", "mean", "estimate", "interval_95"), "standard_deviation"),
 }
-"""Members that are known to a standard deviation, and the member of the same object that states it."""
+"""Members that are known to a standard deviation, and the member of the same object that states
+it.
+"""
 
 LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
     (re.compile(pattern), relative, absolute, share)
     for pattern, relative, absolute, share in (
-        # Second derivatives of a misfit where a search ended; what is printed of them has two digits.
+        # Second derivatives of a misfit where a search ended; what is printed of them has two
+        # digits.
         (r"(standard_deviation|_sd(_hz)?)$|/standard_deviations/", 3e-4, 0.0, 3e-5),
         # Numbers of order one, made of all others.
         (
@@ -64,7 +83,8 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/error_percent$", 0.0, 1e-6, 0.0),
         # Where the search for damping ended, a thousandth of a standard deviation from the minimum.
         (r"/(optima|coefficients|curve|predicted_damping)\b", 1e-5, 0.0, 1e-4),
-        (r"/channel_delay_s$", 3e-4, 1e-10, 0.0),  # a ten-thousandth of a degree at 1 kHz; none is known better
+        # a ten-thousandth of a degree at 1 kHz; none is known better
+        (r"/channel_delay_s$", 3e-4, 1e-10, 0.0),
         (r"/(parameters|own)/", 5e-6, 0.0, 1e-4),
         (r"/(bic|discrepancy/\w+)$", 2e-6, 0.0, 0.0),
         (r"_hz\b|/(measured_damping|damping_ratio)$", 5e-7, 0.0, 0.0),
@@ -72,7 +92,12 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"/(drift|model_error|noise_ratio|memory_lines)$", 1e-6, 0.0, 0.0),
         # A few poles beside the modes of these hits are in the series or not by the last bits.
         (r"^update-hits-free-window/", 2e-2, 0.0, 1.0),
-        (r"^update-hits-free-window/.*/(share|correlation|mac_matrix|missed|error_percent)\b", 0.0, 5e-2, 0.0),
+        (
+            r"^update-hits-free-window/.*/(share|correlation|mac_matrix|missed|error_percent)\b",
+            0.0,
+            5e-2,
+            0.0,
+        ),
         (
             r"^update-hits-free-window/.*(_sd(_hz)?$|standard_deviations?\b|discrepancy|memory_lines|refused)",
             0.6,
@@ -85,20 +110,29 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         (r"^monitor/", 1e-4, 0.0, 0.0),
         # Drawn with five digits.
         (r"/curve/|^figures/|/figures?/", 2e-4, 1e-6, 0.0),
-        # A chain takes a step or not by its last bits; some 5000 effective samples fix a standard deviation to 1 %.
-        (r"^update-paper-sampled/.*/(posterior|budget|interval_95|standard_deviation)\b", 0.3, 0.1, 0.3),
+        # A chain takes a step or not by its last bits; some 5000 effective samples fix a standard
+        # deviation to 1 %.
+        (
+            r"^update-paper-sampled/.*/(posterior|budget|interval_95|standard_deviation)\b",
+            0.3,
+            0.1,
+            0.3,
+        ),
         # Each place of the sensor is a body of its own: its searches end by their count.
         (r"^update-sensor-", 5e-5, 0.0, 1e-3),
         (r"^update-sensor-.*/error_percent$", 0.0, 1e-5, 0.0),
     )
 )
-"""Numbers that differ by more than `CLOSE` between processors: relative, absolute, and as a share of their standard deviation.
-Between OpenBLAS's kernels for Nehalem and Haswell they differ by a third of that at most.
+"""Numbers that differ by more than `CLOSE` between processors: relative, absolute, and as a share
+of their standard deviation. Between OpenBLAS's kernels for Nehalem and Haswell they differ by a
+third of that at most.
 """
 
 
 OTHER_POLES = re.compile(r"^update-hits-free-window/.*/refused_poles/(probability|reason)\b")
-"""What is said of poles that are others by the last bits; how many there are and where they lie is compared."""
+"""What is said of poles that are others by the last bits; how many there are and where they lie is
+compared.
+"""
 
 
 def different(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: Any = 0.0) -> Iterator[str]:
@@ -108,7 +142,8 @@ def different(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: Any = 0.0
         kept: from the file.
         found: of now.
         place: of both: the document's name and a JSON pointer.
-        sd: standard deviation of a number, of each of a list, or those of an object's members by name.
+        sd: standard deviation of a number, of each of a list, or those of an object's members by
+            name.
         scale: of the numbers of an array: its root mean square; of each of a list of arrays.
     """
     if OTHER_POLES.search(_column(place)):
@@ -119,38 +154,67 @@ def different(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: Any = 0.0
             if empty(one) and empty(other):
                 continue
             if empty(one) or empty(other):
-                yield f"{where}: is gone, was {_short(one)}" if empty(other) else f"{where}: is new, {_short(other)}"
+                yield (
+                    f"{where}: is gone, was {_short(one)}"
+                    if empty(other)
+                    else f"{where}: is new, {_short(other)}"
+                )
             else:
-                yield from different(one, other, where, _deviation(found, name, sd), found.get("rms", scale))
+                yield from different(
+                    one, other, where, _deviation(found, name, sd), found.get("rms", scale)
+                )
     elif isinstance(kept, list) and isinstance(found, list):
         if len(kept) != len(found):
-            yield f"{place}: had {len(kept)} entries, has {len(found)}: {_short(kept)}, {_short(found)}"
+            yield (
+                f"{place}: had {len(kept)} entries, has {len(found)}: {_short(kept)},"
+                f" {_short(found)}"
+            )
         for i, (one, other) in enumerate(zip(kept, found, strict=False)):
-            yield from different(one, other, f"{place}/{i}", _of(sd, i, found), _of(scale, i, found))
+            yield from different(
+                one, other, f"{place}/{i}", _of(sd, i, found), _of(scale, i, found)
+            )
     elif _number(kept) and _number(found) and isinstance(kept, float) | isinstance(found, float):
         unit = _unit(place, found, sd, scale)
-        if abs(kept - found) > 0.51 * unit + _allowed(place, max(abs(kept), abs(found), _size(scale)), _size(sd)):
-            yield f"{place}: was {kept!r}, is {found!r}, {abs(kept - found) / max(abs(kept), 1e-300):.1e} of it"
+        if abs(kept - found) > 0.51 * unit + _allowed(
+            place, max(abs(kept), abs(found), _size(scale)), _size(sd)
+        ):
+            yield (
+                f"{place}: was {kept!r}, is {found!r},"
+                f" {abs(kept - found) / max(abs(kept), 1e-300):.1e} of it"
+            )
     elif type(kept) is not type(found) or kept != found:
         yield f"{place}: was {_short(kept)}, is {_short(found)}"
 
 
 def settled(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: Any = 0.0) -> Any:
-    """What is kept of a document: rounded; what differs from what was kept by no more than round-off stays as it was."""
+    """What is kept of a document: rounded; what differs from what was kept by no more than
+    round-off stays as it was.
+    """
     if isinstance(found, dict):
         before = kept if isinstance(kept, dict) else {}
         return {
             name: settled(
-                before.get(name), each, f"{place}/{name}", _deviation(found, name, sd), found.get("rms", scale)
+                before.get(name),
+                each,
+                f"{place}/{name}",
+                _deviation(found, name, sd),
+                found.get("rms", scale),
             )
             for name, each in found.items()
         }
-    if kept is not None and type(kept) is type(found) and not any(different(kept, found, place, sd, scale)):
+    if (
+        kept is not None
+        and type(kept) is type(found)
+        and not any(different(kept, found, place, sd, scale))
+    ):
         return kept
     if isinstance(found, list):
         before = kept if isinstance(kept, list) and len(kept) == len(found) else [None] * len(found)
         pairs = enumerate(zip(before, found, strict=True))
-        return [settled(a, b, f"{place}/{i}", _of(sd, i, found), _of(scale, i, found)) for i, (a, b) in pairs]
+        return [
+            settled(a, b, f"{place}/{i}", _of(sd, i, found), _of(scale, i, found))
+            for i, (a, b) in pairs
+        ]
     if not isinstance(found, float) or not math.isfinite(found):
         return found
     unit = _unit(place, found, sd, scale)
@@ -189,7 +253,9 @@ def _column(place: str) -> str:
 
 
 def _deviation(stated: dict[str, Any], name: str, sd: Any) -> Any:
-    """The standard deviation of a member, or those of the member's own: what is stated beside it, or about all of them."""
+    """The standard deviation of a member, or those of the member's own: what is stated beside it,
+    or about all of them.
+    """
     beside = stated.get(DEVIATIONS.get(name, ""))
     about = sd.get(name) if isinstance(sd, dict) else sd
     return about if beside is None else beside
@@ -215,16 +281,23 @@ def check(name: str, document: Any) -> None:
         found = shortened(found, sentences)
     kept = read(path.read_text(encoding="utf-8")) if path.exists() else {}
     differences = list(different(kept, found, name))
-    new = {SENTENCES: _added(SENTENCES, sentences, lambda text: set(text.splitlines()), _lines, write)}
+    new = {
+        SENTENCES: _added(SENTENCES, sentences, lambda text: set(text.splitlines()), _lines, write)
+    }
     if family in WITH_MEMBERS:
         new[MEMBERS] = _added(MEMBERS, set(members(found, OF_ALL)), places, tree, write)
-    differences += (f"{file.name}: has no “{entry}”" for file, entries in new.items() for entry in sorted(entries))
+    differences += (
+        f"{file.name}: has no “{entry}”"
+        for file, entries in new.items()
+        for entry in sorted(entries)
+    )
     if write and differences:
         path.write_text(_lines(written(settled(kept, found, name))), encoding="utf-8")
         sys.stdout.write("\n  ".join([f"\n{name}:", *(differences if kept else ["is new"])]) + "\n")
         return
     assert not differences, (
-        f"{name} is not as it was; if that is a gain: {WRITE}=write pytest tests/golden -s\n" + "\n".join(differences)
+        f"{name} is not as it was; if that is a gain: {WRITE}=write pytest tests/golden -s\n"
+        + "\n".join(differences)
     )
 
 

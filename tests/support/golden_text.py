@@ -1,11 +1,13 @@
-"""Golden documents as text: a line for each member, objects of a list as columns, so that a change shows what it changes.
+"""Golden documents as text: a line for each member, objects of a list as columns, so that a change
+shows what it changes.
 
     parameters[]
      name ["Ex","Gxy"]
      estimate [3.17e10,6.38e9]
 
-A long array is `~[count,root mean square,[first,middle,last]]` and how many are missing. What is empty or masked has no line;
-`members.txt` names all members of all documents, `sentences.txt` all long sentences.
+A long array is `~[count,root mean square,[first,middle,last]]` and how many are missing. What is
+empty or masked has no line; `members.txt` names all members of all documents, `sentences.txt` all
+long sentences.
 """
 
 import json
@@ -116,7 +118,9 @@ def written(value: dict[str, Any], indent: str = "") -> Iterator[str]:
         elif isinstance(each, dict):
             yield head
             yield from written(each, f"{indent} ")
-        elif isinstance(each, list) and len(line := f"{head} {_json(each)}") > WIDE and _wraps(each):
+        elif (
+            isinstance(each, list) and len(line := f"{head} {_json(each)}") > WIDE and _wraps(each)
+        ):
             yield head + " -"
             yield from (f"{indent} {_json(part)}" for part in each)
         else:
@@ -124,7 +128,9 @@ def written(value: dict[str, Any], indent: str = "") -> Iterator[str]:
 
 
 def _wraps(values: list[Any]) -> bool:
-    return any(isinstance(each, list) or (isinstance(each, str) and len(each) > 12) for each in values)
+    return any(
+        isinstance(each, list) or (isinstance(each, str) and len(each) > 12) for each in values
+    )
 
 
 def _json(value: Any) -> str:
@@ -154,7 +160,11 @@ def read(text: str) -> dict[str, Any]:
                     found[name].append(json.loads(lines[at]))
                     at += 1
             else:
-                sample = dict(zip(SAMPLE, json.loads(rest[1:]), strict=False)) if rest.startswith("~") else None
+                sample = (
+                    dict(zip(SAMPLE, json.loads(rest[1:]), strict=False))
+                    if rest.startswith("~")
+                    else None
+                )
                 found[name] = sample or (json.loads(rest) if rest else block(depth + 1))
         return found
 

@@ -16,7 +16,13 @@ FRFS = np.linspace(1, 30, 2000).reshape(2, 1000)
 DOCUMENT: dict[str, Any] = {
     "job": {"id": "6a1c2f4e-0000-4000-8000-000000000000", "status": "succeeded"},
     "result": {
-        "findings": [{"kind": "law_inadequate", "level": "with_care", "text": "the law misses mode 2 by 3.1 %"}],
+        "findings": [
+            {
+                "kind": "law_inadequate",
+                "level": "with_care",
+                "text": "the law misses mode 2 by 3.1 %",
+            }
+        ],
         "verdict": {"level": "with_care", "sentence": "Use the result with care: Ex to 4 %."},
         "parameters": [
             {
@@ -34,7 +40,14 @@ DOCUMENT: dict[str, Any] = {
                 "budget": [],
             },
         ],
-        "modes": [{"measured_hz": 25.61250777972, "updated_hz": 25.6591061068, "mac": 0.99123, "mode": 1.0}],
+        "modes": [
+            {
+                "measured_hz": 25.61250777972,
+                "updated_hz": 25.6591061068,
+                "mac": 0.99123,
+                "mode": 1.0,
+            }
+        ],
         "correlation": {"frac": [0.9585, 0.94], "mac_matrix": [[0.991, 0.034], [0.033, 0.982]]},
         "stated": None,
     },
@@ -57,23 +70,56 @@ def scaled(*path: Any, by: float = 0.0, to: Any = None) -> Change:
 
 FIRST, SECOND = ("result", "parameters", 0), ("result", "parameters", 1)
 CHANGES: dict[str, tuple[Change, str]] = {
-    "an estimate by 0.3 of its deviation": (scaled(*FIRST, "estimate", by=0.3 * 1355320395.171), "estimate/0"),
-    "a well known estimate by as much": (scaled(*SECOND, "estimate", by=0.3 * 3085212.252), "estimate/1"),
-    "a deviation by 5 %": (scaled(*FIRST, "standard_deviation", by=0.05 * 1355320395.171), "standard_deviation/0"),
-    "an end of an interval": (scaled(*FIRST, "interval_95", 1, by=0.3 * 1355320395.171), "interval_95/0/1"),
+    "an estimate by 0.3 of its deviation": (
+        scaled(*FIRST, "estimate", by=0.3 * 1355320395.171),
+        "estimate/0",
+    ),
+    "a well known estimate by as much": (
+        scaled(*SECOND, "estimate", by=0.3 * 3085212.252),
+        "estimate/1",
+    ),
+    "a deviation by 5 %": (
+        scaled(*FIRST, "standard_deviation", by=0.05 * 1355320395.171),
+        "standard_deviation/0",
+    ),
+    "an end of an interval": (
+        scaled(*FIRST, "interval_95", 1, by=0.3 * 1355320395.171),
+        "interval_95/0/1",
+    ),
     "a share of a budget": (scaled(*FIRST, "budget", 0, "share", by=0.01), "share/0/0"),
     "the id of a finding": (scaled("result", "findings", 0, "kind", to="length_moves"), "kind/0"),
-    "words of a sentence": (scaled("result", "verdict", "sentence", to="Use it with care: Ey to 4 %."), "sentence"),
+    "words of a sentence": (
+        scaled("result", "verdict", "sentence", to="Use it with care: Ey to 4 %."),
+        "sentence",
+    ),
     "a MAC by 0.01": (scaled("result", "modes", 0, "mac", by=-0.01), "mac/0"),
-    "a MAC of a matrix": (scaled("result", "correlation", "mac_matrix", 0, 1, by=0.02), "mac_matrix/0/1"),
+    "a MAC of a matrix": (
+        scaled("result", "correlation", "mac_matrix", 0, 1, by=0.02),
+        "mac_matrix/0/1",
+    ),
     "a FRAC by 0.01": (scaled("result", "correlation", "frac", 0, by=-0.01), "frac/0"),
-    "a frequency by a thousandth": (scaled("result", "modes", 0, "updated_hz", by=0.0257), "updated_hz/0"),
-    "an array of FRFs by 1 %": (scaled("frfs", "values", to=1.01 * DOCUMENT["frfs"]["values"]), "values/values/rms"),
-    "a list of numbers by 1 %": (scaled("frfs", "first", to=(1.01 * FRFS[0]).tolist()), "first/rms"),
+    "a frequency by a thousandth": (
+        scaled("result", "modes", 0, "updated_hz", by=0.0257),
+        "updated_hz/0",
+    ),
+    "an array of FRFs by 1 %": (
+        scaled("frfs", "values", to=1.01 * DOCUMENT["frfs"]["values"]),
+        "values/values/rms",
+    ),
+    "a list of numbers by 1 %": (
+        scaled("frfs", "first", to=(1.01 * FRFS[0]).tolist()),
+        "first/rms",
+    ),
     "a value that was none": (scaled("result", "stated", to=3.0), "stated: is new"),
     "a member": (lambda document: document["result"].update(fdac=[0.9]), "result/fdac: is new"),
-    "an entry that is gone": (lambda document: document["result"]["parameters"].pop(), "had 2 entries, has 1"),
-    "a value that is gone": (lambda document: document["result"].pop("verdict"), "verdict: is gone"),
+    "an entry that is gone": (
+        lambda document: document["result"]["parameters"].pop(),
+        "had 2 entries, has 1",
+    ),
+    "a value that is gone": (
+        lambda document: document["result"].pop("verdict"),
+        "verdict: is gone",
+    ),
 }
 
 
@@ -90,7 +136,9 @@ def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_change_is_seen_and_writes_its_lines_alone(data: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_change_is_seen_and_writes_its_lines_alone(
+    data: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
     change, place = CHANGES[name]
     change(document := copy.deepcopy(DOCUMENT))
     with pytest.raises(AssertionError, match=place.replace("[", r"\[")):
@@ -141,13 +189,27 @@ def api(**changes: Any) -> dict[str, Any]:
         "required": ["name"],
         "properties": {"name": {"type": "string"}, "n": {"type": "integer"}},
     }
-    row = {"type": "object", "required": ["id"], "properties": {"id": {"type": "string"}, "kind": {"enum": ["a", "b"]}}}
+    row = {
+        "type": "object",
+        "required": ["id"],
+        "properties": {"id": {"type": "string"}, "kind": {"enum": ["a", "b"]}},
+    }
     limit = {"in": "query", "name": "limit", "schema": {"type": "integer", "default": 100}}
-    parts = {"sent": sent, "row": row, "parameters": [limit], "name": "Row", "status": "201", **changes}
+    parts = {
+        "sent": sent,
+        "row": row,
+        "parameters": [limit],
+        "name": "Row",
+        "status": "201",
+        **changes,
+    }
     listed = {"type": "array", "items": {"$ref": f"#/components/schemas/{parts['name']}"}}
     operation = {
         "parameters": parts["parameters"],
-        "requestBody": {"required": True, "content": {contract.JSON: {"schema": {"$ref": "#/components/schemas/In"}}}},
+        "requestBody": {
+            "required": True,
+            "content": {contract.JSON: {"schema": {"$ref": "#/components/schemas/In"}}},
+        },
         "responses": {parts["status"]: {"content": {contract.JSON: {"schema": listed}}}},
     }
     schemas = {"In": parts["sent"], parts["name"]: parts["row"]}
@@ -159,7 +221,11 @@ def with_(schema: str, **properties: Any) -> dict[str, Any]:
     document = api()["components"]["schemas"][schema]
     members = {**document["properties"], **properties}
     kept = {name: each for name, each in members.items() if each is not None}
-    return {**document, "properties": kept, "required": [name for name in document["required"] if name in kept]}
+    return {
+        **document,
+        "properties": kept,
+        "required": [name for name in document["required"] if name in kept],
+    }
 
 
 IN, ROW = with_("In"), with_("Row")
@@ -177,9 +243,15 @@ BROKEN: dict[str, tuple[dict[str, Any], str]] = {
         {"sent": {**with_("In", of={"type": "string"}), "required": ["name", "of"]}},
         "new member `of` is required",
     ),
-    "type sent": ({"sent": with_("In", n={"type": "string"})}, "member `n` no longer accepts integer"),
+    "type sent": (
+        {"sent": with_("In", n={"type": "string"})},
+        "member `n` no longer accepts integer",
+    ),
     "member answered": ({"row": with_("Row", kind=None)}, "member `kind` is gone"),
-    "type answered": ({"row": with_("Row", id={"type": "integer"})}, "member `id` now answers integer"),
+    "type answered": (
+        {"row": with_("Row", id={"type": "integer"})},
+        "member `id` now answers integer",
+    ),
     "null answered": (
         {"row": with_("Row", id={"anyOf": [{"type": "string"}, {"type": "null"}]})},
         "`id` now answers null",
