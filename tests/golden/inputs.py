@@ -11,7 +11,7 @@ import httpx
 import numpy as np
 
 from fecore.frf import FrfSet
-from tests.support.golden import numeric
+from tests.support.golden_parts import numeric
 from tests.support.laboratory import BEAM, MATERIAL
 from tests.support.places import shared_file
 from tests.support.rest import finished, ok, posted

@@ -1,74 +1,67 @@
-"""Golden documents: what a user sees, kept as data, so that a change of the code that changes it is
-seen.
+"""Golden documents: what a user sees, kept as text, so that a change of the code shows the lines
+that it changes.
 
-`check` compares a document with `tests/golden/data/NAME.json`. With MODALBASE_GOLDEN=write it
-writes what is different anew and
-prints it: `pytest tests/golden -s`, with `-k` for some. Compared are keys, types, lengths and the
-order of lists exactly, sentences but for the numbers in them, and numbers to `CLOSE` of their size
-or `SHARE` of their standard deviation, whichever is wider. Ids, times and what depends on the
-machine are masked.
+`check` compares a document with `tests/golden/data/NAME.txt`, in the form of `golden_text`. With
+MODALBASE_GOLDEN=write it
+writes what is different anew and prints it: `pytest tests/golden -s`, with `-k` for some. Compared
+are members, lengths and the order of lists exactly, sentences but for the numbers in them, and
+numbers to half of their last digit kept and, beside it, to `CLOSE` of their size or `SHARE` of
+their standard deviation, whichever is wider. `golden_parts` says what is left out.
 """
 
 import json
 import math
 import os
-import platform
 import re
 import sys
-import zlib
-from collections.abc import Iterator
-from html.parser import HTMLParser
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
-import httpx
-import numpy as np
-
+from tests.support.golden_parts import freeze
+from tests.support.golden_text import (
+    columns,
+    empty,
+    members,
+    places,
+    read,
+    shortened,
+    tree,
+    written,
+)
 from tests.support.places import ROOT
 
 DATA = ROOT / "tests" / "golden" / "data"
 WRITE = "MODALBASE_GOLDEN"
+MEMBERS, SENTENCES = DATA / "members.txt", DATA / "sentences.txt"
+OF_RESULTS = {"update", "joint", "identification", "processing", "plans", "coupons", "monitor"}
+OF_ALL = "document"
+WITH_MEMBERS = {"update", "joint", "identification"}
+"""First words of the names of documents whose sentences are in `SENTENCES`, and of those whose
+members are in `MEMBERS`.
+"""
 CLOSE, SHARE = 1e-9, 1e-6
-MOST, ROWS = 12, 24  # numbers and rows of a list that are kept whole
-SAMPLE = {"numbers", "missing", "rms", "some"}
-
-VOLATILE = {
-    "host",
-    "software",
-    "durations_s",
-    "next_cursor",
-    "request_id",
-    "worker",
-    "progress",
-    "history",
-    "samples",
-    "points_m",
-}
-"""What depends on the machine: of a search its steps on the way, of a chain how long it had to be,
-and of points that are as good as their mirror images which were chosen, hang on the last bits.
-"""
-NO_WEIGHT = 1e-6
-"""Of a pole's feature: below, rounding decides which of them comes first."""
-NUMBERLESS = {"null_directions", "sizes"}
-"""Of which only the names are compared: a basis of what is not known may turn, and a number of
-three digits, the size of an explanation, may be rounded the other way by the last bits.
-"""
-VOLATILE_HEADERS = {"content-length", "date", "etag", "server", "x-request-id", "server-timing"}
-_ID = re.compile(r"[0-9a-f]{8}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{4}-[0-9a-f]{12}")
-_TIME = re.compile(r"20\d\d-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d+)?)?( UTC|Z|[+-]\d\d:\d\d)?")
-_DATE = re.compile(r"[A-Z][a-z]{2}, \d\d [A-Z][a-z]{2} 20\d\d \d\d:\d\d:\d\d GMT")  # in headers
-_HEX = re.compile(r"(?<![\w.])(mb_[0-9a-f]{12,64}|(?=[a-f]*\d)(?=\d*[a-f])[0-9a-f]{12,64})(?!\w)")
-_VERSION = re.compile(r"(?<![\w./])\d+(?:\.\d+){2,}[\w.+-]*")
-_HOST = re.compile(rf"(?<=\bhost ){re.escape(platform.node())}(?![\w.-])")
-_NUMBER = re.compile(r"(?<![\w.])[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
+DIGITS = tuple(
+    (re.compile(pattern), digits)
+    for pattern, digits in (
+        (r"(standard_deviation|_sd(_hz)?|provenance)$|/standard_deviations/", 3),
+        (r"_hz$", 5),
+        (r"", 4),
+    )
+)
+"""How many digits of a number are kept, where its standard deviation asks for no more."""
+ORDER_ONE = re.compile(
+    r"/(share|correlation|mac_matrix|mac|missed|missed_by|phase_collinearity)\b(?!.*_hz)"
+)
+MATRIX = re.compile(r"/(correlation|mac_matrix)/\d+/\d+$")
+"""Members of which three decimals are kept, and of those in matrices two."""
+_INDEX = re.compile(r"/\d+(?=/|$)")
 DEVIATIONS = {
     "frequency_hz": "frequency_sd_hz",
     "damping_ratio": "damping_sd",
     "measured_damping": "measured_damping_sd",
     "coefficients": "standard_deviations",
-    **dict.fromkeys(
-        ("raw", "mean", "estimate", "interval_95", "comparable", "noise_standard_deviation"),
-        "standard_deviation",
-    ),
+    **dict.fromkeys(("raw", "mean", "estimate", "interval_95"), "standard_deviation"),
 }
 """Members that are known to a standard deviation, and the member of the same object that states
 it.
@@ -89,18 +82,14 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
         ),
         (r"/error_percent$", 0.0, 1e-6, 0.0),
         # Where the search for damping ended, a thousandth of a standard deviation from the minimum.
-        (r"/(optima|coefficients|curve|predicted_damping|comparable)\b", 1e-5, 0.0, 1e-4),
+        (r"/(optima|coefficients|curve|predicted_damping)\b", 1e-5, 0.0, 1e-4),
         # a ten-thousandth of a degree at 1 kHz; none is known better
         (r"/channel_delay_s$", 3e-4, 1e-10, 0.0),
-        (r"/(parameters|own)/\d+/", 5e-6, 0.0, 1e-4),
-        # On the way of a search, what such a way makes of the model's frequencies, and what it left
-        # lying.
-        (r"/(starts|convergence)/", 1e-5, 0.0, 0.0),
-        (r"/(bic|cost|discrepancy/\w+|significance)$", 2e-6, 0.0, 0.0),
-        (r"_hz\b|/(measured_damping|damping_ratio)$|/stabilisation/", 5e-7, 0.0, 0.0),
+        (r"/(parameters|own)/", 5e-6, 0.0, 1e-4),
+        (r"/(bic|discrepancy/\w+)$", 2e-6, 0.0, 0.0),
+        (r"_hz\b|/(measured_damping|damping_ratio)$", 5e-7, 0.0, 0.0),
         (r"/refused_poles/", 1e-4, 0.0, 0.0),
         (r"/(drift|model_error|noise_ratio|memory_lines)$", 1e-6, 0.0, 0.0),
-        (r"/features/", 1e-6, 1e-6, 0.0),
         # A few poles beside the modes of these hits are in the series or not by the last bits.
         (r"^update-hits-free-window/", 2e-2, 0.0, 1.0),
         (
@@ -110,7 +99,7 @@ LOOSER: tuple[tuple[re.Pattern[str], float, float, float], ...] = tuple(
             0.0,
         ),
         (
-            r"^update-hits-free-window/.*(_sd(_hz)?$|standard_deviations?\b|discrepancy|significance|memory_lines|refused)",
+            r"^update-hits-free-window/.*(_sd(_hz)?$|standard_deviations?\b|discrepancy|memory_lines|refused)",
             0.6,
             0.0,
             0.0,
@@ -140,141 +129,142 @@ third of that at most.
 """
 
 
-OTHER_POLES = re.compile(
-    r"^update-hits-free-window/.*/refused_poles/.*/(features|probability|reason)\b"
-)
+OTHER_POLES = re.compile(r"^update-hits-free-window/.*/refused_poles/(probability|reason)\b")
 """What is said of poles that are others by the last bits; how many there are and where they lie is
 compared.
 """
 
 
-def freeze(value: Any) -> Any:
-    """A document as it is kept: masked, its long lists as a sample."""
-    if isinstance(value, np.ndarray):
-        return {"shape": list(value.shape), "values": freeze(_numbers(value))}
-    if isinstance(value, dict):
-        return {masked(name): _member(name, member) for name, member in value.items()}
-    if isinstance(value, (list, tuple)):
-        return _list(list(value))
-    if isinstance(value, float) and math.isfinite(value):
-        return float(f"{value:.13g}")
-    return masked(value) if isinstance(value, str) else value
-
-
-def _member(name: str, member: Any) -> Any:
-    if name == "features" and isinstance(member, list):
-        member = [each for each in member if abs(each["weight"]) > NO_WEIGHT]
-    # in the OpenAPI document
-    described = isinstance(member, dict) and member.keys() & {"type", "anyOf", "$ref"}
-    if name in VOLATILE and member is not None and not described:
-        return "<masked>"
-    return _names(member) if name in NUMBERLESS else freeze(member)
-
-
-def _names(value: Any) -> Any:
-    return [sorted(each) for each in value] if isinstance(value, list) else sorted(value)
-
-
-def _numbers(values: np.ndarray) -> list[Any]:
-    flat = values.ravel()
-    parts = np.column_stack([flat.real, flat.imag]).ravel() if np.iscomplexobj(flat) else flat
-    return [
-        None if isinstance(each, float) and not math.isfinite(each) else each
-        for each in parts.tolist()
-    ]
-
-
-def _list(values: list[Any]) -> Any:
-    known = [each for each in values if each is not None]
-    numbers = all(isinstance(each, (int, float)) for each in known)
-    if len(values) <= (MOST if numbers else ROWS) or all(isinstance(each, str) for each in values):
-        return [freeze(each) for each in values]
-    some = [freeze(values[i]) for i in np.linspace(0, len(values) - 1, 5).astype(int)]
-    if numbers:
-        rms = math.sqrt(sum(float(each) ** 2 for each in known) / max(len(known), 1))
-        return {
-            "numbers": len(values),
-            "missing": len(values) - len(known),
-            "rms": freeze(rms),
-            "some": some,
-        }
-    return {"items": len(values), "some": [some[0], some[2], some[4]]}
-
-
-def masked(text: str) -> str:
-    """A text without ids, times, digests, versions and the host; a sentence also without its
-    numbers.
-    """
-    dates = (_DATE, "<time>"), (_TIME, "<time>")
-    for pattern, name in (
-        (_ID, "<id>"),
-        *dates,
-        (_HEX, "<hex>"),
-        (_VERSION, "<version>"),
-        (_HOST, "<host>"),
-    ):
-        text = pattern.sub(name, text)
-    return _NUMBER.sub("#", text) if " " in text else text
-
-
-def different(
-    kept: Any, found: Any, place: str, sd: Any = 0.0, scale: float = 0.0
-) -> Iterator[str]:
-    """What is not the same in two frozen documents, each by its place.
+def different(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: Any = 0.0) -> Iterator[str]:
+    """What is not the same in two documents in columns, each by its place.
 
     Args:
         kept: from the file.
         found: of now.
         place: of both: the document's name and a JSON pointer.
-        sd: standard deviation of a number, or those of an object's members by name.
-        scale: of the numbers of an array: its root mean square.
+        sd: standard deviation of a number, of each of a list, or those of an object's members by
+            name.
+        scale: of the numbers of an array: its root mean square; of each of a list of arrays.
     """
-    if OTHER_POLES.search(place):
+    if OTHER_POLES.search(_column(place)):
         return
-    if type(kept) is not type(found):
-        yield f"{place}: was {_short(kept)}, is {_short(found)}"
-    elif isinstance(kept, dict):
-        yield from (f"{place}/{name}: is gone" for name in kept.keys() - found.keys())
-        yield from (
-            f"{place}/{name}: is new, {_short(found[name])}" for name in found.keys() - kept.keys()
-        )
-        for name in kept.keys() & found.keys():
-            size = kept["rms"] if kept.keys() == SAMPLE else scale
-            yield from different(
-                kept[name], found[name], f"{place}/{name}", _deviation(kept, name, sd), size
-            )
-    elif isinstance(kept, list):
+    if isinstance(kept, dict) and isinstance(found, dict):
+        for name in [*found, *(name for name in kept if name not in found)]:
+            one, other, where = kept.get(name), found.get(name), f"{place}/{name}"
+            if empty(one) and empty(other):
+                continue
+            if empty(one) or empty(other):
+                yield (
+                    f"{where}: is gone, was {_short(one)}"
+                    if empty(other)
+                    else f"{where}: is new, {_short(other)}"
+                )
+            else:
+                yield from different(
+                    one, other, where, _deviation(found, name, sd), found.get("rms", scale)
+                )
+    elif isinstance(kept, list) and isinstance(found, list):
         if len(kept) != len(found):
             yield (
                 f"{place}: had {len(kept)} entries, has {len(found)}: {_short(kept)},"
                 f" {_short(found)}"
             )
         for i, (one, other) in enumerate(zip(kept, found, strict=False)):
-            yield from different(one, other, f"{place}/{i}", sd, scale)
-    elif isinstance(kept, float):
-        if abs(kept - found) > _allowed(place, max(abs(kept), abs(found), scale), sd):
+            yield from different(
+                one, other, f"{place}/{i}", _of(sd, i, found), _of(scale, i, found)
+            )
+    elif _number(kept) and _number(found) and isinstance(kept, float) | isinstance(found, float):
+        unit = _unit(place, found, sd, scale)
+        if abs(kept - found) > 0.51 * unit + _allowed(
+            place, max(abs(kept), abs(found), _size(scale)), _size(sd)
+        ):
             yield (
                 f"{place}: was {kept!r}, is {found!r},"
                 f" {abs(kept - found) / max(abs(kept), 1e-300):.1e} of it"
             )
-    elif kept != found:
+    elif type(kept) is not type(found) or kept != found:
         yield f"{place}: was {_short(kept)}, is {_short(found)}"
 
 
-def _deviation(kept: dict[str, Any], name: str, sd: Any) -> Any:
+def settled(kept: Any, found: Any, place: str, sd: Any = 0.0, scale: Any = 0.0) -> Any:
+    """What is kept of a document: rounded; what differs from what was kept by no more than
+    round-off stays as it was.
+    """
+    if isinstance(found, dict):
+        before = kept if isinstance(kept, dict) else {}
+        return {
+            name: settled(
+                before.get(name),
+                each,
+                f"{place}/{name}",
+                _deviation(found, name, sd),
+                found.get("rms", scale),
+            )
+            for name, each in found.items()
+        }
+    if (
+        kept is not None
+        and type(kept) is type(found)
+        and not any(different(kept, found, place, sd, scale))
+    ):
+        return kept
+    if isinstance(found, list):
+        before = kept if isinstance(kept, list) and len(kept) == len(found) else [None] * len(found)
+        pairs = enumerate(zip(before, found, strict=True))
+        return [
+            settled(a, b, f"{place}/{i}", _of(sd, i, found), _of(scale, i, found))
+            for i, (a, b) in pairs
+        ]
+    if not isinstance(found, float) or not math.isfinite(found):
+        return found
+    unit = _unit(place, found, sd, scale)
+    return float(f"{round(found / unit) * unit:.12g}") if unit else found
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _of(each: Any, i: int, found: list[Any]) -> Any:
+    """Of a column of standard deviations or sizes that of an entry."""
+    return each[i] if isinstance(each, list) and len(each) == len(found) else each
+
+
+def _size(value: Any) -> float:
+    return float(value) if _number(value) else 0.0
+
+
+def _unit(place: str, value: float, sd: Any, scale: Any) -> float:
+    """Of the last digit that is kept of a number."""
+    size = max(abs(value), _size(scale))
+    if not size or not math.isfinite(size):
+        return 0.0
+    digits = next(digits for pattern, digits in DIGITS if pattern.search(_column(place)))
+    unit = 10.0 ** (math.floor(math.log10(size)) - digits + 1)
+    if ORDER_ONE.search(_column(place)):
+        return 1e-2 if MATRIX.search(place) else 1e-3
+    known = _size(sd)
+    return min(unit, 10.0 ** math.floor(math.log10(known / 5))) if known > 0 else unit
+
+
+def _column(place: str) -> str:
+    """A place without the numbers of entries."""
+    return _INDEX.sub("", place.replace("[]", ""))
+
+
+def _deviation(stated: dict[str, Any], name: str, sd: Any) -> Any:
     """The standard deviation of a member, or those of the member's own: what is stated beside it,
     or about all of them.
     """
-    stated = kept.get(DEVIATIONS.get(name, ""))
-    if isinstance(stated, dict):
-        return stated
+    beside = stated.get(DEVIATIONS.get(name, ""))
     about = sd.get(name) if isinstance(sd, dict) else sd
-    return max(each if isinstance(each, float) else 0.0 for each in (stated, about))
+    return about if beside is None else beside
 
 
 def _allowed(place: str, size: float, sd: float) -> float:
     """The largest difference of a number that is none."""
-    rows = [(CLOSE, 0.0, SHARE), *(row[1:] for row in LOOSER if row[0].search(place))]
+    column = _column(place)
+    rows = [(CLOSE, 0.0, SHARE), *(row[1:] for row in LOOSER if row[0].search(column))]
     return max(max(relative * size, absolute, share * sd) for relative, absolute, share in rows)
 
 
@@ -285,15 +275,25 @@ def _short(value: Any) -> str:
 
 def check(name: str, document: Any) -> None:
     """A document is as it is kept; or, where `WRITE` is set, it is kept as it is."""
-    path, found = DATA / f"{name}.json", freeze(document)
-    kept = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
-    differences = sorted(different(kept, found, name))
-    if os.environ.get(WRITE) and differences:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(found, ensure_ascii=False, indent=1) + "\n", encoding="utf-8")
-        sys.stdout.write(
-            "\n  ".join([f"\n{name}:", *(differences if kept is not None else ["is new"])]) + "\n"
-        )
+    path, sentences, write = DATA / f"{name}.txt", set[str](), bool(os.environ.get(WRITE))
+    family, found = name.partition("-")[0], columns(freeze(document))
+    if family in OF_RESULTS:
+        found = shortened(found, sentences)
+    kept = read(path.read_text(encoding="utf-8")) if path.exists() else {}
+    differences = list(different(kept, found, name))
+    new = {
+        SENTENCES: _added(SENTENCES, sentences, lambda text: set(text.splitlines()), _lines, write)
+    }
+    if family in WITH_MEMBERS:
+        new[MEMBERS] = _added(MEMBERS, set(members(found, OF_ALL)), places, tree, write)
+    differences += (
+        f"{file.name}: has no “{entry}”"
+        for file, entries in new.items()
+        for entry in sorted(entries)
+    )
+    if write and differences:
+        path.write_text(_lines(written(settled(kept, found, name))), encoding="utf-8")
+        sys.stdout.write("\n  ".join([f"\n{name}:", *(differences if kept else ["is new"])]) + "\n")
         return
     assert not differences, (
         f"{name} is not as it was; if that is a gain: {WRITE}=write pytest tests/golden -s\n"
@@ -301,84 +301,19 @@ def check(name: str, document: Any) -> None:
     )
 
 
-# --- what is not JSON ------------------------------------------------------------------------------------------------
+def _added(
+    path: Path,
+    found: set[str],
+    read_: Callable[[str], set[str]],
+    write_: Callable[[set[str]], str],
+    write: bool,
+) -> set[str]:
+    """What a list of all documents has not yet; where it is to be written, it gets that."""
+    known = read_(path.read_text(encoding="utf-8")) if path.exists() else set()
+    if write and found - known:
+        path.write_text(write_(known | found), encoding="utf-8")
+    return found - known
 
 
-def answered(answer: httpx.Response, body: Any) -> dict[str, Any]:
-    """An answer: its status, its headers, and what was made of its body."""
-    headers = {
-        name: value for name, value in answer.headers.items() if name not in VOLATILE_HEADERS
-    }
-    return {"status": answer.status_code, "headers": headers, "body": body}
-
-
-def exact(content: bytes) -> dict[str, Any]:
-    """Bytes that are to stay: how many, their checksum, and how they begin."""
-    begin = content[:1000].decode("utf-8", "replace").splitlines()[:7]
-    return {"bytes": len(content), "crc32": zlib.crc32(content), "begin": begin}
-
-
-def numeric(content: bytes) -> dict[str, Any]:
-    """A text of computed numbers: what stands between them exactly, and they as numbers are
-    compared.
-    """
-    text = masked(content.decode().replace(" ", "\t")).replace("\t", " ")
-    between = _NUMBER.sub("#", text).encode()
-    numbers = [float(each.replace("−", "-")) for each in _NUMBER.findall(text)]
-    return {"between": exact(between), "numbers": numbers}
-
-
-def beginning(content: bytes) -> dict[str, Any]:
-    """Bytes of which some are computed numbers: how many, and the lines before the first of
-    them.
-    """
-    text = bytes(byte if byte < 128 else 0 for byte in content).decode()
-    return {"bytes": len(content), "begin": lines(text.partition("\0")[0])[:-1]}
-
-
-class _Words(HTMLParser):
-    """The text that a page shows, a line for each block."""
-
-    _WITHIN = (
-        "a",
-        "abbr",
-        "b",
-        "code",
-        "em",
-        "i",
-        "small",
-        "span",
-        "strong",
-        "sub",
-        "sup",
-        "td",
-        "th",
-    )
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.text, self._hidden = "", 0
-
-    def handle_starttag(self, tag: str, _: Any) -> None:
-        self._hidden += tag in ("script", "style")
-        self.text += " " if tag in self._WITHIN else "\n"
-
-    def handle_endtag(self, tag: str) -> None:
-        self._hidden -= tag in ("script", "style")
-        self.text += " " if tag in self._WITHIN else "\n"
-
-    def handle_data(self, data: str) -> None:
-        self.text += "" if self._hidden else re.sub(r"\s+", " ", data)
-
-
-def lines(text: str) -> list[str]:
-    """The lines of a text, without their numbers."""
-    found = (masked(f"{line} ").split() for line in text.splitlines())
-    return [" ".join(words) for words in found if words]
-
-
-def page_lines(html: str) -> list[str]:
-    """The text of a page."""
-    words = _Words()
-    words.feed(html)
-    return lines(words.text)
+def _lines(values: Iterable[str]) -> str:
+    return "".join(f"{each}\n" for each in (sorted(values) if isinstance(values, set) else values))
