@@ -175,7 +175,24 @@ def test_rows_that_a_body_does_not_move_along_are_named() -> None:
         BEAM, parametrise(BEAM, [Parameter("web.E1")]), (Dof(1, 2),), np.array([[0.1, 0.003, 0.0]]), 3
     )
     assert forward.rows([Dof(1, -2)])[1].tolist() == [-1.0]
+    assert replace(forward, dofs=(Dof(1, -2),)).rows([Dof(1, -2), Dof(1, 2)])[1].tolist() == [1.0, -1.0]
     with pytest.raises(InputError, match="direction: 3 at point 1 is none of the model's rows"):
         forward.rows([Dof(1, 3)])
     with pytest.raises(InputError, match="off the specimen, which spans x 0"):
         _ = replace(forward, places=np.array([[0.1, 0.02, 0.0]])).observation
+
+
+def test_shapes_and_frfs_have_the_sense_of_directions_that_are_typed_negative() -> None:
+    """As of sensors that were mounted upside down: every comparison of shapes is of these rows."""
+    modes, points = measured({"web.E1": 20e9}, np.empty(0))
+    signed = tuple(Dof(dof.point, -dof.direction if dof.point % 3 == 0 else dof.direction) for dof in modes.dofs)
+    sign = np.array([dof.sign for dof in signed])
+    prior = parametrise(BEAM, [Parameter("web.E1")])
+    plain, other = (
+        at_prior(ForwardModel.of_dofs(prior, dofs, points, float(modes.frequency_hz[-1]))) for dofs in (modes.dofs, signed)
+    )
+    np.testing.assert_allclose(other.shapes, plain.shapes * sign, atol=1e-9 * np.abs(plain.shapes).max())
+    drive = [(Dof(14, 2),) * len(signed), (Dof(14, -2),) * len(signed)]
+    first, second = (each.frf_model(signed, drive[0]).residues for each in (plain, other))
+    np.testing.assert_allclose(second, first, atol=1e-9 * np.abs(first).max())
+    np.testing.assert_allclose(other.frf_model(modes.dofs, drive[1]).residues, -sign[:, None] * first, atol=1e-9 * np.abs(first).max())
