@@ -82,7 +82,7 @@ def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
         said.append("and without the error of this mesh, which is stated mode by mode")
     for k, (hz, mesh, of_body) in enumerate(zip(plain, own, right, strict=True), start=1):
         row = f"mode {k}: expected {hz:.6g} Hz, {100 * (hz / of_body - 1):+.2f} % from {of_body:.6g} Hz{where}"
-        said.append(row if finer is None else f"{row}; by the mesh {100 * (mesh / of_body - 1):+.2f} %")
+        said.append(row if finer is None else f"{row}; by the mesh {round(100 * (mesh / of_body - 1), 2) + 0.0:+.2f} %")
     return said
 
 

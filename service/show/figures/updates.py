@@ -120,6 +120,7 @@ def _named(row: Mapping[str, Any]) -> str:
 
 
 MOST_PARAMETERS = 8
+_SHORT = 7  # letters of a parameter's name that leave room for its unit beside it
 _RADII = (1.0, 2.4477)  # of what holds 39 % and 95 % of two Gaussian variables
 _SHOWN_SAMPLES = 600
 _CLOUD = "rgba(0,114,178,0.35)"
@@ -163,7 +164,8 @@ def marginal(row: Mapping[str, Any]) -> Marginal:
     to = np.log if log else (lambda value: factor * value)
     below, above = (max(float(abs(to(end) - to(estimate))) / Z_95, 1e-9) for end in (low, high))
     prior = (factor * row["prior_mean"], factor * row["prior_sd"]) if row["prior_sd"] else None
-    return Marginal(f"{row['name']} [{unit}]", factor * estimate, below, above, log, prior)
+    gap = "\n" if len(row["name"]) > _SHORT else " "
+    return Marginal(f"{row['name']}{gap}[{unit}]", factor * estimate, below, above, log, prior)
 
 
 def posterior_figure(
@@ -327,7 +329,7 @@ def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Ma
         for part in campaigns
         if part["alone"].get(parameter["name"]) is not None
     ]
-    names = [f"{parameter['name']}  {shortened(part['name'], _LONGEST)}" for parameter, part in rows]
+    names = [f"{parameter['name']}  {_both_ends(part['name'])}" for parameter, part in rows]
     said = ", ".join(f"{shortened(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns)
     return Figure(
         f"Each campaign alone, beside all together ({said})",
@@ -336,6 +338,12 @@ def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Ma
         height=200 + 24 * max(len(rows), 6),
         margins={"l": 40 + 7 * max((len(name) for name in names), default=0)},
     )
+
+
+def _both_ends(name: str) -> str:
+    """A campaign's name, in the middle cut where it is too long: it begins as those of the same structure do."""
+    half = _LONGEST // 2
+    return name if len(name) <= _LONGEST else f"{name[:half]}…{name[half + 1 - _LONGEST :]}"
 
 
 def _probability(value: float | None) -> str:
