@@ -325,8 +325,8 @@ def _provenance(elastic: ElasticResult, inputs: Inputs, damping: DampingResult |
     if error := elastic.prior.body.model_error:
         words[MODEL_OF_JOINTS] = f"{100 * error:.2g} % of a frequency, independent from mode to mode, fixed beforehand"
     if elastic.standing:
-        others = len(elastic.standing)
-        words[OTHER_PARTNERS] = f"{others} other {'pairing' if others == 1 else 'pairings'} that the frequencies do not rule out"
+        others = "1 other pairing" if len(elastic.standing) == 1 else f"{len(elastic.standing)} other pairings"
+        words[OTHER_PARTNERS] = f"{others} that the frequencies do not rule out"
     if elastic.in_doubt:
         words[IN_DOUBT] = "the probability of each measured mode, and how it fits the model"
     for column, name in enumerate(prior.names):

@@ -207,7 +207,9 @@ class ForwardModel:
             if (dof.point, dof.axis) not in number:
                 raise InputError("direction", f"{dof.direction} at point {dof.point} is none of the model's rows")
         rows = [number[dof.point, dof.axis] for dof in dofs]
-        return np.array(rows), np.array([float(dof.sign * self.dofs[k].sign) for dof, k in zip(dofs, rows, strict=True)])
+        return np.array(rows), np.array(
+            [float(dof.sign * self.dofs[k].sign) for dof, k in zip(dofs, rows, strict=True)]
+        )
 
     def solve(self, theta: FloatArray) -> ForwardState:
         """Modes at parameters θ.

@@ -61,7 +61,9 @@ def test_directions_that_are_typed_negative_change_nothing(drawn: Drawn, result:
         frfs,
         values=frfs.values * -below[:, None],
         responses=tuple(Dof(dof.point, -dof.direction) for dof in frfs.responses),
-        references=tuple(Dof(dof.point, s * dof.direction) for s, dof in zip(below.tolist(), frfs.references, strict=True)),
+        references=tuple(
+            Dof(dof.point, s * dof.direction) for s, dof in zip(below.tolist(), frfs.references, strict=True)
+        ),
     )
     other = update(replace(drawn.measurement, frfs=turned), COARSE)
     for one, its in zip(result.parameters, other.parameters, strict=True):

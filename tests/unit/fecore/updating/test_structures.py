@@ -189,10 +189,12 @@ def test_shapes_and_frfs_have_the_sense_of_directions_that_are_typed_negative() 
     sign = np.array([dof.sign for dof in signed])
     prior = parametrise(BEAM, [Parameter("web.E1")])
     plain, other = (
-        at_prior(ForwardModel.of_dofs(prior, dofs, points, float(modes.frequency_hz[-1]))) for dofs in (modes.dofs, signed)
+        at_prior(ForwardModel.of_dofs(prior, dofs, points, float(modes.frequency_hz[-1])))
+        for dofs in (modes.dofs, signed)
     )
     np.testing.assert_allclose(other.shapes, plain.shapes * sign, atol=1e-9 * np.abs(plain.shapes).max())
-    drive = [(Dof(14, 2),) * len(signed), (Dof(14, -2),) * len(signed)]
-    first, second = (each.frf_model(signed, drive[0]).residues for each in (plain, other))
+    drive, opposite = (Dof(14, 2),) * len(signed), (Dof(14, -2),) * len(signed)
+    first, second = (each.frf_model(signed, drive).residues for each in (plain, other))
+    turned = other.frf_model(modes.dofs, opposite).residues
     np.testing.assert_allclose(second, first, atol=1e-9 * np.abs(first).max())
-    np.testing.assert_allclose(other.frf_model(modes.dofs, drive[1]).residues, -sign[:, None] * first, atol=1e-9 * np.abs(first).max())
+    np.testing.assert_allclose(turned, -sign[:, None] * first, atol=1e-9 * np.abs(first).max())
