@@ -26,7 +26,7 @@ from fecore.updating.measurement import Measurement
 from fecore.updating.parameters import Parameter, default_parameters, parametrise
 from fecore.updating.pipeline import update
 from fecore.updating.recipe import Recipe
-from tests.support.fits import at_prior, forward_model
+from tests.support.fits import COARSE, at_prior, forward_model
 
 GFRP = OrthotropicMaterial(23e9, 8.5e9, 3e9, 3e9, 2.4e9, 0.27, 1850.0)
 WALLS = {name: ShellSection((Ply(GFRP, 0.006),)) for name in ("flange", "web")}
@@ -184,17 +184,12 @@ def test_rows_that_a_body_does_not_move_along_are_named() -> None:
 
 def test_shapes_and_frfs_have_the_sense_of_directions_that_are_typed_negative() -> None:
     """As of sensors that were mounted upside down: every comparison of shapes is of these rows."""
-    modes, points = measured({"web.E1": 20e9}, np.empty(0))
-    signed = tuple(Dof(dof.point, -dof.direction if dof.point % 3 == 0 else dof.direction) for dof in modes.dofs)
-    sign = np.array([dof.sign for dof in signed])
-    prior = parametrise(BEAM, [Parameter("web.E1")])
-    plain, other = (
-        at_prior(ForwardModel.of_dofs(prior, dofs, points, float(modes.frequency_hz[-1])))
-        for dofs in (modes.dofs, signed)
-    )
+    places = np.array([[0.1, 0.0], [0.25, 0.02], [0.5, -0.02]])
+    dofs, signed = ((Dof(1, 3), Dof(2, 3), Dof(3, 3)), (Dof(1, 3), Dof(2, -3), Dof(3, -3)))
+    prior, sign = parametrise(COARSE), np.array([1.0, -1.0, -1.0])
+    plain, other = (at_prior(ForwardModel(COARSE, prior, rows, places, 6)) for rows in (dofs, signed))
     np.testing.assert_allclose(other.shapes, plain.shapes * sign, atol=1e-9 * np.abs(plain.shapes).max())
-    drive, opposite = (Dof(14, 2),) * len(signed), (Dof(14, -2),) * len(signed)
-    first, second = (each.frf_model(signed, drive).residues for each in (plain, other))
-    turned = other.frf_model(modes.dofs, opposite).residues
+    first, second = (each.frf_model(signed, dofs[:1] * 3).residues for each in (plain, other))
+    turned = other.frf_model(dofs, (Dof(1, -3),) * 3).residues
     np.testing.assert_allclose(second, first, atol=1e-9 * np.abs(first).max())
     np.testing.assert_allclose(turned, -sign[:, None] * first, atol=1e-9 * np.abs(first).max())
