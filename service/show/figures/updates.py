@@ -164,8 +164,7 @@ def marginal(row: Mapping[str, Any]) -> Marginal:
     to = np.log if log else (lambda value: factor * value)
     below, above = (max(float(abs(to(end) - to(estimate))) / Z_95, 1e-9) for end in (low, high))
     prior = (factor * row["prior_mean"], factor * row["prior_sd"]) if row["prior_sd"] else None
-    gap = "\n" if len(row["name"]) > _SHORT else " "
-    return Marginal(f"{row['name']}{gap}[{unit}]", factor * estimate, below, above, log, prior)
+    return Marginal(row["name"] + ("\n" if len(row["name"]) > _SHORT else " ") + f"[{unit}]", factor * estimate, below, above, log, prior)
 
 
 def posterior_figure(
@@ -342,8 +341,7 @@ def alone_figure(parameters: Sequence[Mapping[str, Any]], campaigns: Sequence[Ma
 
 def _both_ends(name: str) -> str:
     """A campaign's name, in the middle cut where it is too long: it begins as those of the same structure do."""
-    half = _LONGEST // 2
-    return name if len(name) <= _LONGEST else f"{name[:half]}…{name[half + 1 - _LONGEST :]}"
+    return name if len(name) <= _LONGEST else f"{name[:10]}…{name[11 - _LONGEST :]}"
 
 
 def _probability(value: float | None) -> str:
