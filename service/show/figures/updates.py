@@ -158,13 +158,13 @@ class Marginal:
 def marginal(row: Mapping[str, Any]) -> Marginal:
     """The marginal of a parameter of a result, of which its 95 % interval is the central part."""
     factor, unit = SHOWN.get(row["unit"], (1.0, row["unit"]))
-    low, high = row["interval_95"]
-    estimate = row["estimate"]
+    (low, high), estimate = row["interval_95"], row["estimate"]
     log = row["unit"] == "Pa" and low > 0
     to = np.log if log else (lambda value: factor * value)
     below, above = (max(float(abs(to(end) - to(estimate))) / Z_95, 1e-9) for end in (low, high))
     prior = (factor * row["prior_mean"], factor * row["prior_sd"]) if row["prior_sd"] else None
-    return Marginal(row["name"] + ("\n" if len(row["name"]) > _SHORT else " ") + f"[{unit}]", factor * estimate, below, above, log, prior)
+    title = row["name"] + ("\n" if len(row["name"]) > _SHORT else " ") + f"[{unit}]"
+    return Marginal(title, factor * estimate, below, above, log, prior)
 
 
 def posterior_figure(
