@@ -357,12 +357,18 @@ class ElasticResult:
 
     @cached_property
     def on_own_mesh(self) -> FloatArray:
-        """(X,) change of x if the bodies' own meshes were taken to be right."""
+        """(X,) change of x if the bodies' own meshes were taken to be right.
+
+        What the constants cannot follow counts as the model's error, as it would: else known inputs
+        would have to.
+        """
         off = np.zeros(self.problem.residual.size)
         for state, pairing, at in zip(self.states, self.pairings, self.rows, strict=True):
             if state.by_mesh is not None:
                 off[at] = np.log1p(state.by_mesh[0][[column for _, column in pairing.pairs]])
-        return np.asarray(-self.gain @ off)
+        own = replace(self.problem, residual=self.problem.residual - off)
+        there, here = (each.at_scatter(self.scatter)[0] for each in (own, self.problem))
+        return np.asarray(there.weight @ there.shift - here.weight @ here.shift)
 
     @property
     def partners(self) -> tuple[Partners, ...]:

@@ -66,7 +66,7 @@ class Thing:
     def __getattr__(self, name: str) -> Any:
         if name != "fields" and name in self.fields:
             return self.fields[name]
-        raise AttributeError(f"a {self.noun.word} has no {name!r}")
+        raise AttributeError(f"there is no {name!r} of this {self.noun.word}")
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self.fields]

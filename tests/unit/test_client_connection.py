@@ -168,7 +168,7 @@ WRONG: dict[str, tuple[type[Exception], str, Callable[[], object]]] = {
     "a query of what has none": (TypeError, r"\(\) has no page; it has no query",
         lambda: REST.get_campaign("1", page=2)),
     "no name of the library": (AttributeError, "has no attribute 'cats'", lambda: cast("Any", modalbase).cats),
-    "no field of a thing": (AttributeError, "a structure has no 'colour'",
+    "no field of a thing": (AttributeError, "there is no 'colour' of this structure",
         lambda: Structure(cast("Any", None), {}).colour),
     "no row of a table": (KeyError, "'Gxy'; there is Ex, Ey", lambda: Table([{"name": "Ex"}, {"name": "Ey"}])["Gxy"]),
     "values of another shape": (ValueError, r"values have shape \(1, 3\), expected \(1, 2\)",

@@ -356,7 +356,9 @@ class Edits:
             )
             found += [f"{line}{newline}" for line in after]
         mark = BOM_UTF8 if self._content.startswith(BOM_UTF8) else b""
-        return mark + "".join(found).encode("latin-1", "replace")
+        # Numbers in what we say have a minus sign, which Latin-1 lacks; the user's own text has
+        # none.
+        return mark + "".join(found).replace("−", "-").encode("latin-1", "replace")
 
     def _parted(self, number: int) -> tuple[str, str]:
         """A line up to a comment, and the rest."""

@@ -104,7 +104,9 @@ def _joints(model: FiniteElementModel, order: DeckOrder) -> list[str]:
             f" Hz{where}"
         )
         said.append(
-            row if finer is None else f"{row}; by the mesh {100 * (mesh / of_body - 1):+.2f} %"
+            row
+            if finer is None
+            else f"{row}; by the mesh {round(100 * (mesh / of_body - 1), 2) + 0.0:+.2f} %"
         )
     return said
 

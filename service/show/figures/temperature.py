@@ -23,11 +23,12 @@ def temperature_figure(curve: Mapping[str, Any], parameters: Sequence[Mapping[st
     reference, rows = curve["reference_c"], curve["constants"]
     elastic = [row for row in rows if row["law"] is None and row["name"] in known]
     damping = [row for row in rows if row["law"] is not None]
-    x, share = Axis("temperature [°C]"), Axis(f"share of the value at {reference:g} °C [%]")
+    x, title = Axis("temperature [°C]"), f"share of the value at {reference:g} °C [%]"
     groups = [each for each in (elastic, damping) if each]
     height = 1 / max(len(groups), 1)
     panels = [
-        Panel(x, share, up=(1 - (k + 0.82) * height, 1 - k * height)) for k in range(len(groups))
+        Panel(x, Axis(title), up=(1 - (k + 0.82) * height, 1 - k * height))
+        for k in range(len(groups))
     ]
     marks, colors = list[Mark](), cycle(PALETTE)
     for panel, group in zip(panels, groups, strict=True):

@@ -143,6 +143,7 @@ def _named(row: Mapping[str, Any]) -> str:
 
 
 MOST_PARAMETERS = 8
+_SHORT = 7  # letters of a parameter's name that leave room for its unit beside it
 _RADII = (1.0, 2.4477)  # of what holds 39 % and 95 % of two Gaussian variables
 _SHOWN_SAMPLES = 600
 _CLOUD = "rgba(0,114,178,0.35)"
@@ -182,13 +183,13 @@ class Marginal:
 def marginal(row: Mapping[str, Any]) -> Marginal:
     """The marginal of a parameter of a result, of which its 95 % interval is the central part."""
     factor, unit = SHOWN.get(row["unit"], (1.0, row["unit"]))
-    low, high = row["interval_95"]
-    estimate = row["estimate"]
+    (low, high), estimate = row["interval_95"], row["estimate"]
     log = row["unit"] == "Pa" and low > 0
     to = np.log if log else (lambda value: factor * value)
     below, above = (max(float(abs(to(end) - to(estimate))) / Z_95, 1e-9) for end in (low, high))
     prior = (factor * row["prior_mean"], factor * row["prior_sd"]) if row["prior_sd"] else None
-    return Marginal(f"{row['name']} [{unit}]", factor * estimate, below, above, log, prior)
+    title = row["name"] + ("\n" if len(row["name"]) > _SHORT else " ") + f"[{unit}]"
+    return Marginal(title, factor * estimate, below, above, log, prior)
 
 
 def posterior_figure(
@@ -402,9 +403,7 @@ def alone_figure(
         for part in campaigns
         if part["alone"].get(parameter["name"]) is not None
     ]
-    names = [
-        f"{parameter['name']}  {shortened(part['name'], _LONGEST)}" for parameter, part in rows
-    ]
+    names = [f"{parameter['name']}  {_both_ends(part['name'])}" for parameter, part in rows]
     said = ", ".join(
         f"{shortened(part['name'])}: p {_probability(part['predictive_p'])}" for part in campaigns
     )
@@ -415,6 +414,13 @@ def alone_figure(
         height=200 + 24 * max(len(rows), 6),
         margins={"l": 40 + 7 * max((len(name) for name in names), default=0)},
     )
+
+
+def _both_ends(name: str) -> str:
+    """A campaign's name, in the middle cut where it is too long: it begins as those of the same
+    structure do.
+    """
+    return name if len(name) <= _LONGEST else f"{name[:10]}…{name[11 - _LONGEST :]}"
 
 
 def _probability(value: float | None) -> str:

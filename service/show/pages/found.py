@@ -138,7 +138,8 @@ def _step(finding: Mapping[str, Any], alike: str) -> Step:
 
 def _sentence(text: str) -> str:
     """With a capital and a full stop; a name of a constant keeps its own letters."""
-    return text[:1].upper() + text[1:] + ("" if text.endswith((".", ")")) else ".")
+    first = text[:1].upper() if text.split(" ")[0].rstrip(",:;").isalpha() else text[:1]
+    return first + text[1:] + ("" if text.endswith((".", ")")) else ".")
 
 
 @dataclass(frozen=True)

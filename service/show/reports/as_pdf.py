@@ -216,12 +216,17 @@ def _table(table: Table) -> Any:
     return drawn
 
 
+_PADDING = 2  # letters' widths of what a cell keeps free on both sides
+
+
 def _widths(table: Table) -> list[float]:
     """By the longest text of each column, within limits, so that one long cell does not squeeze the
     others; a word is not broken.
     """
     rows = ([table.columns] if table.columns else []) + list(table.rows)
-    lengths = [max(6, *(_length(row[k]) for row in rows)) for k in range(len(table.numeric))]
+    lengths = [
+        max(6, *(_length(row[k]) for row in rows)) + _PADDING for k in range(len(table.numeric))
+    ]
     total = sum(lengths)
     return [WIDTH * length / total for length in lengths]
 

@@ -25,6 +25,7 @@ from service.show.figures.modes import (
 )
 from service.show.figures.temperature import temperature_figure
 from service.show.figures.updates import (
+    MOST_PARAMETERS,
     alone_figure,
     budget_figure,
     convergence_figure,
@@ -239,6 +240,8 @@ def _posterior(data: AnyFigures, _: Wanted) -> Figure:
     described = data.document["posterior"]
     rows = {row["name"]: row for row in data.document["parameters"]}
     places = [i for i, name in enumerate(described["names"]) if name in rows]
+    known_first = sorted(places, key=lambda i: not rows[described["names"][i]]["identifiable"])
+    places = sorted(known_first[:MOST_PARAMETERS])
     chosen = [rows[described["names"][i]] for i in places]
     correlation = np.array(described["correlation"], dtype=float)[np.ix_(places, places)]
     samples = data.arrays["samples"][:, places].astype(float) if "samples" in data.arrays else None

@@ -178,7 +178,11 @@ async def _records(
         return _Came(sent, name, dry_run, [upload.stated, name, dry_run])
     suffix = (PurePosixPath(name).suffix or SUFFIX_OF.get(upload.content_type, "")).lower()
     if suffix not in RECORD_SUFFIXES:
-        raise Invalid("", f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}")
+        raise Invalid(
+            "",
+            f"is a '{suffix}' file, expected one of {', '.join(RECORD_SUFFIXES)}; POST"
+            " /campaigns/{id}/imports takes every format, UFF too",
+        )
     if stated is None and not dry_run:
         raise Invalid("mapping", "is missing; ?dry_run=true proposes one")
     wanted = Import(

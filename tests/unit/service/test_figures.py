@@ -31,6 +31,7 @@ from service.show.figures.marks import Figure, Region
 from service.show.figures.modes import MOST_ROWS, ShapePair, shapes_figure
 from service.show.figures.paper import draw, render
 from service.show.figures.screen import numbers, screen
+from service.show.figures.temperature import temperature_figure
 from service.show.figures.trend import series_figure
 from service.show.figures.updates import OTHERS, budget_figure, parameters_figure
 from service.show.pages.viewer import draw_grid
@@ -166,6 +167,17 @@ def test_a_coupon_s_curve_has_what_its_standard_could_read_off(
     figure = coupon_figure("A1", series, (SHEAR if shear else TENSION) | found, shear=shear)
     assert names(figure)[3:] == more  # after the curve, its chord and the chord's bounds
     assert len(figure.panels) == (1 if shear else 2)
+
+
+def test_constants_and_damping_over_temperature_have_a_panel_each() -> None:
+    row = {"unit": "Pa", "law": None, "estimate": [2.0, 1.8], "low": [1.9, 1.7], "high": [2.1, 1.9]}
+    rows = [{**row, "name": "Ex"}, {**row, "name": "a0", "law": "rayleigh"}]
+    curve = {"reference_c": 20.0, "temperature_c": [20.0, 50.0], "constants": rows}
+    shown = screen(temperature_figure(curve, [{"name": "Ex", "identifiable": True}]))
+    axes = {trace["name"]: trace["yaxis"] for trace in shown["data"] if trace["name"]}
+    assert axes == {"Ex": "y", "a0 (rayleigh)": "y2"}
+    low, high = shown["layout"]["yaxis2"]["domain"], shown["layout"]["yaxis"]["domain"]
+    assert low[1] < high[0]
 
 
 def test_points_of_which_none_was_held_out_have_one_symbol() -> None:

@@ -219,10 +219,10 @@ def test_included_files_and_line_ends() -> None:
         read_inp(deck, included),
         {("plate", "E1"): 2.4e10},
         included=included,
-        remarks=["from job 7", "two\nlines"],
+        remarks=["from job 7: −8.7 %", "two\nlines"],
     )
     assert set(found) == {"", "m.inp"}
-    assert found[""] == b"** from job 7\r\n** two\r\n** lines\r\n" + deck
+    assert found[""] == b"** from job 7: -8.7 %\r\n** two\r\n** lines\r\n" + deck
     assert b"2.4e10" not in found["m.inp"]
     assert found["m.inp"].count(b"\r\n") == included["m.inp"].count(b"\r\n") + 1
     assert read_inp(found[""], found).materials["GFRP"].constants["E1"] == 2.4e10
