@@ -1,7 +1,8 @@
-"""What shear theory misses of shells, and what a laminate that is not the same everywhere misses of itself.
+"""What shear theory misses of shells, and what a laminate that is not the same everywhere misses of
+itself.
 
-What is left of theory goes with the strain energy in transverse shear, of which mode k has the share U_k, so an error of
-κ = 5/6 moves every mode alike,
+What is left of theory goes with the strain energy in transverse shear, of which mode k has the
+share U_k, so an error of κ = 5/6 moves every mode alike,
 
     δf_k/f_k = ½ U_k δκ/κ,
 
@@ -17,9 +18,10 @@ thickness, which are 1 % too stiff in shear themselves) they are off by 0.04 to 
 frequency (rms), torsion most. Without the unknown 0.002 % is left of free beams, and 0.006 % of
 clamped ones, whose root a solid keeps from growing thinner too, what the mesh misses included.
 
-Beside theory there is the body. Laminates that vary by 1.2 % in thickness over their area (`fecore.updating.inputs`) miss the
-frequencies of an even body by 0.1 % (`DISCREPANCY`). A laboratory that knows its thickness better has a body that varies less,
-so this part follows the thickness's standard deviation.
+Beside theory there is the body. Laminates that vary by 1.2 % in thickness over their area
+(`fecore.updating.inputs`) miss the frequencies of an even body by 0.1 % (`DISCREPANCY`). A
+laboratory that knows its thickness better has a body that varies less, so this part follows the
+thickness's standard deviation.
 """
 
 import numpy as np
@@ -39,20 +41,28 @@ SHEAR_CORRECTION_SD = 0.02
 """Relative standard deviation of κ."""
 
 OF_THEORY = 4e-5
-"""Prior scale of what theory misses of a frequency beside κ, as a share of it: what is left against the solids."""
+"""Prior scale of what theory misses of a frequency beside κ, as a share of it: what is left against
+the solids.
+"""
 
 
 def by_shear_correction(state: ForwardState) -> FloatArray:
-    """(n,) relative change of the elastic frequencies by one standard deviation of κ of the body's shells; 0 without."""
+    """(n,) relative change of the elastic frequencies by one standard deviation of κ of the body's
+    shells; 0 without.
+    """
     if isinstance(state.forward.specimen, MatrixBody):
         return np.zeros(state.frequency_hz.size)
     return SHEAR_CORRECTION_SD / 2 * state.shear
 
 
 def discrepancy_scale(body: Body, inputs: Inputs) -> float:
-    """Prior scale s₀ of the model's independent errors in natural frequencies, as shares of them."""
+    """Prior scale s₀ of the model's independent errors in natural frequencies, as shares of
+    them.
+    """
     if not isinstance(body, FlatBody):
         return DISCREPANCY
     usual, _ = TOLERANCES["thickness"]
-    uneven = min(inputs.standard_deviation("thickness", body.thickness) / (usual * body.thickness), 1.0)
+    uneven = min(
+        inputs.standard_deviation("thickness", body.thickness) / (usual * body.thickness), 1.0
+    )
     return float(np.hypot(OF_THEORY, uneven * np.sqrt(DISCREPANCY**2 - OF_THEORY**2)))

@@ -1,4 +1,6 @@
-"""Walls that grow thinner where they are stretched, and that curve, against waves and solids without a theory."""
+"""Walls that grow thinner where they are stretched, and that curve, against waves and solids
+without a theory.
+"""
 
 import numpy as np
 import pytest
@@ -28,12 +30,15 @@ def _stiffness(m: OrthotropicMaterial) -> np.ndarray:
 
 
 def exact_hz(m: OrthotropicMaterial, t: float, kx: float, ky: float, order: int = 8) -> float:
-    """The lowest wave of a plate by the equations of a solid, by polynomials through its thickness."""
+    """The lowest wave of a plate by the equations of a solid, by polynomials through its
+    thickness.
+    """
     z, w = np.polynomial.legendre.leggauss(order + 1)
     N = np.polynomial.legendre.legvander(z, order)
     slopes = [np.polynomial.legendre.legder(np.eye(order + 1)[n]) for n in range(order + 1)]
     dN = np.column_stack([np.polynomial.legendre.legval(z, slope) for slope in slopes]) * 2 / t
-    # u, v, w of the mode are cos·sin, sin·cos and sin·sin in the plane; strains by their amplitudes.
+    # u, v, w of the mode are cos·sin, sin·cos and sin·sin in the plane; strains by their
+    # amplitudes.
     zero = np.zeros_like(N)
     B = np.stack(
         [np.hstack(row) for row in (
@@ -43,7 +48,9 @@ def exact_hz(m: OrthotropicMaterial, t: float, kx: float, ky: float, order: int 
     )  # fmt: skip
     K = np.einsum("p,pri,rs,psj->ij", w, B, _stiffness(m), B)
     M = m.density * np.kron(np.eye(3), (N.T * w) @ N)
-    return float(np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True, subset_by_index=[0, 0])[0]) / (2 * np.pi))
+    return float(
+        np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True, subset_by_index=[0, 0])[0]) / (2 * np.pi)
+    )
 
 
 @pytest.mark.parametrize("material", [ISOTROPIC, GFRP, CARBON])
@@ -51,10 +58,17 @@ def test_a_thick_plate_has_the_modes_of_a_solid(material: OrthotropicMaterial) -
     mesh = grid("quad8", 6, 6, lambda st: np.column_stack([SIDE * st, np.zeros(len(st))]))
     names = dict(zip(("x0", "x1", "y0", "y1"), ("start", "end", "lower", "upper"), strict=True))
     supports = edges(*("simply_supported",) * 4)
-    supports = tuple(type(s)(next(k for k, v in names.items() if v == s.where), s.how) for s in supports)
+    supports = tuple(
+        type(s)(next(k for k, v in names.items() if v == s.where), s.how) for s in supports
+    )
     exact = exact_hz(material, THICKNESS, np.pi / SIDE, np.pi / SIDE)
     own, plain = (
-        frequencies(Structure(mesh, {"plate": ShellSection((Ply(material, THICKNESS),), thins=thins)}, supports), 1)[0]
+        frequencies(
+            Structure(
+                mesh, {"plate": ShellSection((Ply(material, THICKNESS),), thins=thins)}, supports
+            ),
+            1,
+        )[0]
         for thins in (True, False)
     )
     assert own == pytest.approx(exact, rel=1.5e-4)
@@ -73,5 +87,8 @@ def test_layers_that_are_one_are_as_one() -> None:
 
 def test_panels_have_the_frequencies_of_solids() -> None:
     for kind, mesh, most in (("tapered", (12, 8), 0.0006), ("curved", (18, 12), 0.0011)):
-        off = frequencies(deck(kind, *mesh, "quad8", TRUTH), 7) / measured(kind)[0].frequency_hz[:7] - 1
+        off = (
+            frequencies(deck(kind, *mesh, "quad8", TRUTH), 7) / measured(kind)[0].frequency_hz[:7]
+            - 1
+        )
         assert np.abs(off).max() < most, kind
