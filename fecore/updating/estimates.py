@@ -33,7 +33,7 @@ from fecore.updating.elastic_result import (
     NOISE,
     ElasticResult,
 )
-from fecore.updating.excursions import MESH, SHEAR_FACTOR, Excursion
+from fecore.updating.excursions import MESH, Excursion
 from fecore.updating.findings import found
 from fecore.updating.inputs import Inputs, tolerance_of
 from fecore.updating.laws import RankedLaw
@@ -436,7 +436,7 @@ def _provenance(
         else:
             words[name] = f"{sd}, {_stated(inputs.is_stated(tolerance_of(name) or name))}"
     for each in elastic.every_excursion:
-        of_model = each.name in (MESH, SHEAR_FACTOR)
+        of_model = each.name == MESH
         words[each.name] = each.amount if of_model else f"{each.amount}, {_stated(each.stated)}"
     if damping is not None:
         words["measurement noise of FRFs"] = "noise of the FRFs, measured or from their residual"

@@ -165,10 +165,10 @@ def test_a_set_that_has_lost_stiffness_is_found_among_others() -> None:
 def test_a_clamp_that_yields_moves_the_frequencies_as_a_block_on_springs_does() -> None:
     clamped = replace(BEAM, supports=of_boundary("cantilever"))
     state = at_prior(forward_model(clamped, MODES, "web.E1", reduced=False))
-    found, of_shear = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
+    (found,) = excursions(state, replace(Inputs.exact(), clamp_compliance_sd=0.01), ())
     assert (found.name, found.kind) == ("clamp", "one-sided")
     assert found.shift[0] == pytest.approx(-0.02)
-    assert [each.name for each in excursions(state, Inputs.exact(), ())] == [of_shear.name]
+    assert excursions(state, Inputs.exact(), ()) == ()
     on_springs = yielding(clamped, replace(Inputs.exact(), clamp_compliance_sd=1e-3 / 0.6745))
     moved = at_prior(forward_model(on_springs, MODES, "web.E1", reduced=False))
     exact = moved.frequency_hz[:MODES] / state.frequency_hz[:MODES] - 1
