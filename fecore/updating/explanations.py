@@ -7,9 +7,7 @@ unknowns and the sizes are fitted together, the modes paired by the altered shap
     ln p(f) = ln ∫ p(f | x, s) p(x) p(s) dx ds + Σ ln P + Σ_none ln (1 - P)/W + Σ_alone ln (πP + 1 - P)/W
 
 with the terms of `belief` for modes that are none, or have no partner; that of a place is shared by all that were tried. Shapes
-say whether a model is the body's where frequencies hardly do, as of a soft root and a mass at the tip. What a model misses of a
-shape is smooth, so each mode counts for one number, 1 - MAC, whatever its points, of a variance that has the prior of a
-discrepancy: -½(ν₀ + n) ln(ν₀s₀² + Σ(1 - MAC)).
+say whether a model is the body's where frequencies hardly do, as of a soft root and a mass at the tip (`of_shapes`).
 """
 
 from __future__ import annotations
@@ -31,8 +29,9 @@ from fecore.updating.elastic_result import ElasticResult, prior_belief
 from fecore.updating.forward import ForwardState
 from fecore.updating.inputs import TOLERANCES
 from fecore.updating.layout import CampaignModel, Layout, Unknown
-from fecore.updating.posterior import DISCREPANCY, DISCREPANCY_DOF, SHAPE_DISCREPANCY, LinearProblem, Mixture
+from fecore.updating.posterior import DISCREPANCY, LinearProblem, Mixture
 from fecore.updating.screening import Screened, effect_of, screened
+from fecore.updating.yielding import Yielding, likeness, of_shapes
 
 _STARTS = (3.0, 1.0, -1.0, -3.0, -5.0)  # logarithms of sizes over their medians to start from
 _SIZES = (3.0, 30.0, 300.0)  # over usual ones, at which places are compared
@@ -88,12 +87,8 @@ def _of_shapes(campaign: CampaignModel, pairing: Pairing) -> float:
     """The part of a campaign's shapes in the log evidence; 0 where they say nothing."""
     if pairing.mac is None:
         return 0.0
-    alike = np.nan_to_num(pairing.mac).max(axis=1)
-    for row, column in pairing.pairs:
-        alike[row] = pairing.mac[row, column]
-    probability = campaign.probability(range(alike.size))
-    off = DISCREPANCY_DOF * SHAPE_DISCREPANCY**2 + float(probability @ (1 - alike))
-    return float(-(DISCREPANCY_DOF + probability.sum()) / 2 * np.log(off))
+    alike = likeness(pairing)
+    return float(of_shapes(campaign.probability(range(alike.size)), alike))
 
 
 def explanations(elastic: ElasticResult, number: int, hints: Hints) -> list[Explanation]:
@@ -295,15 +290,22 @@ def hints_of(
         "support": suspects.supports(state, max(columns)),
     }
 
-    def of(additions: list[Addition], sizes: Sequence[float]) -> Screened:
-        sigma = np.array(sizes)[:, None] * [each.usual for each in additions]
-        return screened(effect_of(state, additions), at, columns, problem, posterior, sigma)
-
-    found: Hints = {kind: (some, of(some, slips)) for kind, some in every.items() if some}
-    yields = elastic.layout.campaigns[number].inputs.standard_deviation("clamp_compliance") / TOLERANCES[CLAMP][0]
-    if not yields or not every["support"]:
+    found = Hints()
+    for kind in ("mass", "foot"):
+        if additions := every[kind]:
+            sigma = np.array(slips)[:, None] * [each.usual for each in additions]
+            hint = screened(effect_of(state, additions), at, columns, problem, posterior, sigma)
+            found[kind] = additions, hint
+    if not every["support"]:
         return found
-    stated = max(of(every["support"], [yields]).evidence, 0.0)
+    campaign = elastic.layout.campaigns[number]
+    measured = campaign.modes, campaign.probability(range(len(campaign.modes)))
+    yielding = Yielding.of(state, every["support"], at, pairing, measured, problem, posterior)
+    found["support"] = every["support"], yielding.screened(slips)
+    yields = campaign.inputs.standard_deviation("clamp_compliance") / TOLERANCES[CLAMP][0]
+    if not yields:
+        return found
+    stated = max(yielding.screened([yields]).evidence, 0.0)
     return {kind: (some, replace(each, evidence=each.evidence - stated)) for kind, (some, each) in found.items()}
 
 

@@ -19,6 +19,7 @@ from fecore.updating.inputs import Inputs
 from fecore.updating.layout import Layout
 from fecore.updating.parameters import DEFAULT_PARAMETERS, parametrise
 from fecore.updating.screening import effect_of
+from fecore.updating.yielding import SupportEffect
 from tests.support import soft_supports
 
 MATERIAL = OrthotropicMaterial(Ex=30e9, Ey=10e9, Gxy=4e9, Gxz=4e9, Gyz=3e9, nu_xy=0.25, density=1900.0)
@@ -86,7 +87,8 @@ def test_screening_has_the_changes_and_derivatives_of_altered_bodies(body: Speci
     addition = additions(body, kind)[-1]
     forward = forward_of(body)
     state = forward.solve(forward.parametrisation.prior_mean)
-    effect, usual = effect_of(state, [addition]), np.array([addition.usual])
+    effect_at = SupportEffect.of if kind == "support" else effect_of
+    effect, usual = effect_at(state, [addition]), np.array([addition.usual])
     change, by = effect.at(usual)
     there = altered_hz(body, addition, float(usual[0] ** sign))
     if kind != "foot":  # which lets a mode of the rigid body in
