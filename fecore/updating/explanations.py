@@ -91,22 +91,8 @@ def _of_shapes(campaign: CampaignModel, pairing: Pairing) -> float:
     return float(of_shapes(campaign.probability(range(alike.size)), alike))
 
 
-def explanations(elastic: ElasticResult, number: int, hints: Hints) -> list[Explanation]:
-    """The best explanation of each kind by an addition to one body.
-
-    Args:
-        elastic: the update without.
-        number: of the campaign.
-        hints: of it.
-    """
-    search = _Search.of(elastic, number)
-    found = [search.of_supports(hints["support"][0])] if "support" in hints else []
-    found += [search.of_places(*hint) for kind, hint in hints.items() if kind != "support"]
-    return [each for each in found if each is not None]
-
-
 @dataclass(frozen=True)
-class _Search:
+class Search:
     """Fits of one update with additions to one of its bodies."""
 
     elastic: ElasticResult
@@ -114,17 +100,30 @@ class _Search:
     without: float  # log evidence
     use_shapes: bool
     known: dict[tuple[str, bytes], ForwardState] = field(default_factory=dict)  # solved models
+    supports: dict[tuple[str, ...], Explanation | None] = field(default_factory=dict)  # that were tried
 
     @classmethod
-    def of(cls, elastic: ElasticResult, number: int) -> _Search:
+    def of(cls, elastic: ElasticResult, number: int) -> Search:
         layout = elastic.layout.unverified()
         campaigns = list(layout.campaigns)
         campaigns[number] = replace(campaigns[number], forward=campaigns[number].forward.on_basis())
         plain = replace(elastic, layout=replace(layout, campaigns=tuple(campaigns)))
         return cls(plain, number, log_evidence(elastic), "mode shapes" in elastic.problem.others)
 
+    def best(self, hints: Hints) -> list[Explanation]:
+        """The best explanation of each kind by an addition to the body, with what screening makes of these."""
+        found = [self.of_supports(hints["support"][0])] if "support" in hints else []
+        found += [self.of_places(*hint) for kind, hint in hints.items() if kind != "support"]
+        return [each for each in found if each is not None]
+
     def of_supports(self, supports: Sequence[Addition]) -> Explanation | None:
         """The support that gives way along or about one axis, or all of them."""
+        key = tuple(each.name for each in supports)
+        if key not in self.supports:
+            self.supports[key] = self._of_supports(supports)
+        return self.supports[key]
+
+    def _of_supports(self, supports: Sequence[Addition]) -> Explanation | None:
         choices = [[each] for each in supports]
         price = float(np.log(len(choices) + (len(choices) > 1)))
         ones = sorted(filter(None, map(self.fitted, choices)), key=lambda each: -each.evidence)
@@ -298,15 +297,54 @@ def hints_of(
             found[kind] = additions, hint
     if not every["support"]:
         return found
-    campaign = elastic.layout.campaigns[number]
-    measured = campaign.modes, campaign.probability(range(len(campaign.modes)))
-    yielding = Yielding.of(state, every["support"], at, pairing, measured, problem, posterior)
+    yielding = yielding_of(elastic, number, every["support"], problem, posterior)
     found["support"] = every["support"], yielding.screened(slips)
-    yields = campaign.inputs.standard_deviation("clamp_compliance") / TOLERANCES[CLAMP][0]
+    yields = elastic.layout.campaigns[number].inputs.standard_deviation("clamp_compliance") / TOLERANCES[CLAMP][0]
     if not yields:
         return found
     stated = max(yielding.screened([yields]).evidence, 0.0)
-    return {kind: (some, replace(each, evidence=each.evidence - stated)) for kind, (some, each) in found.items()}
+    return {
+        kind: (some, replace(each, evidence=each.evidence - stated, stated=stated))
+        for kind, (some, each) in found.items()
+    }
+
+
+def yielding_of(
+    elastic: ElasticResult,
+    number: int,
+    supports: Sequence[Addition],
+    problem: LinearProblem,
+    posterior: tuple[Mixture, FloatArray],
+) -> Yielding:
+    """What the data say of each way in which the supports of a campaign's body may give way."""
+    campaign, at = elastic.layout.campaigns[number], elastic.rows[number]
+    measured = campaign.modes, campaign.probability(range(len(campaign.modes)))
+    return Yielding.of(
+        elastic.states[number], supports, at, elastic.pairings[number], measured, problem, posterior
+    )
+
+
+@dataclass(frozen=True)
+class LeftOpen:
+    """How far a support may give way for all that the data say."""
+
+    support: Addition
+    stiffness: float  # N/m or N·m/rad
+    move: FloatArray  # (X,) of x, were it so soft
+    favoured: bool  # whether the data are likelier where it gives way by more than is stated
+
+
+def left_open(elastic: ElasticResult, slips: Sequence[float]) -> LeftOpen | None:
+    """Of an update of one campaign; None of a body that nothing holds."""
+    (columns,) = ([column for _, column in pairing.pairs] for pairing in elastic.pairings)
+    supports = suspects.supports(elastic.updated, max(columns))
+    if not supports:
+        return None
+    posterior = elastic.problem.at_scatter(elastic.layout.scatter)
+    yielding = yielding_of(elastic, 0, supports, elastic.problem, posterior)
+    axis, compliance, change = yielding.left_open()
+    favoured = yielding.screened(slips).evidence > 0
+    return LeftOpen(supports[axis], 1 / compliance, -elastic.gain @ change, favoured)
 
 
 def loosened(elastic: ElasticResult, place: int, slip: float) -> tuple[float, ElasticResult] | None:

@@ -197,6 +197,12 @@ FINDINGS = {
         "the modes show the length to ± {rest:.2g} % alone: a length 1 % longer than stated would change {moved}",
         "measure it twice",
     ),
+    "support_moves": Row(
+        None,
+        1.1,
+        "the modes leave open that the support gives way {stiffness}: that would change {moved}",
+        "measure how firm it is, or shapes at more points",
+    ),
     # of the FRFs
     "frfs_unlike": Row(
         "do_not_use",

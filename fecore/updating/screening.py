@@ -49,6 +49,7 @@ class Screened:
     mean: float  # of the size of whichever it is
     sd: float  # likewise
     covariance: FloatArray  # (n, n) second moments of the change of ln f by the slip, over places and sizes
+    stated: float = 0.0  # ln B of what is stated to be possible, which is taken off the evidence
 
 
 def screened(

@@ -78,7 +78,7 @@ def supports(state: ForwardState, highest: int) -> list[Addition]:
         return []
     effect = SupportEffect.of(state, found)
     value = state.modes.eigenvalue[: highest + 1]
-    reaction = value * effect.moved[:, : highest + 1, 0] ** 2
+    reaction = value * effect.moved[:, : highest + 1] ** 2
     usual = [float(np.median(each[each >= _MOVED * each.max()])) for each in reaction]
     largest = max(usual)
     return [

@@ -17,9 +17,10 @@ import scipy
 from fecore.arrays import FloatArray
 from fecore.correlation import Pairing, most_alike
 from fecore.modes import MeasuredModes
+from fecore.normal import Z_95
 from fecore.updating.additions import Addition, AlteredForward
 from fecore.updating.posterior import DISCREPANCY_DOF, SHAPE_DISCREPANCY, LinearProblem, Mixture
-from fecore.updating.screening import Data, Modes, Screened
+from fecore.updating.screening import Data, Screened
 from fecore.updating.shape_error import real_shape
 from fecore.updating.state import ForwardState
 
@@ -49,65 +50,61 @@ def likeness(pairing: Pairing) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class SupportEffect(Modes):
-    """A support that gives way in any of P motions, each by a compliance."""
+class SupportEffect:
+    """Supports that give way in some of Q motions, each by a compliance."""
 
-    inertia: FloatArray  # (P,) of the motions
-    stiffness: FloatArray  # (P,) by which other supports resist them
-    seen: FloatArray  # (N, p) the modes, and (P, p) the motions, at the measured rows
-    own: FloatArray
+    value: FloatArray  # (N,) eigenvalues of the body
+    # inertia, stiffness: (N + Q, N + Q) of the modes and the motions, and (Q, Q) by which other supports resist these
+    inertia: FloatArray
+    stiffness: FloatArray
+    seen: FloatArray  # (N + Q, p) what the measured rows see of both
 
     @classmethod
     def of(cls, state: ForwardState, additions: Sequence[Addition]) -> SupportEffect:
         """Of a solved body that nothing lets move as a whole."""
-        model, forward = state.forward.specimen.model, state.forward
-        motions, stiffness = np.vstack([each.motion for each in additions]), np.zeros(len(additions))
+        model, forward, count = state.forward.specimen.model, state.forward, len(additions)
+        motions, stiffness = np.vstack([each.motion for each in additions]), np.zeros((count, count))
         if any(each.stopped is not None for each in additions):
             motions, stiffness = _resisted(state, additions)
+        both = np.vstack([state.full_shapes.T, motions])
         images = (model.mass.at(state.coefficients.mass[: len(model.mass.names)]) @ motions.T).T
-        return cls(
-            state.modes.eigenvalue,
-            (images @ state.full_shapes)[..., None],
-            0,
-            np.sum(images * motions, axis=1),
-            stiffness,
-            state.shapes,
-            (forward.observation @ motions.T).T,
-        )
+        inertia = np.eye(len(both))
+        inertia[-count:] = images @ both.T
+        inertia[:, -count:] = inertia[-count:].T
+        seen = np.vstack([state.shapes, (forward.observation @ motions.T).T])
+        return cls(state.modes.eigenvalue, inertia, stiffness, seen)
+
+    @property
+    def moved(self) -> FloatArray:
+        """(Q, N) inertia that the motions share with the modes."""
+        return self.inertia[self.value.size :, : self.value.size]
 
     def first(self, count: int) -> SupportEffect:
         """That in the lowest modes alone."""
-        return replace(self, value=self.value[:count], moved=self.moved[:, :count], seen=self.seen[:count])
+        kept = np.r_[: min(count, self.value.size), self.value.size : len(self.inertia)]
+        return replace(
+            self, value=self.value[:count], inertia=self.inertia[np.ix_(kept, kept)], seen=self.seen[kept]
+        )
 
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """As of `Effect`, by the compliance, m/N or rad/N·m."""
-        return self._solved(size)[:2]
-
-    def with_shapes(self, size: FloatArray, columns: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-        """(n, P) changes of ln f of some modes, and (P, n, p) their shapes at the measured rows, by the sizes."""
-        change, _, vectors = self._solved(size)
-        shapes = vectors[:, :, list(columns)].transpose(0, 2, 1)
-        return change[list(columns)], shapes[..., :-1] @ self.seen + shapes[..., -1:] * self.own[:, None]
-
-    def _solved(self, size: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """As `at`, and (P, N + 1, N) what the altered modes have of the modes and of the motion."""
-        count, modes = self.value.size, np.arange(self.value.size)
-        M = np.zeros((size.size, count + 1, count + 1))
-        M[:, modes, modes], M[:, -1, -1] = 1.0, self.inertia
-        M[:, :-1, -1] = M[:, -1, :-1] = self.moved[..., 0]
-        share = 1 / (1 + self.stiffness * size)
-        root = np.sqrt(np.column_stack([np.broadcast_to(1 / self.value, (size.size, count)), size * share]))
-        inverse, vectors = np.linalg.eigh(root[:, :, None] * M * root[:, None])
+        """(N, P) changes of ln f, and (P, N, p) shapes at the measured rows, by (P, Q) compliances, m/N or rad/N·m."""
+        count = self.value.size
+        # As springs and other supports together resist the motions: (C⁻¹ + κ)⁻¹ = R Rᵀ.
+        inner = np.sqrt(size)
+        resisted = np.eye(size.shape[1]) + inner[:, :, None] * self.stiffness * inner[:, None]
+        root = np.zeros((len(size), *self.inertia.shape))
+        root[:, range(count), range(count)] = self.value**-0.5
+        root[:, count:, count:] = inner[:, :, None] * np.linalg.inv(np.linalg.cholesky(resisted)).transpose(0, 2, 1)
+        inverse, vectors = np.linalg.eigh(root.transpose(0, 2, 1) @ self.inertia @ root)
         inverse = np.maximum(inverse, _FIRM * inverse.max())
-        by = -(((M * root[:, None])[:, -1:] @ vectors)[:, 0] ** 2) / inverse**2 / 2 * share[:, None] ** 2
         order = np.array([most_alike(each[:count]) for each in vectors])
-        inverse, by = (np.take_along_axis(each, order, axis=1) for each in (inverse, by))
-        vectors = np.take_along_axis(root[:, :, None] * vectors, order[:, None], axis=2)
-        return (-np.log(inverse * self.value) / 2).T, by.T, vectors
+        inverse = np.take_along_axis(inverse, order, axis=1)
+        shapes = np.take_along_axis(root @ vectors, order[:, None], axis=2).transpose(0, 2, 1) @ self.seen
+        return (-np.log(inverse * self.value) / 2).T, shapes
 
 
 def _resisted(state: ForwardState, additions: Sequence[Addition]) -> tuple[FloatArray, FloatArray]:
-    """(P, dofs) motions of a body as one of its supports gives way, at rest, and (P,) how stiff its other supports make it."""
+    """(Q, dofs) motions of a body as one of its supports gives way, at rest, and (Q, Q) how other supports resist them."""
     system = AlteredForward.of(state.forward, additions).altered
     count, own = len(additions), len(system.stiffness) - len(additions) - len(state.forward.specimen.springs)
     terms = np.delete(system.stiffness, slice(own, own + count), axis=0)
@@ -115,17 +112,16 @@ def _resisted(state: ForwardState, additions: Sequence[Addition]) -> tuple[Float
     within = np.vstack([-np.linalg.solve(K[:-count, :-count], K[:-count, -count:]), np.eye(count)])
     scale = np.sqrt([each[-count:].max() for each in np.abs(system.stiffness[own : own + count]).max(axis=1)])
     within = within / scale
-    return (system.basis @ within).T, np.sum(within * (K @ within), axis=0)
+    return (system.basis @ within).T, within.T @ K @ within
 
 
 @dataclass(frozen=True)
 class Yielding:
-    """How much likelier the data are where one support gives way along or about an axis, by P axes and S compliances."""
+    """How much likelier the data are where supports give way, in any of W ways by S sizes: along or about one axis, or all."""
 
-    size: FloatArray  # (P, S) compliances, m/N or rad/N·m
-    usual: FloatArray  # (P,)
-    change: FloatArray  # (n, P, S) of all ln f
-    likelier: FloatArray  # (P, S) logarithms
+    ways: FloatArray  # (W, Q) compliances along and about each axis, usual ones or 0, m/N or rad/N·m
+    change: FloatArray  # (n, W, S) of all ln f
+    likelier: FloatArray  # (W, S) logarithms
 
     @classmethod
     def of(
@@ -150,42 +146,59 @@ class Yielding:
             posterior: about it, as of `screened`.
         """
         rows, columns = (list(side) for side in zip(*pairing.pairs, strict=True))
-        usual, (count, steps) = np.array([each.usual for each in supports]), (len(supports), _SIZES.size)
-        effect = SupportEffect.of(state, supports)
-        solved = [effect.first(max(columns) + 1 + _ABOVE).with_shapes(usual * size, columns) for size in _SIZES]
+        usual = np.array([each.usual for each in supports])
+        ways = np.vstack([np.diag(usual), usual] if len(supports) > 1 else [usual])
+        effect, count = SupportEffect.of(state, supports).first(max(columns) + 1 + _ABOVE), len(ways)
+        solved = [effect.at(ways * size) for size in _SIZES]
         grids = np.log(_SIZES), np.log(_FINE)
         change = np.zeros((problem.residual.size, count, _FINE.size))
-        change[at] = _between(*grids, np.array([own for own, _ in solved])).transpose(1, 2, 0)
+        change[at] = _between(*grids, np.array([own[columns] for own, _ in solved])).transpose(1, 2, 0)
         data = Data.of(problem, *posterior)
         log = data.likeliest(change.reshape(len(change), -1)).reshape(count, -1)
         if pairing.mac is not None:
             modes, probability = measured
             own = np.array([real_shape(modes, row) for row in rows])
-            alike = np.array([_alike(own, shapes[..., : own.shape[1]]) for _, shapes in solved])  # (steps, P, n)
+            alike = np.array([_alike(own, shapes[:, columns, : own.shape[1]]) for _, shapes in solved])  # (steps, P, n)
             every = np.tile(likeness(pairing), (count, _FINE.size, 1))
             every[..., rows] = _between(*grids, alike).transpose(1, 0, 2)
             log = log + of_shapes(probability, every) - of_shapes(probability, likeness(pairing))
-        return cls(usual[:, None] * _FINE, usual, change, log)
+        return cls(ways, change, log)
 
     def screened(self, sizes: Sequence[float]) -> Screened:
         """Compared with supports that do not give way, of sizes that are half-normal of so many usual ones each."""
         sigma = np.array(sizes)[:, None]
         density = np.sqrt(2 / np.pi) * _FINE / sigma * np.exp(-((_FINE / sigma) ** 2) / 2)
         step = float(np.log(_FINE[1] / _FINE[0]))
-        prior = np.log(np.maximum(density.mean(axis=0) * step / len(self.usual), 1e-300))
+        prior = np.log(np.maximum(density.mean(axis=0) * step / len(self.ways), 1e-300))
         weight = prior + self.likelier
         evidence = float(scipy.special.logsumexp(weight))
         share = np.exp(weight - evidence)
-        here = share.sum(axis=1)
-        mean = float(np.sum(share * self.size))
+        here = share.sum(axis=1) @ ((self.ways > 0) / np.sum(self.ways > 0, axis=1)[:, None])
+        size = (share @ _FINE) @ self.ways
+        best = int(np.argmax(here))
+        square = float((share @ _FINE**2) @ self.ways[:, best] ** 2)
         return Screened(
             evidence=evidence,
             share=here,
-            size=np.sum(share * self.size, axis=1) / np.maximum(here, 1e-300),
-            mean=mean,
-            sd=float(np.sqrt(np.sum(share * (self.size - mean) ** 2))),
+            size=size,
+            mean=float(size[best]),
+            sd=float(np.sqrt(max(square - size[best] ** 2, 0.0))),
             covariance=np.einsum("nps,ps,mps->nm", self.change, share, self.change),
         )
+
+
+    def left_open(self) -> tuple[int, float, FloatArray]:
+        """How far the support may give way in the way that lowers the lowest frequency most, in 95 % of its likelihood.
+
+        Returns:
+            The axis, its compliance, and (n,) the change of all ln f by that.
+        """
+        single = len(self.ways[0])
+        lowest = int(np.flatnonzero(self.change[:, 0, -1])[0])
+        axis = int(np.argmin(self.change[lowest, :single, 0]))
+        likely = self.likelier[axis] > max(float(self.likelier[axis].max()), 0.0) - Z_95**2 / 2
+        most = int(np.flatnonzero(likely)[-1]) if likely.any() else 0
+        return axis, float(self.ways[axis, axis] * _FINE[most]), self.change[:, axis, most]
 
 
 def _alike(measured: FloatArray, shapes: FloatArray) -> FloatArray:
