@@ -33,7 +33,7 @@ import scipy
 from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
 from fecore.updating.additions import Kind
-from fecore.updating.conflicts import Agreement, Check, Conflict, Said, Statement
+from fecore.updating.conflicts import Agreement, Check, Conflict, Said, Statement, loosened_by
 from fecore.updating.damage import Losses, lost_stiffness
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.explanations import Explanation, Hints, Search, hints_of, loosened
@@ -279,7 +279,7 @@ class _Sources:
         said = tuple(map(self._said, source.places, source.values, source.sds, rest, spread))
         p, slip = _beyond(weight, off, V + own), SLIPS[int(np.argmax(slipped))]
         check = Check(source.kind, source.name, p, float(evidence), source.owner, said=said)
-        return check, lambda: self._allowing(source.name, problem=_loosened(self.problem, source, slip))
+        return check, lambda: self._allowing(source.name, problem=loosened_by(self.problem, source, slip))
 
     def _of_campaign(self, number: int) -> tuple[Check, Callable[[], _Sources]]:
         name, at = self._named(number), self.elastic.rows[number]
@@ -352,20 +352,6 @@ class _Sources:
 
 def _labelled(unknown: Unknown) -> str:
     return f"prior of {unknown.name}" if unknown.owner is None else unknown.label
-
-
-def _loosened(problem: LinearProblem, source: Statement, slip: float) -> LinearProblem:
-    """The problem where a source may be off by a slip."""
-    if source.kind == "input":
-        wider = np.where(source.rows[0], slip, 1.0)
-        return replace(problem, prior=lambda scatter: problem.prior(scatter) / np.outer(wider, wider))
-    less, off = (1 - slip**-2) / source.sds**2, source.values - source.rows @ problem.x
-    return replace(
-        problem,
-        others={**problem.others, "coupons": problem.others["coupons"] - source.rows.T * less @ source.rows},
-        other_descent=problem.other_descent - source.rows.T @ (less * off),
-        other_cost=problem.other_cost - float(less @ off**2) / 2,
-    )
 
 
 def _log_gaussian(residual: FloatArray, covariance: FloatArray) -> FloatArray:

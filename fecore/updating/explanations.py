@@ -104,6 +104,7 @@ class Search:
 
     @classmethod
     def of(cls, elastic: ElasticResult, number: int) -> Search:
+        """Of a campaign's body."""
         layout = elastic.layout.unverified()
         campaigns = list(layout.campaigns)
         campaigns[number] = replace(campaigns[number], forward=campaigns[number].forward.on_basis())
@@ -319,9 +320,7 @@ def yielding_of(
     """What the data say of each way in which the supports of a campaign's body may give way."""
     campaign, at = elastic.layout.campaigns[number], elastic.rows[number]
     measured = campaign.modes, campaign.probability(range(len(campaign.modes)))
-    return Yielding.of(
-        elastic.states[number], supports, at, elastic.pairings[number], measured, problem, posterior
-    )
+    return Yielding.of(elastic.states[number], supports, at, elastic.pairings[number], measured, problem, posterior)
 
 
 @dataclass(frozen=True)

@@ -198,10 +198,7 @@ FINDINGS = {
         "measure it twice",
     ),
     "support_moves": Row(
-        None,
-        1.1,
-        "the modes leave open that the support gives way {stiffness}: that would change {moved}",
-        "measure how firm it is, or shapes at more points",
+        None, 1.1, "the support may give way {stiffness} for all that the modes say: that would change {moved}"
     ),
     # of the FRFs
     "frfs_unlike": Row(

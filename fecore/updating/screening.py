@@ -30,7 +30,6 @@ from fecore.updating.state import ForwardState
 _ROUNDS = 4  # linearisations about the likeliest size of each place
 
 
-
 class Effect(Protocol):
     """What P additions do to the frequencies, each by itself."""
 
@@ -155,6 +154,7 @@ class Data:
 
     @classmethod
     def of(cls, problem: LinearProblem, posterior: Mixture, log_weight: FloatArray) -> Data:
+        """At an estimate, about which the posterior is."""
         root, S = np.sqrt(problem.weights)[:, None], problem.sensitivity
         variance = problem.noise + posterior.scale[:, None, None] ** 2 * np.eye(len(S))
         W = root * np.linalg.inv(variance) * root.T

@@ -69,7 +69,7 @@ def supports(state: ForwardState, highest: int) -> list[Addition]:
     held = np.zeros((len(structure.supports), *model.free.shape), dtype=bool)
     for own, support in zip(held, structure.supports, strict=True):
         columns = [model.dofs.index(dof) for dof in support.dofs if dof in model.dofs]
-        own[np.ix_(model.mesh.select(support.where), columns)] = True
+        own[np.ix_(model.mesh.select(support.where), np.array(columns, dtype=np.int64))] = True
     found = []
     for number, (own, support) in enumerate(zip(held, structure.supports, strict=True), start=1):
         name = f"support_{number}" if several else "support"

@@ -2,8 +2,8 @@
 
 With modes of eigenvalues Λ, and a motion r of the body as its support gives way by a compliance a, where κ is how stiff other
 supports make that, the altered modes are those of diag(Λ, κ + 1/a) and of the inertia that the modes and r share. A soft root
-may look like softer material, which shapes contradict: they move where it holds. So the evidence of a compliance is that of the
-frequencies, with the constants and the discrepancy integrated out (`screening`), times that of the shapes as `of_shapes` has it.
+may look like softer material, which shapes contradict: they move where it holds. So the evidence of a compliance is that of
+the frequencies, with the constants and the discrepancy integrated out (`screening`), times that of the shapes (`of_shapes`).
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ class SupportEffect:
     def of(cls, state: ForwardState, additions: Sequence[Addition]) -> SupportEffect:
         """Of a solved body that nothing lets move as a whole."""
         model, forward, count = state.forward.specimen.model, state.forward, len(additions)
-        motions, stiffness = np.vstack([each.motion for each in additions]), np.zeros((count, count))
+        motions = np.vstack([each.motion for each in additions])
+        stiffness: FloatArray = np.zeros((count, count))
         if any(each.stopped is not None for each in additions):
             motions, stiffness = _resisted(state, additions)
         both = np.vstack([state.full_shapes.T, motions])
@@ -82,9 +83,7 @@ class SupportEffect:
     def first(self, count: int) -> SupportEffect:
         """That in the lowest modes alone."""
         kept = np.r_[: min(count, self.value.size), self.value.size : len(self.inertia)]
-        return replace(
-            self, value=self.value[:count], inertia=self.inertia[np.ix_(kept, kept)], seen=self.seen[kept]
-        )
+        return replace(self, value=self.value[:count], inertia=self.inertia[np.ix_(kept, kept)], seen=self.seen[kept])
 
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(N, P) changes of ln f, and (P, N, p) shapes at the measured rows, by (P, Q) compliances, m/N or rad/N·m."""
@@ -185,7 +184,6 @@ class Yielding:
             sd=float(np.sqrt(max(square - size[best] ** 2, 0.0))),
             covariance=np.einsum("nps,ps,mps->nm", self.change, share, self.change),
         )
-
 
     def left_open(self) -> tuple[int, float, FloatArray]:
         """How far the support may give way in the way that lowers the lowest frequency most, in 95 % of its likelihood.
