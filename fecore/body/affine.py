@@ -190,12 +190,16 @@ class AffineMatrix:
         """(k, l, r) leftᵀ A_k right of (size, l) vectors and r columns of them, from their
         strains.
         """
-        forms = np.zeros((len(self.names), vectors.shape[1], vectors[0, right].size))
-        motion = self.everywhere(vectors)
+        return self.forms(self.everywhere(vectors), right)
+
+    def forms(self, motion: FloatArray, right: slice) -> FloatArray:
+        """The same of (nodes, dofs of a node, l) motions, which may move what is held."""
+        vectors = motion.shape[2]
+        forms = np.zeros((len(self.names), vectors, len(range(*right.indices(vectors)))))
         # The middle of these times itself is one triangle, which BLAS takes half the time for.
-        first, last, _ = right.indices(vectors.shape[1])
+        first, last, _ = right.indices(vectors)
         rows = slice(0, first), slice(first, last), slice(last, None)
-        for group in (part for whole in self.groups for part in whole.parts(vectors.shape[1])):
+        for group in (part for whole in self.groups for part in whole.parts(vectors)):
             x = group.strains(motion)
             y = x[..., right]
             for i, j in zip(*np.nonzero(group.terms.any(axis=0)), strict=True):
@@ -203,6 +207,17 @@ class AffineMatrix:
                 for k in np.flatnonzero(group.terms[:, i, j]):
                     forms[group.coefficients[k]] += group.terms[k, i, j] * product
         return forms
+
+    def force(self, coefficients: FloatArray, motion: FloatArray) -> FloatArray:
+        """(size, m) A(c) times (nodes, dofs of a node, m) motions, which may move what is held."""
+        force = np.zeros_like(motion)
+        for group in self.groups:
+            dofs = group.operators.shape[3]
+            each = group.matrices(coefficients).reshape(-1, dofs, dofs)[group.which]
+            moved = motion[group.nodes]
+            own = each @ moved.reshape(len(each), dofs, -1)
+            np.add.at(force, group.nodes, own.reshape(moved.shape))
+        return force[self.pattern.free]
 
     def about(self, nodes: IntArray) -> AffineMatrix:
         """The part of the elements that have one of some nodes, for forms."""
