@@ -35,7 +35,7 @@ _FINE = np.linspace(0.02, 0.7, 69)  # losses, each as likely; what is between th
 _COARSE = 5  # of the grid of discrepancies, one in so many
 _SELDOM = 1e-6  # probability over the greatest that does not count
 _WORTH = float(np.log(20.0))  # ln B from which the likely stretches are looked at closely …
-_ROUNDS = 3  # … until the likeliest stays
+_ROUNDS = 2  # … until the likeliest stays
 
 
 @dataclass(frozen=True)
@@ -77,13 +77,15 @@ def lost_stiffness(elastic: ElasticResult, number: int, losses: Losses, problem:
     given = _Given(elastic, number, _without_joints(elastic, problem))
     found = [given.compared(losses)]
     if scipy.special.logsumexp(found[0].log) > _WORTH:
-        found = [given.followed(each, log) for each, log in losses.of_sets(found[0].log)]
+        found = [given.near(each, log) for each, log in losses.of_sets(found[0].log)]
+        best = int(np.argmax([scipy.special.logsumexp(each.log) for each in found]))
+        found[best] = given.followed(found[best])
     change, log = (np.concatenate(each, axis=1) for each in zip(*((f.change, f.log) for f in found), strict=True))
     stretches = [stretch for each in found for stretch in each.losses.stretches]
     share = scipy.special.softmax(log)
     here, left = share.sum(axis=0), 1 - _FINE
-    best = stretches[int(np.argmax(here))]
-    alike = np.array([each.sets == best.sets for each in stretches])
+    likeliest = stretches[int(np.argmax(here))]
+    alike = np.array([each.sets == likeliest.sets for each in stretches])
     weight = share[:, alike] / share[:, alike].sum()
     factor = float(left @ weight.sum(axis=1))
     # A stretch stands for those whose ends lie within half a step, or an element, of its own: modes see loss times length.
@@ -100,7 +102,7 @@ def lost_stiffness(elastic: ElasticResult, number: int, losses: Losses, problem:
     return LostStiffness(
         by_frequencies=float(scipy.special.logsumexp([each.by_frequencies for each in found])),
         evidence=float(scipy.special.logsumexp(log)),
-        likeliest=best,
+        likeliest=likeliest,
         begin=begin,
         end=end,
         factor=factor,
@@ -141,15 +143,16 @@ class _Given:
         logs = [_likelier(self.problem, scatter, each, change) + prior for each in both]
         return _Compared(losses, change, logs[-1], float(scipy.special.logsumexp(logs[0])))
 
-    def followed(self, losses: Losses, log: FloatArray) -> _Compared:
-        """The same of losses near those that are likely by (a, P) ln B, until the likeliest stays."""
-        before = None
+    def near(self, losses: Losses, log: FloatArray) -> _Compared:
+        """What they say of losses near those that are likely by (a, P) ln B."""
+        return self.compared(losses.near(self.elastic, self.number, scipy.special.softmax(log).sum(axis=0)))
+
+    def followed(self, found: _Compared) -> _Compared:
+        """The same near those, until the likeliest stays."""
         for _ in range(_ROUNDS):
-            found = self.compared(losses.near(self.elastic, self.number, scipy.special.softmax(log).sum(axis=0)))
-            losses, log = found.losses, found.log
+            before, found = found.likeliest, self.near(found.losses, found.log)
             if found.likeliest == before:
                 break
-            before = found.likeliest
         return found
 
 

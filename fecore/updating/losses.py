@@ -34,8 +34,8 @@ _PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a str
 _SETS, _SLIGHT = 4, 0.02  # sets at most, those with most energy; share of every mode's energy that is not looked at
 _ABOVE = 12  # elastic modes above the last paired one that modes with a loss are made of
 _FINER, _NEAR = 4, 2  # steps between two lines, and so many to either side of likely stretches' ends, that are tried
-_LIKELY, _MOST = 0.99, 10  # probability of the stretches that are looked at closely, and how many at most
-_STATIC, _TINY = 40, 1e-4  # deflections at most; share of the greatest energy of those that are left out
+_LIKELY, _MOST = 0.99, 5  # probability of the stretches that are looked at closely, and how many at most
+_STATIC, _TINY = 24, 1e-4  # deflections at most; share of the greatest energy of those that are left out
 
 
 @dataclass(frozen=True)
