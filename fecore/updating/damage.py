@@ -1,21 +1,25 @@
 """A stretch of a body, along its longest side, in which one of its sets or all have lost stiffness.
 
-A loss of stiffness by a share a in a stretch that has the part E of the modes' stiffness, E = ΦᵀK_stretch Φ, gives the
-frequencies and the shapes of Λ - aE: it lowers a mode by its share of strain energy there, and turns it towards others by
-their mutual energies. Constants soak up most of the first, and hardly any of the second, which breaks the body's symmetry.
+A loss of stiffness by a share a in a stretch that has the part E of the modes' stiffness, E =
+ΦᵀK_stretch Φ, gives the frequencies and the shapes of Λ - aE: it lowers a mode by its share of
+strain energy there, and turns it towards others by their mutual energies. Constants soak up most of
+the first, and hardly any of the second, which breaks the body's symmetry.
 
-Residuals r of ln f, and of shapes at the measured points, each at its best scale, are linear in the step z of the constants.
-With d the change of the model's frequencies and shapes by a loss the data are likelier than without by
+Residuals r of ln f, and of shapes at the measured points, each at its best scale, are linear in the
+step z of the constants. With d the change of the model's frequencies and shapes by a loss the data
+are likelier than without by
 
     ln B = dᵀW(r - Sz) - ½ dᵀ(W - WSH⁻¹SᵀW)d,    H = SᵀWS + P,
 
-W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the discrepancy s; of shapes k σ at
-each point, the shape's slope times what its points and their grid are off their places, and what the model's error e of a
-frequency, were it alike in all directions of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each
-other, N(0, 2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to the constants,
-which absorb it but for what s is. Of all sets, stretches (each length as likely) and losses, and over the posterior of s and k
-where nothing is damaged, B is the mean, so that without damage E[B] = 1, and P(B ≥ 1/p) ≤ p.
-Where B is large the likely stretches are compared more closely (`fecore.updating.losses`), which the factor is taken from.
+W the inverse of the noise: of measurement, of inputs that are believed to be nothing, of the
+discrepancy s; of shapes k σ at each point, the shape's slope times what its points and their grid
+are off their places, and what the model's error e of a frequency, were it alike in all directions
+of the stiffness (the Gaussian orthogonal ensemble), turns modes towards each other, N(0,
+2e²λ_jλ_k/(λ_j - λ_k)²). In the frequencies themselves the error of the model of joints is left to
+the constants, which absorb it but for what s is. Of all sets, stretches (each length as likely) and
+losses, and over the posterior of s and k where nothing is damaged, B is the mean, so that without
+damage E[B] = 1, and P(B ≥ 1/p) ≤ p. Where B is large the likely stretches are compared more closely
+(`fecore.updating.losses`), which the factor is taken from.
 """
 
 from __future__ import annotations
@@ -31,7 +35,8 @@ from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.losses import LOSSES, SHAPES, Losses, Stretch
 from fecore.updating.posterior import LinearProblem, grid_of_discrepancies, log_prior_of_scale
 
-_FINE = np.linspace(0.02, 0.7, 69)  # losses, each as likely; what is between those solved for is interpolated
+# losses, each as likely; what is between those solved for is interpolated
+_FINE = np.linspace(0.02, 0.7, 69)
 _COARSE = 5  # of the grid of discrepancies, one in so many
 _SELDOM = 1e-6  # probability over the greatest that does not count
 _WORTH = float(np.log(20.0))  # ln B from which the likely stretches are looked at closely …
@@ -46,7 +51,8 @@ class LostStiffness:
     by_frequencies: float
     evidence: float
     likeliest: Stretch
-    # begin, end: least and greatest place along the axis that the likeliest sets' stretch reaches to with 95 %, m
+    # begin, end: least and greatest place along the axis that the likeliest sets' stretch reaches
+    # to with 95 %, m
     begin: float
     end: float
     # factor, factor_sd: of the stiffness that is left
@@ -61,12 +67,17 @@ class LostStiffness:
         """Of which sets, and between which places."""
         stretch, axis = self.likeliest, "xyz"[self.likeliest.axis]
         of = "all" if stretch.whole else ", ".join(stretch.sets)
-        begin, end, least, most = (f"{1e3 * each:.0f}" for each in (stretch.begin, stretch.end, self.begin, self.end))
+        begin, end, least, most = (
+            f"{1e3 * each:.0f}" for each in (stretch.begin, stretch.end, self.begin, self.end)
+        )
         return of, f"{axis} = {begin} and {end} mm (at most {least} to {most})"
 
 
-def lost_stiffness(elastic: ElasticResult, number: int, losses: Losses, problem: LinearProblem) -> LostStiffness:
-    """Compare a loss of stiffness in any stretch of a campaign's body with none, by frequencies and what shapes there are.
+def lost_stiffness(
+    elastic: ElasticResult, number: int, losses: Losses, problem: LinearProblem
+) -> LostStiffness:
+    """Compare a loss of stiffness in any stretch of a campaign's body with none, by frequencies and
+    what shapes there are.
 
     Args:
         elastic: the update.
@@ -80,7 +91,10 @@ def lost_stiffness(elastic: ElasticResult, number: int, losses: Losses, problem:
         found = [given.near(each, log) for each, log in losses.of_sets(found[0].log)]
         best = int(np.argmax([scipy.special.logsumexp(each.log) for each in found]))
         found[best] = given.followed(found[best])
-    change, log = (np.concatenate(each, axis=1) for each in zip(*((f.change, f.log) for f in found), strict=True))
+    change, log = (
+        np.concatenate(each, axis=1)
+        for each in zip(*((f.change, f.log) for f in found), strict=True)
+    )
     stretches = [stretch for each in found for stretch in each.losses.stretches]
     share = scipy.special.softmax(log)
     here, left = share.sum(axis=0), 1 - _FINE
@@ -88,14 +102,20 @@ def lost_stiffness(elastic: ElasticResult, number: int, losses: Losses, problem:
     alike = np.array([each.sets == likeliest.sets for each in stretches])
     weight = share[:, alike] / share[:, alike].sum()
     factor = float(left @ weight.sum(axis=1))
-    # A stretch stands for those whose ends lie within half a step, or an element, of its own: modes see loss times length.
+    # A stretch stands for those whose ends lie within half a step, or an element, of its own: modes
+    # see loss times length.
     apart = max(found[0].losses.step, found[0].losses.element)
-    between = _FINE[:, None] * apart / np.array([each.length for each in stretches])[alike] / np.sqrt(6)
+    between = (
+        _FINE[:, None] * apart / np.array([each.length for each in stretches])[alike] / np.sqrt(6)
+    )
     begin, end = (
-        _quantile(np.array([getattr(each, name) for each in stretches])[alike], weight.sum(axis=0), tail)
+        _quantile(
+            np.array([getattr(each, name) for each in stretches])[alike], weight.sum(axis=0), tail
+        )
         for name, tail in (("begin", 0.025), ("end", 0.975))
     )
-    by = np.array([_between(each / LOSSES[:, None]) for each in change.transpose(2, 0, 1)])  # (n, a, P)
+    # (n, a, P)
+    by = np.array([_between(each / LOSSES[:, None]) for each in change.transpose(2, 0, 1)])
     some = share > _SELDOM * share.max()
     each = (by * _FINE[:, None])[:, some]
     mean = each @ share[some]
@@ -145,7 +165,9 @@ class _Given:
 
     def near(self, losses: Losses, log: FloatArray) -> _Compared:
         """What they say of losses near those that are likely by (a, P) ln B."""
-        return self.compared(losses.near(self.elastic, self.number, scipy.special.softmax(log).sum(axis=0)))
+        return self.compared(
+            losses.near(self.elastic, self.number, scipy.special.softmax(log).sum(axis=0))
+        )
 
     def followed(self, found: _Compared) -> _Compared:
         """The same near those, until the likeliest stays."""
@@ -163,9 +185,13 @@ def _quantile(values: FloatArray, weight: FloatArray, tail: float) -> float:
 
 
 def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearProblem:
-    """The problem without the error of the joints' model in its noise, and with inputs that may be something."""
+    """The problem without the error of the joints' model in its noise, and with inputs that may be
+    something.
+    """
     noise = problem.noise.copy()
-    parts = zip(elastic.layout.campaigns, elastic.excursions, elastic.pairings, elastic.rows, strict=True)
+    parts = zip(
+        elastic.layout.campaigns, elastic.excursions, elastic.pairings, elastic.rows, strict=True
+    )
     for campaign, found, pairing, at in parts:
         noise[at, at] -= campaign.model_error**2 * np.eye(at.stop - at.start)
         for each in found:
@@ -177,7 +203,9 @@ def _without_joints(elastic: ElasticResult, problem: LinearProblem) -> LinearPro
 def _likelier(
     problem: LinearProblem, scatter: float, shapes: tuple[ShapesGiven, ...], change: FloatArray
 ) -> FloatArray:
-    """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say, if they are asked."""
+    """(a, P) ln B of each loss and stretch, from (l, P, n) changes of ln f and what the shapes say,
+    if they are asked.
+    """
     spreads, log_spreads = grid_of_discrepancies(coarse=_COARSE)
     log_sizes = log_prior_of_scale(SHAPES, 1.0).tolist()
     found = [
@@ -203,7 +231,10 @@ def _given(
     H, g = S.T @ W @ S + precision, S.T @ W @ r + problem.other_descent - precision @ problem.x
     H = np.sum([H, *problem.others.values()], axis=0)
     pulled, across = change @ W, change @ (W @ S)
-    cost, gain = r @ W @ r + np.linalg.slogdet(variance)[1], pulled @ r - np.sum(pulled * change, axis=2) / 2
+    cost, gain = (
+        r @ W @ r + np.linalg.slogdet(variance)[1],
+        pulled @ r - np.sum(pulled * change, axis=2) / 2,
+    )
     if shapes is not None:
         H, g, cost = H + shapes.hessian, g + shapes.descent, cost + shapes.cost
         across, gain = across + shapes.across, gain + shapes.along

@@ -1,4 +1,6 @@
-"""What measured shapes say of a loss of stiffness in a stretch of a body, beside its frequencies (`fecore.updating.damage`)."""
+"""What measured shapes say of a loss of stiffness in a stretch of a body, beside its frequencies
+(`fecore.updating.damage`).
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,8 @@ from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY
 from fecore.updating.shape_error import ShapeErrors, real_shape
 from fecore.updating.state import ForwardState
 
-# standard deviations of the middle of the hits at a point about it, and of each end of the grid along the body, m
+# standard deviations of the middle of the hits at a point about it, and of each end of the grid
+# along the body, m
 _PLACED, _GRID = 0.001, 0.002
 _LIKE = 0.1  # of a shape in another, below which the two are not compared
 _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
@@ -20,11 +23,14 @@ _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned f
 
 @dataclass(frozen=True)
 class ShapesOfLosses:
-    """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow from."""
+    """Residuals of n shapes in the space of b shapes of the model, over σ, and what they follow
+    from.
+    """
 
     residual: FloatArray  # (n, b)
     by: FloatArray  # (n, b, X) of the model's by the unknowns
-    turned: FloatArray  # (n, b, b) covariance by turns of modes, and by points that are met within `_PLACED`
+    # (n, b, b) covariance by turns of modes, and by points that are met within `_PLACED`
+    turned: FloatArray
     change: FloatArray  # (l, P, n, b) by losses
     # information, descent: (X, X) and (X,) of them in the fit, where it looks at shapes
     information: FloatArray
@@ -32,7 +38,12 @@ class ShapesOfLosses:
 
     @classmethod
     def of(
-        cls, elastic: ElasticResult, number: int, turned: FloatArray, value: FloatArray, seen: FloatArray
+        cls,
+        elastic: ElasticResult,
+        number: int,
+        turned: FloatArray,
+        value: FloatArray,
+        seen: FloatArray,
     ) -> ShapesOfLosses | None:
         """Of a campaign; None where it has no shapes.
 
@@ -47,7 +58,10 @@ class ShapesOfLosses:
         pairing = elastic.pairings[number]
         if campaign.modes.shapes is None:
             return None
-        count, (rows, columns) = len(campaign.modes.dofs), (list(each) for each in zip(*pairing.pairs, strict=True))
+        count, (rows, columns) = (
+            len(campaign.modes.dofs),
+            (list(each) for each in zip(*pairing.pairs, strict=True)),
+        )
         assert pairing.mac is not None, "modes with shapes are paired by them"
         same = pairing.mac[rows, columns] >= SAME_SHAPE
         weight = np.sqrt(elastic.problem.weights[elastic.rows[number]]) * same
@@ -63,7 +77,9 @@ class ShapesOfLosses:
         lost = turned @ shapes
         along = np.sum(lost * own, axis=3) / np.sum(own**2, axis=1)
         like = np.abs(along) > _LIKE
-        change = scale[:, None] * (lost / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
+        change = (
+            scale[:, None] * (lost / np.where(like, along, 1.0)[..., None] - own) * like[..., None]
+        )
         fitted = elastic.problem.others.get("mode shapes")
         return cls(
             missed.reshape(-1, count) @ basis,
@@ -100,7 +116,9 @@ class ShapesGiven:
     along: FloatArray  # (l, P) dᵀWr - ½ dᵀWd
 
 
-def _turned(value: FloatArray, columns: list[int], shapes: FloatArray, scale: FloatArray) -> FloatArray:
+def _turned(
+    value: FloatArray, columns: list[int], shapes: FloatArray, scale: FloatArray
+) -> FloatArray:
     """(n, b, b) covariance of paired modes' shapes, by what turns them towards others."""
     apart = np.abs(value[columns, None] - value) / np.sqrt(value[columns, None] * value)
     sd = np.sqrt(2) * DISCREPANCY / np.maximum(apart, _CLOSE)
@@ -112,7 +130,9 @@ def _turned(value: FloatArray, columns: list[int], shapes: FloatArray, scale: Fl
 
 
 def _placed(state: ForwardState, slopes: FloatArray, basis: FloatArray) -> FloatArray:
-    """(n, b, b) covariance of (n, p, 3) slopes times how far points, and the ends of their grid, are off their places."""
+    """(n, b, b) covariance of (n, p, 3) slopes times how far points, and the ends of their grid,
+    are off their places.
+    """
     places = state.forward.places[: slopes.shape[1]]
     axis = int(np.argmax(np.ptp(places, axis=0)))
     x = (places[:, axis] - places[:, axis].min()) / max(float(np.ptp(places[:, axis])), 1e-300)

@@ -1,9 +1,11 @@
 """What losses of stiffness in stretches along a body do to its modes (`fecore.updating.damage`).
 
-Where a stretch has lost the share a of its stiffness K_s, the modes are those of Λ - aE, E = ΦᵀK_sΦ, as far as the body's
-modes Φ span what they become. Those that are solved for do not: strains that gather in a short stretch are made of many more,
-and what is left out is made up for by a greater loss (0.34 for 0.3 by ten modes of a beam). So about the likely stretches Φ is
-taken with the static deflections under the forces K_pφ of each part p, and ends are tried between the lines that part the body.
+Where a stretch has lost the share a of its stiffness K_s, the modes are those of Λ - aE, E =
+ΦᵀK_sΦ, as far as the body's
+modes Φ span what they become. Those that are solved for do not: strains that gather in a short
+stretch are made of many more, and what is left out is made up for by a greater loss (0.34 for 0.3
+by ten modes of a beam). So about the likely stretches Φ is taken with the static deflections under
+the forces K_pφ of each part p, and ends are tried between the lines that part the body.
 """
 
 from __future__ import annotations
@@ -31,11 +33,15 @@ SHAPES = np.array([0.5, 1.0, 2.0, 4.0])
 """Standard deviations of a shape over the usual one."""
 
 _PARTS, _LONGEST = 20, 0.5  # of the body's longest side; share of it that a stretch takes at most
-_SETS, _SLIGHT = 4, 0.02  # sets at most, those with most energy; share of every mode's energy that is not looked at
+# sets at most, those with most energy; share of every mode's energy that is not looked at
+_SETS, _SLIGHT = 4, 0.02
 _ABOVE = 12  # elastic modes above the last paired one that modes with a loss are made of
-_FINER, _NEAR = 4, 2  # steps between two lines, and so many to either side of likely stretches' ends, that are tried
-_LIKELY, _MOST = 0.99, 5  # probability of the stretches that are looked at closely, and how many at most
-_STATIC, _TINY = 24, 1e-4  # deflections at most; share of the greatest energy of those that are left out
+# steps between two lines, and so many to either side of likely stretches' ends, that are tried
+_FINER, _NEAR = 4, 2
+# probability of the stretches that are looked at closely, and how many at most
+_LIKELY, _MOST = 0.99, 5
+# deflections at most; share of the greatest energy of those that are left out
+_STATIC, _TINY = 24, 1e-4
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,9 @@ class Stretch:
 
 @dataclass(frozen=True)
 class _Modes:
-    """What modes with a loss are made of: the elastic modes of a solved body, and what else it may do."""
+    """What modes with a loss are made of: the elastic modes of a solved body, and what else it may
+    do.
+    """
 
     value: FloatArray  # (m,) eigenvalues
     full: FloatArray  # (dofs, m) mass-normalised shapes
@@ -66,10 +74,16 @@ class _Modes:
     @classmethod
     def of(cls, state: ForwardState, columns: list[int]) -> _Modes:
         m = min(state.frequency_hz.size, max(columns) + 1 + _ABOVE)
-        return cls(state.modes.eigenvalue[state.modes.rigid :][:m], state.full_shapes[:, :m], state.shapes[:m])
+        return cls(
+            state.modes.eigenvalue[state.modes.rigid :][:m],
+            state.full_shapes[:, :m],
+            state.shapes[:m],
+        )
 
     def with_static(self, state: ForwardState, forces: FloatArray) -> _Modes:
-        """The same and the deflections under (dofs, f) forces that are none of the body's modes, as modes of their own."""
+        """The same and the deflections under (dofs, f) forces that are none of the body's modes, as
+        modes of their own.
+        """
         model, c = state.forward.specimen.model, state.coefficients
         K = model.stiffness.at(c.stiffness[: len(model.stiffness.names)])
         M = model.mass.at(c.mass[: len(model.mass.names)])
@@ -88,20 +102,29 @@ class _Modes:
 
 @dataclass(frozen=True)
 class Losses:
-    """What losses of stiffness in P stretches do to the paired modes of a solved body, shapes at the measured points."""
+    """What losses of stiffness in P stretches do to the paired modes of a solved body, shapes at
+    the measured points.
+    """
 
     stretches: tuple[Stretch, ...]
     log_prior: FloatArray  # (P,)
     change: FloatArray  # (l, P, n) of ln f, by the losses solved for
-    shapes: tuple[ShapesGiven, ...]  # what the measured shapes say, for each scale of their error; empty without any
+    # what the measured shapes say, for each scale of their error; empty without any
+    shapes: tuple[ShapesGiven, ...]
     step: float  # between places where stretches end, m
-    element: float  # length of the elements along the body, m: within one the energy is taken as even
+    # length of the elements along the body, m: within one the energy is taken as even
+    element: float
 
     @classmethod
     def of(cls, elastic: ElasticResult, number: int) -> Losses | None:
-        """Those of a campaign's body at the estimate; None of one that has no elements, or is not the model's."""
+        """Those of a campaign's body at the estimate; None of one that has no elements, or is not
+        the model's.
+        """
         state, columns = elastic.states[number], _columns(elastic, number)
-        if isinstance(state.forward.specimen, MatrixBody) or elastic.missed(elastic.rows[number]) > HOPELESS_MISS:
+        if (
+            isinstance(state.forward.specimen, MatrixBody)
+            or elastic.missed(elastic.rows[number]) > HOPELESS_MISS
+        ):
             return None
         modes, (axis, lines) = _Modes.of(state, columns), _lines(state)
         names, energy = _most_loaded(state, modes, _energies(state, modes.full, lines))
@@ -114,17 +137,33 @@ class Losses:
             if b - a <= _LONGEST * _PARTS
         ]
         share, step = np.array([1 / each.length for each in stretches]), float(lines[1] - lines[0])
-        return _losses(elastic, number, modes, stretches, np.log(share / share.sum()), names, lines, energy, step)
+        return _losses(
+            elastic,
+            number,
+            modes,
+            stretches,
+            np.log(share / share.sum()),
+            names,
+            lines,
+            energy,
+            step,
+        )
 
     def of_sets(self, share: FloatArray) -> Iterator[tuple[Losses, FloatArray]]:
         """Those of each group of sets, with what is left of (a, P) probabilities of stretches."""
         for sets in dict.fromkeys(each.sets for each in self.stretches):
             at = np.array([each.sets == sets for each in self.stretches])
             own = tuple(each for each in self.stretches if each.sets == sets)
-            yield replace(self, stretches=own, log_prior=self.log_prior[at], change=self.change[:, at]), share[:, at]
+            yield (
+                replace(
+                    self, stretches=own, log_prior=self.log_prior[at], change=self.change[:, at]
+                ),
+                share[:, at],
+            )
 
     def near(self, elastic: ElasticResult, number: int, share: FloatArray) -> Losses:
-        """Those in stretches about the likely ones, whose ends may lie between lines, of the body with static deflections.
+        """Those in stretches about the likely ones, whose ends may lie between lines, of the body
+        with static deflections.
 
         Args:
             elastic: the update.
@@ -143,8 +182,12 @@ class Losses:
                     begin, end = (float(lines[0] + k * step) for k in (a, b))
                     found[a, b] = replace(each, begin=begin, end=end)
         stretches = list(found.values())
-        finer = np.unique([lines[0], lines[-1], *(x for each in stretches for x in (each.begin, each.end))])
-        about = (lines[1:] > min(each.begin for each in stretches)) & (lines[:-1] < max(each.end for each in stretches))
+        finer = np.unique(
+            [lines[0], lines[-1], *(x for each in stretches for x in (each.begin, each.end))]
+        )
+        about = (lines[1:] > min(each.begin for each in stretches)) & (
+            lines[:-1] < max(each.end for each in stretches)
+        )
         modes = _Modes.of(state, columns)
         modes = modes.with_static(state, _forces(state, modes, columns, names, lines, about))
         sets = list(state.forward.specimen.model.mesh.sets)
@@ -170,13 +213,19 @@ def _losses(
     energy: FloatArray,
     step: float,
 ) -> Losses:
-    """Those in stretches that end at lines, by (sets, parts, m, m) energies of modes between lines."""
+    """Those in stretches that end at lines, by (sets, parts, m, m) energies of modes between
+    lines.
+    """
     whole = np.concatenate([np.zeros_like(energy[:, :1]), np.cumsum(energy, axis=1)], axis=1)
     parts = []
     for each in stretches:
         first, last = np.searchsorted(lines, [each.begin, each.end])
-        parts.append(sum(whole[k, last] - whole[k, first] for k in (names.index(name) for name in each.sets)))
-    solved = [_solved(modes.value, loss * np.array(parts), _columns(elastic, number)) for loss in LOSSES]
+        parts.append(
+            sum(whole[k, last] - whole[k, first] for k in (names.index(name) for name in each.sets))
+        )
+    solved = [
+        _solved(modes.value, loss * np.array(parts), _columns(elastic, number)) for loss in LOSSES
+    ]
     change, turned = (np.array(some) for some in zip(*solved, strict=True))
     shapes = ShapesOfLosses.of(elastic, number, turned, modes.value, modes.seen)
     given = () if shapes is None else tuple(map(shapes.given, SHAPES.tolist()))
@@ -186,8 +235,12 @@ def _losses(
     return Losses(tuple(stretches), log_prior, change, given, step, element)
 
 
-def _solved(value: FloatArray, lost: FloatArray, columns: list[int]) -> tuple[FloatArray, FloatArray]:
-    """(P, n) changes of ln f of some modes with (m,) eigenvalues, and (P, n, m) what they are made of, by (P, m, m) losses."""
+def _solved(
+    value: FloatArray, lost: FloatArray, columns: list[int]
+) -> tuple[FloatArray, FloatArray]:
+    """(P, n) changes of ln f of some modes with (m,) eigenvalues, and (P, n, m) what they are made
+    of, by (P, m, m) losses.
+    """
     left, vectors = np.linalg.eigh(np.diag(value) - lost)
     left = np.maximum(left, 1e-3 * value[0])
     order = np.array([most_alike(each) for each in vectors])[:, columns]
@@ -203,8 +256,12 @@ def _lines(state: ForwardState) -> tuple[int, FloatArray]:
     return axis, np.linspace(nodes[:, axis].min(), nodes[:, axis].max(), _PARTS + 1)
 
 
-def _most_loaded(state: ForwardState, modes: _Modes, energy: FloatArray) -> tuple[list[str], FloatArray]:
-    """The sets that are looked at, with their (sets, parts, m, m) energies, of those of all sets."""
+def _most_loaded(
+    state: ForwardState, modes: _Modes, energy: FloatArray
+) -> tuple[list[str], FloatArray]:
+    """The sets that are looked at, with their (sets, parts, m, m) energies, of those of all
+    sets.
+    """
     most = (np.einsum("sfmm->sm", energy) / modes.value).max(axis=1)
     kept = sorted(k for k in np.argsort(-most)[:_SETS] if most[k] > _SLIGHT)
     sets = list(state.forward.specimen.model.mesh.sets)
@@ -226,7 +283,10 @@ def _shares(state: ForwardState, lines: FloatArray, vectors: int) -> Iterator[_S
     model = state.forward.specimen.model
     axis, K = _lines(state)[0], model.stiffness
     x, sets = model.mesh.nodes[:, axis], list(model.mesh.sets)
-    owner = [next((k for k, own in enumerate(sets) if name.startswith(f"{own}.")), -1) for name in K.names]
+    owner = [
+        next((k for k, own in enumerate(sets) if name.startswith(f"{own}.")), -1)
+        for name in K.names
+    ]
     for group in (part for whole in K.groups for part in whole.parts(vectors)):
         if owner[group.coefficients[0]] >= 0:  # else a spring
             C = np.tensordot(state.coefficients.stiffness[group.coefficients], group.terms, 1)
@@ -237,7 +297,10 @@ def _shares(state: ForwardState, lines: FloatArray, vectors: int) -> Iterator[_S
 def _energies(state: ForwardState, shapes: FloatArray, lines: FloatArray) -> FloatArray:
     """(sets, F, m, m) energies of (dofs, m) shapes between (F + 1,) lines, of all sets."""
     model, m = state.forward.specimen.model, shapes.shape[1]
-    energy, motion = np.zeros((len(model.mesh.sets), len(lines) - 1, m, m)), model.stiffness.everywhere(shapes)
+    energy, motion = (
+        np.zeros((len(model.mesh.sets), len(lines) - 1, m, m)),
+        model.stiffness.everywhere(shapes),
+    )
     for each in _shares(state, lines, m):
         strains = each.group.strains(motion)
         for part in np.flatnonzero(each.share.any(axis=1)):
@@ -250,9 +313,16 @@ def _energies(state: ForwardState, shapes: FloatArray, lines: FloatArray) -> Flo
 
 
 def _forces(
-    state: ForwardState, modes: _Modes, columns: list[int], names: list[str], lines: FloatArray, about: BoolArray
+    state: ForwardState,
+    modes: _Modes,
+    columns: list[int],
+    names: list[str],
+    lines: FloatArray,
+    about: BoolArray,
 ) -> FloatArray:
-    """(dofs, f) forces with which some sets' parts between lines resist some modes, over these' frequencies."""
+    """(dofs, f) forces with which some sets' parts between lines resist some modes, over these'
+    frequencies.
+    """
     model = state.forward.specimen.model
     shapes = modes.full[:, columns] / np.sqrt(modes.value[columns])
     motion, parts = model.stiffness.everywhere(shapes), np.flatnonzero(about)
@@ -270,7 +340,9 @@ def _forces(
 
 
 def _inside(x: FloatArray, lines: FloatArray) -> FloatArray:
-    """(F, e) share of elements with nodes at (e, n) x that lies between neighbouring ones of (F + 1,) lines."""
+    """(F, e) share of elements with nodes at (e, n) x that lies between neighbouring ones of (F +
+    1,) lines.
+    """
     thin = 1e-9 * (lines[-1] - lines[0])
     low = np.clip(x.min(axis=1), lines[0], lines[-1] - thin)
     high = np.maximum(x.max(axis=1), low + thin)
