@@ -60,6 +60,16 @@ class Group:
         found = flat[0] @ local if count == 1 else flat[self.which] @ local
         return found.reshape(len(local) * points, rows, -1).transpose(1, 0, 2)
 
+    def forces(self, stresses: FloatArray, dofs_of_node: int) -> FloatArray:
+        """(e, n, dofs of a node, m) forces at the elements' nodes that are in balance with (r, e·p,
+        m) stresses.
+        """
+        count, points, rows, dofs = self.operators.shape
+        flat = self.operators.reshape(count, points * rows, dofs).transpose(0, 2, 1)
+        local = stresses.transpose(1, 0, 2).reshape(len(self.nodes), points * rows, -1)
+        found = flat[0] @ local if count == 1 else flat[self.which] @ local
+        return found.reshape(len(local), -1, dofs_of_node, local.shape[2])
+
 
 def distinct(items: FloatArray) -> tuple[IntArray, IntArray]:
     """Numbers of the different ones of (e, …) items, and the (e,) place of each item's among

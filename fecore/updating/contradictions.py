@@ -39,10 +39,11 @@ from fecore.arrays import BoolArray, FloatArray
 from fecore.body.supports import CLAMP
 from fecore.updating.additions import Kind
 from fecore.updating.conflicts import Agreement, Check, Conflict, Said, Statement, loosened_by
-from fecore.updating.damage import Losses, lost_stiffness
+from fecore.updating.damage import lost_stiffness
 from fecore.updating.elastic_result import ElasticResult
 from fecore.updating.explanations import Explanation, Hints, Search, hints_of, loosened
 from fecore.updating.layout import Unknown
+from fecore.updating.losses import Losses
 from fecore.updating.posterior import LinearProblem, Mixture
 
 FALSE_ALARMS = 0.05

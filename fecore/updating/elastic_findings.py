@@ -16,7 +16,14 @@ from fecore.updating.additions import MASS
 from fecore.updating.amounts import amount, plus_minus
 from fecore.updating.conflicts import Check, Conflict, Said
 from fecore.updating.contradictions import SLIPS, compare_sources
-from fecore.updating.elastic_result import BELIEVED, REFUTED, ElasticResult, prior_belief
+from fecore.updating.elastic_result import (
+    BELIEVED,
+    HOPELESS_MISS,
+    REFUTED,
+    SAME_SHAPE,
+    ElasticResult,
+    prior_belief,
+)
 from fecore.updating.explanations import left_open
 from fecore.updating.findings import Level, found, listed, modes_of, remarks
 from fecore.updating.forward import ForwardModel
@@ -25,14 +32,9 @@ from fecore.updating.parameters import Parameter
 from fecore.updating.result import Finding, ParameterEstimate
 from fecore.updating.temperature import constant_of
 
-SAME_SHAPE = 0.8
-"""MAC below which two shapes are not taken to be those of one mode."""
-
 FAR = 2.0  # prior standard deviations from the prior mean that are worth a warning
 # of frequencies, root mean square: five times what plate theory misses of a body and its supports
 USUAL_MISS = 0.01
-HOPELESS_MISS = 0.03
-"""The same, from which model and measurement do not belong together."""
 
 # standard deviations of a dimension from which a point of the grid beyond it contradicts it
 _DOUBTED = 2.0

@@ -49,6 +49,13 @@ NOISE, DISCREPANCY_OF_MODEL, MODEL_OF_JOINTS = (
 )
 
 _NEGLIGIBLE = 1e-6  # weight of a Gaussian in a budget
+_NOTHING = 1e-9  # of a frequency
+
+SAME_SHAPE = 0.8
+"""MAC below which two shapes are not taken to be those of one mode."""
+
+HOPELESS_MISS = 0.03
+"""Of frequencies, root mean square, from which model and measurement do not belong together."""
 
 BELIEVED = 0.5
 """Weight from which a measured mode is more likely one than none."""
@@ -152,7 +159,9 @@ class ElasticResult:
             for place, each in enumerate(own):
                 if each.kind == "one-sided" and each.name != MESH:
                     by = missed.copy()
-                    by[at] = np.log1p(each.shift[[column for _, column in pairing.pairs]])
+                    shift = each.shift[[column for _, column in pairing.pairs]]
+                    # what is linear may go below nothing
+                    by[at] = np.log1p(np.maximum(shift, _NOTHING - 1))
                     own[place] = each.given(
                         *self.problem.of_another(by, self.discrepancy, self.scatter)
                     )
