@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, real_times
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
@@ -344,9 +344,9 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
     flexibility = convert(omega, frfs.quantity) / (fit.eigenvalue[:, None] - omega**2 + 1j * omega * fit.rate[:, None])
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     jacobian = misfit.jacobian(fit.eigenvalue, fit.rate, predicted)
-    by_residue = state.residue_jacobian(frfs.responses, frfs.references) @ flexibility
+    by_residue = real_times(state.residue_jacobian(frfs.responses, frfs.references), flexibility)
     if jacobian.factors is not None:
-        by_drive = state.residue_jacobian(frfs.responses, frfs.responses) @ flexibility
+        by_drive = real_times(state.residue_jacobian(frfs.responses, frfs.responses), flexibility)
         by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
     _, weight = misfit.residual(predicted)
     gradients = np.array([jacobian.gradient(weight * change) for change in by_residue]) @ fit.normal.reduction
