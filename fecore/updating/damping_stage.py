@@ -162,7 +162,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     scale = fit.cost / float(np.sum(misfit.counted))
     if data.weighting == "noise":
         scale = max(scale, 1.0)
-        fit = fit_law(misfit, data.modal_law, fit.coefficients, data.nuisance(0, scale), scale)
+        fit = fit_law(misfit, data.modal_law, fit, data.nuisance(0, scale), scale)
     excess = _excess(misfit, fit, scale)
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     residual, _ = misfit.residual(predicted)
