@@ -206,14 +206,16 @@ class AffineMatrix:
         """The same of (nodes, dofs of a node, l) motions, which may move what is held."""
         vectors = motion.shape[2]
         forms = np.zeros((len(self.names), vectors, len(range(*right.indices(vectors)))))
-        # The middle of these times itself is one triangle, which BLAS takes half the time for.
+        # The middle of these times itself is one triangle, which BLAS takes half the time for; and
+        # that of the strains i and j is the transpose of that of j and i.
         first, last, _ = right.indices(vectors)
-        rows = slice(0, first), slice(first, last), slice(last, None)
         for group in (part for whole in self.groups for part in whole.parts(vectors)):
             x = group.strains(motion)
-            y = x[..., right]
-            for i, j in zip(*np.nonzero(group.terms.any(axis=0)), strict=True):
-                product = np.vstack([x[i][:, some].T @ y[j] for some in rows])
+            y, middles = x[..., right], dict[tuple[int, int], FloatArray]()
+            for i, j in np.argwhere(group.terms.any(axis=0)).tolist():
+                turned = middles.pop((j, i), None)
+                middle = middles[i, j] = x[i][:, right].T @ y[j] if turned is None else turned.T
+                product = np.vstack([x[i][:, :first].T @ y[j], middle, x[i][:, last:].T @ y[j]])
                 for k in np.flatnonzero(group.terms[:, i, j]):
                     forms[group.coefficients[k]] += group.terms[k, i, j] * product
         return forms

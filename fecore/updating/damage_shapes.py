@@ -10,13 +10,11 @@ import numpy as np
 
 from fecore.arrays import FloatArray
 from fecore.updating.elastic_result import SAME_SHAPE, ElasticResult
+from fecore.updating.inputs import GRID_SD, POINT_SD
 from fecore.updating.posterior import DISCREPANCY, SHAPE_DISCREPANCY
 from fecore.updating.shape_error import ShapeErrors, real_shape
 from fecore.updating.state import ForwardState
 
-# standard deviations of the middle of the hits at a point about it, and of each end of the grid
-# along the body, m
-_PLACED, _GRID = 0.001, 0.002
 _LIKE = 0.1  # of a shape in another, below which the two are not compared
 _CLOSE = 1e-3  # relative distance of eigenvalues below which modes are turned freely
 
@@ -29,7 +27,7 @@ class ShapesOfLosses:
 
     residual: FloatArray  # (n, b)
     by: FloatArray  # (n, b, X) of the model's by the unknowns
-    # (n, b, b) covariance by turns of modes, and by points that are met within `_PLACED`
+    # (n, b, b) covariance by turns of modes, and by points that are met within `POINT_SD`
     turned: FloatArray
     change: FloatArray  # (l, P, n, b) by losses
     # information, descent: (X, X) and (X,) of them in the fit, where it looks at shapes
@@ -136,6 +134,6 @@ def _placed(state: ForwardState, slopes: FloatArray, basis: FloatArray) -> Float
     places = state.forward.places[: slopes.shape[1]]
     axis = int(np.argmax(np.ptp(places, axis=0)))
     x = (places[:, axis] - places[:, axis].min()) / max(float(np.ptp(places[:, axis])), 1e-300)
-    own = np.einsum("pb,npk,pc->nbc", basis, (_PLACED * slopes) ** 2, basis)
-    ends = _GRID * np.stack([slopes[..., axis] * x, slopes[..., axis] * (1 - x)]) @ basis
+    own = np.einsum("pb,npk,pc->nbc", basis, (POINT_SD * slopes) ** 2, basis)
+    ends = GRID_SD * np.stack([slopes[..., axis] * x, slopes[..., axis] * (1 - x)]) @ basis
     return np.asarray(own + np.einsum("enb,enc->nbc", ends, ends))

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fecore.arrays import FloatArray
+from fecore.arrays import FloatArray, real_times
 from fecore.dynamics.damping_laws import DampingLaw
 from fecore.dynamics.mechanism_laws import MechanismDamping
 from fecore.errors import UpdatingError
@@ -187,7 +187,7 @@ def fit_reference(data: DampingData) -> ReferenceFit:
     scale = fit.cost / float(np.sum(misfit.counted))
     if data.weighting == "noise":
         scale = max(scale, 1.0)
-        fit = fit_law(misfit, data.modal_law, fit.coefficients, data.nuisance(0, scale), scale)
+        fit = fit_law(misfit, data.modal_law, fit, data.nuisance(0, scale), scale)
     excess = _excess(misfit, fit, scale)
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     residual, _ = misfit.residual(predicted)
@@ -398,9 +398,9 @@ def _by_elastic(data: DampingData, misfit: FrfMisfit, fit: DampingFit) -> FloatA
     )
     predicted = misfit.predict(fit.eigenvalue, fit.rate)
     jacobian = misfit.jacobian(fit.eigenvalue, fit.rate, predicted)
-    by_residue = state.residue_jacobian(frfs.responses, frfs.references) @ flexibility
+    by_residue = real_times(state.residue_jacobian(frfs.responses, frfs.references), flexibility)
     if jacobian.factors is not None:
-        by_drive = state.residue_jacobian(frfs.responses, frfs.responses) @ flexibility
+        by_drive = real_times(state.residue_jacobian(frfs.responses, frfs.responses), flexibility)
         by_residue = jacobian.factors[0] * by_residue + jacobian.factors[1] * by_drive
     _, weight = misfit.residual(predicted)
     gradients = (

@@ -21,7 +21,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from fecore.arrays import BoolArray, ComplexArray, FloatArray, IntArray, real_times
 from fecore.dynamics.synthesis import ModalFrfModel
 from fecore.errors import InputError
 from fecore.frf import FrfSet, convert
@@ -269,12 +269,11 @@ class FrfJacobian:
         """(2m + g,) the same without the delay."""
         misfit, model = self.misfit, self.misfit.model
         if self.factors is None or model.roving is None:
-            projected = model.residues.T @ weighted
+            projected = real_times(model.residues.T, weighted)
         else:
             g, h = self.factors
-            projected = model.residues.T @ (g.conj() * weighted) + model.roving.residues.T @ (
-                h.conj() * weighted
-            )
+            projected = real_times(model.residues.T, g.conj() * weighted)
+            projected = projected + real_times(model.roving.residues.T, h.conj() * weighted)
         by = 2 * self.by_eigenvalue.conj() * projected
         gains = -np.sum((self.denominator.conj() * by)[misfit.gained].real, axis=1)
         return np.concatenate([by.real.sum(axis=1), by.imag @ misfit.frfs.omega, gains])

@@ -139,15 +139,14 @@ class MassEffect(Modes):
 
 
 class FootEffect(Modes):
-    """A spring to the ground at any of P places."""
+    """A spring to the ground at any of P places; `moved` is (P, N, N) of ΦΦᵀ, since a foot may
+    stand under many nodes.
+    """
 
     def at(self, size: FloatArray) -> tuple[FloatArray, FloatArray]:
         """As of `Effect`, N/m."""
-        across = self.moved.transpose(0, 2, 1)
-        value, vectors = np.linalg.eigh(
-            np.diag(self.value) + size[:, None, None] * (self.moved @ across)
-        )
-        by = np.sum((across @ vectors) ** 2, axis=1) / np.where(value > 0, value, 1.0) / 2
+        value, vectors = np.linalg.eigh(np.diag(self.value) + size[:, None, None] * self.moved)
+        by = np.sum(vectors * (self.moved @ vectors), axis=1) / np.where(value > 0, value, 1.0) / 2
         return self.relative(value, vectors, by)
 
 
@@ -157,10 +156,12 @@ def effect_of(state: ForwardState, additions: Sequence[Addition]) -> Effect:
     value, shapes = np.where(moving, state.modes.eigenvalue, 0.0), state.modes.shapes
     shapes = shapes if state.basis is None else state.basis @ shapes
     own = [each.motion @ shapes for each in additions]
+    if not additions[0].of_mass:
+        return FootEffect(value, np.array([rows.T @ rows for rows in own]), state.modes.rigid)
     moved = np.zeros((len(own), shapes.shape[1], max(map(len, own))))
     for place, rows in enumerate(own):
         moved[place, :, : len(rows)] = rows.T
-    return (MassEffect if additions[0].of_mass else FootEffect)(value, moved, state.modes.rigid)
+    return MassEffect(value, moved, state.modes.rigid)
 
 
 @dataclass(frozen=True)

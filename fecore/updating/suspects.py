@@ -30,10 +30,11 @@ def masses(state: ForwardState) -> list[Addition]:
     model, nodes = state.forward.specimen.model, _sites(state)
     found = []
     for node in nodes:
-        place = tuple(model.mesh.nodes[node].tolist())
-        found.append(
-            Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, _moving(model, node))
+        place, motion = (
+            tuple(model.mesh.nodes[node].tolist()),
+            _moving(model, np.array([node]), np.ones(1)),
         )
+        found.append(Addition("mass", MASS, "kg", place, TYPICAL * UNSTATED_SENSOR, motion))
     return found
 
 
@@ -46,10 +47,7 @@ def feet(state: ForwardState, highest: int) -> list[Addition]:
     model, found = state.forward.specimen.model, []
     nodes = model.mesh.nodes
     for group in [*_ends(model), *(np.array([node]) for node in _sites(state))]:
-        root = np.sqrt(_shares(nodes[group]))
-        motion = scipy.sparse.vstack(
-            [share * _moving(model, node) for share, node in zip(root, group, strict=True)]
-        )
+        motion = _moving(model, group, np.sqrt(_shares(nodes[group])))
         place = tuple(nodes[group].mean(axis=0).tolist())
         found.append(Addition("foot", "foot", "N/m", place, 1.0, motion, len(group) > 1))
     shapes = _shapes(state)[:, state.modes.rigid :][:, : highest + 1]
@@ -154,7 +152,10 @@ def _shares(places: FloatArray) -> FloatArray:
     return np.asarray(share / share.sum())
 
 
-def _moving(model: Model, node: int) -> scipy.sparse.csr_array:
-    """(q, dofs) displacement of a node along those of x, y and z in which it moves."""
-    rows = model.unfolded[6 * int(node) : 6 * int(node) + 3]
+def _moving(model: Model, nodes: IntArray, weights: FloatArray) -> scipy.sparse.csr_array:
+    """(q, dofs) displacement of (n,) nodes, times (n,) weights, along those of x, y and z in which
+    they move.
+    """
+    rows = model.unfolded[(6 * nodes[:, None] + np.arange(3)).ravel()]
+    rows.data *= np.repeat(np.repeat(weights, 3), np.diff(rows.indptr))
     return rows[np.diff(rows.indptr) > 0]
