@@ -190,7 +190,7 @@ class DampingData:
         return self.ratios_of(self.row_omega, measured, covariance)
 
     def misfit(self, frfs: FrfSet, weighting: Weighting, variance: FloatArray) -> FrfMisfit:
-        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit, and those by logarithms are not linear."""
+        """The misfit of some FRFs; only `noise` weights give gains and a delay a unit, and logarithms are not linear."""
         if weighting != "noise":
             driving = () if weighting == "log" else self.driving
             return FrfMisfit(frfs, self.model, weighting, variance, driving=driving)
@@ -207,7 +207,7 @@ class DampingData:
     def driving(self) -> tuple[int, ...]:
         """Numbers of the FRFs whose force and response have one point and direction."""
         pairs = enumerate(zip(self.frfs.responses, self.frfs.references, strict=True))
-        measured = self.frfs.measured.any(axis=1)
+        measured = np.any(self.frfs.measured, axis=1).tolist()
         return tuple(i for i, (a, b) in pairs if (a.point, a.axis) == (b.point, b.axis) and measured[i])
 
     def window_sd(self) -> float:

@@ -2,11 +2,12 @@
 
 A body is never its model: each of its natural frequencies is off by a share ε ~ N(0, s²), and s is not known. Its prior is
 a scaled inverse χ² of ν₀ = 2 degrees of freedom about s₀ = 0.1 %: between what plate theory misses, 0.05 %, and what real
-laminates show, 0.2 %. Where a laboratory's inputs say that a body is more even than that, s₀ is smaller (`theory_error`), but a
-thickness that is known well need not be the same everywhere: half of the prior is about such an s₀, half about a scale that lies
-anywhere between it and 0.1 %, even in its logarithm, as nobody knows its order of magnitude (Jeffreys 1946). So modes that
-follow the model closely keep their narrow intervals, and modes that scatter have those of laminates that do. The constants of a specimen, or of a set, are off the material's by a share of standard deviation τ, with
-the same kind of prior about its own scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
+laminates show, 0.2 %. Where a laboratory's inputs say that a body is more even than that, s₀ is smaller (`theory_error`), but
+a thickness that is known well need not be the same everywhere: half of the prior is about such an s₀, half about a scale that
+lies anywhere between it and 0.1 %, even in its logarithm, as nobody knows its order of magnitude (Jeffreys 1946). So modes
+that follow the model closely keep their narrow intervals, and modes that scatter have those of laminates that do. The
+constants of a specimen, or of a set, are off the material's by a share of standard deviation τ, with the same kind of prior
+about its own scale (Gelman et al., Bayesian Data Analysis, 3rd ed., 5, 11.6 and 14).
 
 With the residuals r = ln f_measured - ln f at the estimate, their derivative S by the unknowns, the noise N, prior precision
 P(τ) and the hessian A of what is no frequency (coupons, shapes), the posterior is a mixture over a grid of ln s and ln τ of
@@ -331,7 +332,7 @@ def _log_prior_of_discrepancy(spreads: FloatArray, scale: float) -> FloatArray:
     log: FloatArray = np.logaddexp(
         log_prior_of_scale(spreads, scale), scipy.special.logsumexp(uneven, axis=0) - np.log(_SCALES)
     )
-    return log - np.log(2)
+    return np.asarray(log - np.log(2))
 
 
 def prior_of_scatter(scale: float) -> tuple[FloatArray, FloatArray]:
